@@ -1,0 +1,195 @@
+"""The degraded-adhesion law in closed form.
+
+Source: eqs. (1) to (10) of the seed paper (Meli, Ridolfi et al.). The work of friction per metre of travel,
+W_sp = f N |e|, cleans the contact: f = (1 - lambda) f_d + lambda f_r with lambda = 1 - exp(-tau W_sp). The paper solves
+this implicit equation for f by iteration (eq. 10); it has the closed form
+
+    f = f_r + W0(z) / a,   a = tau N |e|,   z = -a (f_r - f_d) exp(-a f_r),
+
+with Lambert's W on its principal branch, written here as f_r - (f_r - f_d) exp(-a f_r) exp(-W0(z)), which needs no
+division and holds at a = 0. The classic law (no recovery, lambda = 0) is tau = 0.
+
+Conventions: one contact is one wheel; slip speed s = v - r w [m/s] and creepage e = s / v [-] are positive in braking.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wsp_env.compiled import elementwise, inlined, kernel
+from wsp_env.contact.polach import falling_friction, saturation, saturation_slope
+
+#: Running speed [m/s] below which the creepage is taken as s / SPEED_FLOOR: keeps e finite at standstill, where it is
+#: undefined. The contact then acts as a stiff damper, so that the friction vanishes with the slip.
+SPEED_FLOOR = 1e-3
+_LOAD_FLOOR = 1e-6  # [N]; a lifted wheel transmits nothing, its adhesion coefficient stays finite
+
+
+class AdhesionLaw(NamedTuple):
+    """Parameters of the law that do not change along the track (mu_cd and tau do, and are arguments)."""
+
+    stiffness: float  # pi G a b c11 / 4 [N], eq. (6)
+    k_ad: float  # Polach's reduction factor of the adhesion area, degraded [-]
+    k_sd: float  # the same of the slip area [-]
+    k_ar: float  # adhesion area, recovered [-]
+    k_sr: float  # slip area, recovered [-]
+    mu_cr: float  # kinetic friction coefficient after full recovery [-]
+    ratio_d: float  # A_d, kinetic over static friction, degraded [-]
+    ratio_r: float  # A_r, the same, recovered [-]
+    gamma_d: float  # friction decrease rate, degraded [s/m]
+    gamma_r: float  # friction decrease rate, recovered [s/m]
+
+
+class Adhesion(NamedTuple):
+    """The law at one state, with its derivatives; all for |s|, the caller puts the sign back."""
+
+    f: float  # adhesion coefficient T / N [-]
+    f_d: float  # its limit without recovery [-]
+    f_r: float  # its limit after full recovery [-]
+    df_ds: float  # derivative with respect to the slip speed at constant speed [s/m]
+    df_dv: float  # derivative with respect to the running speed at constant slip speed [s/m]
+
+
+# exp(-W0(z)) is analytic in p = sqrt(2 (1 + e z)): the square root takes away the branch point at z = -1/e, and the
+# nearest singularity is p = -sqrt(2). Its Chebyshev interpolant of degree 21 on z in [-1/e, 0], written in powers of
+# x = sqrt(2) p - 1 in [-1, 1], is exact to 1e-15 (last Chebyshev coefficient 8e-16).
+_TREE = (
+    1.5217615844909445, -0.7342473430088262, 0.2924880581119851, -0.10903535635322856, 0.03935206684497427,
+    -0.013938546225713565, 0.004877743607316461, -0.0016927447234561836, 0.0005838784529802873, -0.0002004721499933523,
+    6.858366648996557e-05, -2.3396189459166635e-05, 7.964859142685758e-06, -2.7054476357370297e-06,
+    9.131407204581665e-07, -3.0924093632963525e-07, 1.0978961341753946e-07, -3.708895719625284e-08,
+    8.651623291277257e-09, -2.9215067229602036e-09, 2.613732020720594e-09, -8.798095626799943e-10,
+)  # fmt: skip
+
+
+@inlined
+def exp_minus_lambert_w0(z: float) -> float:
+    """exp(-W0(z)) [-] for z in [-1/e, 0], so that W0(z) = z exp(-W0(z)); a polynomial, without branches or iterations."""
+    x = math.sqrt(max(4.0 * (math.e * z + 1.0), 0.0)) - 1.0
+    y = x * x
+    even = _TREE[20]
+    odd = _TREE[21]
+    for i in range(18, -1, -2):
+        even = even * y + _TREE[i]
+        odd = odd * y + _TREE[i + 1]
+    return even + x * odd
+
+
+@inlined
+def _limit(
+    slip: float, per_speed: float, load: float, law_stiffness: float, mu_c: float, ratio: float, gamma: float,
+    k_a: float, k_s: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """One limit curve (eqs. 5 to 7): its value and its derivatives by s and by 1 / v; slip = |s|, per_speed = 1 / v."""
+    mu = falling_friction(slip, mu_c, ratio, gamma)
+    dmu_ds = -gamma * (mu - mu_c)
+    scale = law_stiffness / (mu * load)
+    gradient = scale * slip * per_speed
+    share = saturation(gradient, k_a, k_s)
+    slope = saturation_slope(gradient, k_a, k_s)
+    df_ds = dmu_ds * (share - slope * gradient) + mu * slope * scale * per_speed
+    return mu * share, df_ds, mu * slope * scale * slip
+
+
+@inlined
+def adhesion(
+    slip_speed: float,
+    speed: float,
+    normal_load: float,
+    mu_cd: float,
+    tau: float,
+    film: float,
+    law: AdhesionLaw,
+) -> Adhesion:
+    """Evaluate the law at |slip_speed| [m/s], running speed [m/s] and normal load of one wheel [N].
+
+    Parameters
+    ----------
+    mu_cd : kinetic friction coefficient of the contaminated rail [-]
+    tau : recovery rate [m/J]; 0 is the classic law
+    film : share of the contaminant still there before this wheel comes [-]: 1 is the paper's law; below 1 the wheel's
+        limit without recovery is f_r - film (f_r - f_d), as earlier wheels or the past have removed the rest
+    law : the constant parameters
+
+    """
+    slip = abs(slip_speed)
+    load = max(normal_load, _LOAD_FLOOR)
+    rolling = abs(speed)
+    per_speed = 1.0 / max(rolling, SPEED_FLOOR)
+    dper_dv = -per_speed * per_speed if rolling > SPEED_FLOOR else 0.0
+    f_d, df_d_ds, df_d_dp = _limit(
+        slip, per_speed, load, law.stiffness, mu_cd, law.ratio_d, law.gamma_d, law.k_ad, law.k_sd
+    )
+    f_r, df_r_ds, df_r_dp = _limit(
+        slip, per_speed, load, law.stiffness, law.mu_cr, law.ratio_r, law.gamma_r, law.k_ar, law.k_sr
+    )
+    gap = film * (f_r - f_d)
+    a = tau * load * slip * per_speed
+    dry = math.exp(-a * f_r)
+    kept = dry * exp_minus_lambert_w0(-a * gap * dry)  # exp(-a f) = 1 - lambda(W_sp)
+    f = f_r - gap * kept
+    # Implicit differentiation of f = f_r - gap exp(-a f).
+    share = film * kept
+    growth = gap * kept * f * tau * load
+    inverse = 1.0 / max(1.0 - a * gap * kept, 1e-12)
+    df_ds = (df_r_ds * (1.0 - share) + df_d_ds * share + growth * per_speed) * inverse
+    df_dp = (df_r_dp * (1.0 - share) + df_d_dp * share + growth * slip) * inverse
+    return Adhesion(f, f_d, f_r, df_ds, df_dp * dper_dv)
+
+
+def _ufunc(output: int) -> np.ufunc:
+    # numba's ufuncs take scalars only: the law's ten parameters follow the six arguments of `adhesion` one by one.
+    def value(slip_speed, speed, load, mu_cd, tau, film, c, ad, sd, ar, sr, mu, rd, rr, gd, gr):  # type: ignore[no-untyped-def]
+        state = adhesion(
+            slip_speed, speed, load, mu_cd, tau, film, AdhesionLaw(c, ad, sd, ar, sr, mu, rd, rr, gd, gr)
+        )
+        return state[output] if slip_speed >= 0.0 or output == 3 else -state[output]
+
+    return elementwise(value)
+
+
+def _public(name: str, output: int, what: str) -> Callable[..., np.ndarray]:
+    ufunc = _ufunc(output)
+
+    def evaluate(
+        slip_speed: ArrayLike,
+        speed: ArrayLike,
+        normal_load: ArrayLike,
+        mu_cd: ArrayLike,
+        tau: ArrayLike,
+        law: AdhesionLaw,
+        film: ArrayLike = 1.0,
+    ) -> np.ndarray:
+        result: np.ndarray = ufunc(slip_speed, speed, normal_load, mu_cd, tau, film, *law)
+        return result
+
+    evaluate.__name__ = evaluate.__qualname__ = name
+    evaluate.__doc__ = f"""{what}
+
+    Parameters
+    ----------
+    slip_speed : s = v - r w [m/s], positive in braking; the result carries its sign (derivatives by s do not)
+    speed : running speed v [m/s]
+    normal_load : load of one wheel N [N]
+    mu_cd, tau, film : see `adhesion`; tau = 0 is the classic law
+    law : `AdhesionLaw`; its fields may be arrays as well
+
+    Scalars or arrays that broadcast; returns an array of the common shape (a numpy scalar for scalars).
+
+    """
+    return evaluate
+
+
+degraded_adhesion = _public(
+    "degraded_adhesion", 0, "Adhesion coefficient f = T / N [-], eqs. (1) to (4) solved for f."
+)
+adhesion_without_recovery = _public(
+    "adhesion_without_recovery", 1, "Limit f_d [-] without recovery, eq. (5): the classic law."
+)
+adhesion_recovered = _public("adhesion_recovered", 2, "Limit f_r [-] after full recovery, eq. (5).")
+adhesion_slope = _public(
+    "adhesion_slope", 3, "Derivative of f by the slip speed [s/m], at constant running speed."
+)

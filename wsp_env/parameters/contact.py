@@ -1,0 +1,67 @@
+"""What describes one wheel-rail contact on a contaminated rail."""
+
+import dataclasses
+
+from wsp_env.contact.degraded import AdhesionLaw
+from wsp_env.contact.polach import contact_stiffness
+from wsp_env.parameters.quantity import Checked, ParameterError, quantity
+
+_TABLE_2 = "seed paper, Table 2"
+_NOT_IN_PAPER = "assumption: not in the paper, which derives it from the profiles S1002 / UIC60; typical of a wheel load of 53 kN"
+
+
+@dataclasses.dataclass(frozen=True)
+class ContactParameters(Checked):
+    """One wheel on the rail: ellipse, stiffness and the two friction curves (eqs. 5 to 7).
+
+    The defaults are the seed paper's Table 2, whose misprints k_gr and mu_cs are read as k_ar and mu_cr.
+    """
+
+    semi_axis_a_m: float = quantity(0.00488, "m", _NOT_IN_PAPER, 0.0, 0.1, open_low=True)  # rolling direction
+    semi_axis_b_m: float = quantity(0.00691, "m", _NOT_IN_PAPER, 0.0, 0.1, open_low=True)  # lateral direction
+    kalker_c11: float = quantity(
+        4.12, "-", "Kalker's table at nu = 0.25, a/b = 1; assumption: as above", 0.0, 50.0, True
+    )
+    shear_modulus_pa: float = quantity(8.0e10, "Pa", _TABLE_2, 0.0, 1e12, open_low=True)
+    polach_k_ad: float = quantity(0.3, "-", _TABLE_2, 0.0, 1.0)
+    polach_k_sd: float = quantity(0.1, "-", _TABLE_2, 0.0, 1.0)
+    polach_k_ar: float = quantity(1.0, "-", _TABLE_2 + " (misprinted k_gr)", 0.0, 1.0)
+    polach_k_sr: float = quantity(0.4, "-", _TABLE_2, 0.0, 1.0)
+    friction_ratio_d: float = quantity(0.4, "-", _TABLE_2, 0.0, 1.0, open_low=True)
+    friction_ratio_r: float = quantity(0.4, "-", _TABLE_2, 0.0, 1.0, open_low=True)
+    friction_decrease_d_spm: float = quantity(0.2, "s/m", _TABLE_2, 0.0, 10.0)
+    friction_decrease_r_spm: float = quantity(0.6, "s/m", _TABLE_2, 0.0, 10.0)
+    kinetic_friction_r: float = quantity(0.28, "-", _TABLE_2 + " (misprinted mu_cs)", 0.0, 1.0, open_low=True)
+    kinetic_friction_d: float = quantity(0.06, "-", _TABLE_2, 0.0, 1.0, open_low=True)
+
+    def __post_init__(self) -> None:
+        """Refuse impossible values, and a contaminated rail with more friction than a clean one."""
+        super().__post_init__()
+        if self.kinetic_friction_d > self.kinetic_friction_r:
+            raise ParameterError(
+                f"kinetic_friction_d (mu_cd) = {self.kinetic_friction_d} exceeds kinetic_friction_r (mu_cr) = "
+                f"{self.kinetic_friction_r}: a contaminated rail cannot have more friction than a clean one"
+            )
+
+    @property
+    def stiffness_n(self) -> float:
+        """Polach's contact stiffness pi G a b c11 / 4 [N], eq. (6)."""
+        return float(
+            contact_stiffness(self.semi_axis_a_m, self.semi_axis_b_m, self.shear_modulus_pa, self.kalker_c11)
+        )
+
+    @property
+    def law(self) -> AdhesionLaw:
+        """The record that the compiled law takes."""
+        return AdhesionLaw(
+            self.stiffness_n,
+            self.polach_k_ad,
+            self.polach_k_sd,
+            self.polach_k_ar,
+            self.polach_k_sr,
+            self.kinetic_friction_r,
+            self.friction_ratio_d,
+            self.friction_ratio_r,
+            self.friction_decrease_d_spm,
+            self.friction_decrease_r_spm,
+        )

@@ -1,0 +1,61 @@
+"""How a parameter carries its unit, bounds and source, and how impossible values are refused."""
+
+import dataclasses
+import math
+from typing import Any
+
+
+class ParameterError(ValueError):
+    """A parameter that does not exist or cannot be; the message says which, why, and what is possible."""
+
+
+def quantity(
+    default: Any,
+    unit: str,
+    source: str,
+    low: float = -math.inf,
+    high: float = math.inf,
+    open_low: bool = False,
+) -> Any:
+    """Return a dataclass field with its unit, its source and the closed range [low, high] that makes sense.
+
+    `open_low` excludes the lower bound itself (a mass must be above zero). The field may hold a number or a tuple of numbers.
+    """
+    metadata = {"unit": unit, "source": source, "low": low, "high": high, "open_low": open_low}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+class Checked:
+    """Base of the frozen parameter records: every `quantity` field is checked against its range when made."""
+
+    def __post_init__(self) -> None:
+        """Raise `ParameterError` for a value that is not finite or lies outside its range."""
+        for field in dataclasses.fields(self):  # type: ignore[arg-type]  # subclasses are dataclasses
+            if "unit" in field.metadata:
+                value = getattr(self, field.name)
+                for number in value if isinstance(value, tuple) else (value,):
+                    check(f"{type(self).__name__}.{field.name}", number, field.metadata)
+
+
+def check(name: str, value: Any, metadata: Any) -> None:
+    """Raise `ParameterError` unless `value` is a finite number in the range that `metadata` (of `quantity`) states."""
+    low, high, unit = metadata["low"], metadata["high"], metadata["unit"]
+    bracket = "(" if metadata["open_low"] else "["
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ParameterError(f"{name} must be a number in {unit}, got {value!r}") from None
+    inside = low < number <= high if metadata["open_low"] else low <= number <= high
+    if not math.isfinite(number) or not inside:
+        raise ParameterError(
+            f"{name} = {value!r} {unit} is impossible: it must be finite and in {bracket}{low:g}, {high:g}]"
+        )
+
+
+def replace(record: Any, changes: dict[str, Any], what: str) -> Any:
+    """Return `record` (a dataclass) with `changes`; an unknown name raises `ParameterError` listing the valid ones."""
+    names = [field.name for field in dataclasses.fields(record) if field.init]
+    unknown = sorted(set(changes) - set(names))
+    if unknown:
+        raise ParameterError(f"unknown {what} {', '.join(unknown)}; valid: {', '.join(names)}")
+    return dataclasses.replace(record, **changes)
