@@ -7,7 +7,9 @@ from wsp_env.contact.polach import contact_stiffness
 from wsp_env.parameters.quantity import Checked, ParameterError, quantity
 
 _TABLE_2 = "seed paper, Table 2"
-_NOT_IN_PAPER = "assumption: not in the paper, which derives it from the profiles S1002 / UIC60; typical of a wheel load of 53 kN"
+_NOT_IN_PAPER = (
+    "assumption: not in the paper, which derives it from the profiles S1002 / UIC60; typical of a wheel load of 53 kN"
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,9 +48,7 @@ class ContactParameters(Checked):
     @property
     def stiffness_n(self) -> float:
         """Polach's contact stiffness pi G a b c11 / 4 [N], eq. (6)."""
-        return float(
-            contact_stiffness(self.semi_axis_a_m, self.semi_axis_b_m, self.shear_modulus_pa, self.kalker_c11)
-        )
+        return float(contact_stiffness(self.semi_axis_a_m, self.semi_axis_b_m, self.shear_modulus_pa, self.kalker_c11))
 
     @property
     def law(self) -> AdhesionLaw:

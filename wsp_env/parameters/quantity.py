@@ -19,7 +19,8 @@ def quantity(
 ) -> Any:
     """Return a dataclass field with its unit, its source and the closed range [low, high] that makes sense.
 
-    `open_low` excludes the lower bound itself (a mass must be above zero). The field may hold a number or a tuple of numbers.
+    `open_low` excludes the lower bound itself (a mass must be above zero). The field may hold a number or a tuple of
+    numbers.
     """
     metadata = {"unit": unit, "source": source, "low": low, "high": high, "open_low": open_low}
     return dataclasses.field(default=default, metadata=metadata)

@@ -1,7 +1,7 @@
 """The braking tests at Velim (Czech Republic) on a track sprayed with a watery detergent solution.
 
-Source: Meli, Ridolfi et al., "Development of an innovative wheel-rail contact model for the analysis of degraded adhesion
-in railway systems" (the seed paper), Tables 2, 3 and 4 and section 4.1. The recordings themselves are not public.
+Source: Meli, Ridolfi et al., "Development of an innovative wheel-rail contact model for the analysis of degraded
+adhesion in railway systems" (the seed paper), Tables 2, 3 and 4 and section 4.1. The recordings are not public.
 What this set does not claim: the contact ellipse and c11 (see `ContactParameters`).
 """
 

@@ -1,0 +1,151 @@
+"""A batch of braked vehicles: owns the arrays, checks what comes in, calls the compiled step."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant import mechanisms
+from wsp_env.plant.state import Conditions, State, Stop, allocate, constants
+from wsp_env.plant.step import advance
+
+#: Longest substep [s] at which the stopping distance is within 0.1 % of the converged one (docs/plant.md, measured by
+#: experiments/convergence.py).
+SUBSTEP_S = 0.005
+
+
+class Plant:
+    """N vehicles of one kind, each braking under its own conditions.
+
+    Parameters
+    ----------
+    vehicle : what brakes
+    n : number of vehicles in the batch
+    control_interval_s : time between commands [s]
+    substep_s : longest substep of the integration [s]; the control interval is divided evenly
+    mechanism_choice : physics beyond the paper's model, see `wsp_env.plant.mechanisms.make`
+    pressure_control : commands are pressures (0 to 1 of the demand) instead of vent -1, hold 0, apply +1
+    track_step_m, track_nodes : grid of what lies along the track
+
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        n: int = 1,
+        control_interval_s: float = 0.02,
+        substep_s: float = SUBSTEP_S,
+        mechanism_choice: Mapping[str, Mapping[str, float]] | None = None,
+        pressure_control: bool = False,
+        track_step_m: float = 5.0,
+        track_nodes: int = 1,
+    ) -> None:
+        if not 0.0 < control_interval_s <= 1.0:
+            raise ParameterError(f"control_interval_s = {control_interval_s} s is impossible: it must lie in (0, 1]")
+        if not 0.0 < substep_s <= 1.0:
+            raise ParameterError(f"substep_s = {substep_s} s is impossible: it must lie in (0, 1]")
+        if n < 1:
+            raise ParameterError(f"a batch of {n} vehicles is impossible: n must be at least 1")
+        self.vehicle = vehicle
+        self.n = n
+        self.control_interval_s = control_interval_s
+        substeps = int(np.ceil(control_interval_s / substep_s - 1e-9))
+        self.constants = constants(
+            vehicle,
+            control_interval_s,
+            substeps,
+            mechanisms.make(mechanism_choice),
+            pressure_control,
+            track_step_m,
+        )
+        self.state: State = allocate(n, vehicle, self.constants.dead_steps)
+        axles = vehicle.axles
+        self.conditions = Conditions(
+            mu_cd=np.zeros(n),
+            tau=np.zeros(n),
+            mass=np.ones(n),
+            demand=np.zeros(n),
+            gradient=np.zeros(n),
+            noise=np.zeros(n),
+            key=np.zeros(n, dtype=np.uint64),
+            radius=np.ones((n, axles)),
+            profile=np.ones((n, track_nodes)),
+            coverage=np.ones((n, track_nodes)),
+        )
+        self.moving = np.zeros(n, dtype=bool)
+
+    def start(self, index: int, stop: Stop) -> None:
+        """Put vehicle `index` at the start of a stop: rolling freely at its initial speed with empty cylinders.
+
+        `ParameterError` names a condition that cannot be.
+        """
+        check_stop(stop, self.vehicle)
+        for array in self.state:
+            array[index] = 0.0
+        c = self.conditions
+        c.mu_cd[index] = stop.mu_cd
+        c.tau[index] = stop.tau
+        c.mass[index] = stop.mass
+        c.demand[index] = stop.demand
+        c.gradient[index] = stop.gradient
+        c.noise[index] = stop.noise
+        c.key[index] = stop.key
+        c.radius[index] = stop.radius
+        c.profile[index] = stop.profile
+        c.coverage[index] = stop.coverage
+        self.state.speed[index] = stop.initial_speed
+        self.state.wheel_speed[index] = stop.initial_speed / stop.radius
+        self.state.measured[index] = self.state.wheel_speed[index]
+        self.state.commands[index] = 1.0
+        self.moving[index] = True
+
+    def step(self, command: ArrayLike) -> None:
+        """Advance by one control interval under the commands (N, A); vehicles that stand stay as they are.
+
+        `ValueError` for a wrong shape or a command that is not finite.
+        """
+        command = np.asarray(command, dtype=np.float64)
+        shape = (self.n, self.vehicle.axles)
+        if command.shape != shape:
+            raise ValueError(f"commands have shape {command.shape}, expected {shape}: one per vehicle and axle")
+        if not np.isfinite(command).all():
+            row, axle = np.argwhere(~np.isfinite(command))[0]
+            raise ValueError(
+                f"the command of vehicle {row}, axle {axle + 1} is {command[row, axle]}: commands must be finite"
+            )
+        advance(command, self.state, self.conditions, self.constants, self.moving)
+
+    @property
+    def kinetic_energy(self) -> np.ndarray:
+        """Kinetic energy of each vehicle with its wheelsets (N,) [J]."""
+        wheels = 0.5 * self.vehicle.wheelset_inertia_kgm2 * np.sum(self.state.wheel_speed**2, axis=1)
+        energy: np.ndarray = 0.5 * self.conditions.mass * self.state.speed**2 + wheels
+        return energy
+
+    @property
+    def slip_speed(self) -> np.ndarray:
+        """True slip speed v - r w of each wheelset (N, A) [m/s]."""
+        slip: np.ndarray = self.state.speed[:, None] - self.conditions.radius * self.state.wheel_speed
+        return slip
+
+
+def check_stop(stop: Stop, vehicle: Vehicle) -> None:
+    """Raise `ParameterError` for conditions that cannot be."""
+    friction_r = vehicle.contact.kinetic_friction_r
+    ranges = {
+        "mu_cd": (stop.mu_cd, 0.0, friction_r, "between 0 and kinetic_friction_r (mu_cr)"),
+        "tau": (stop.tau, 0.0, 1.0, "at least 0 m/J"),
+        "initial_speed": (stop.initial_speed, 0.1, 100.0, "between 0.1 and 100 m/s"),
+        "mass": (stop.mass, 1.0, 1e6, "above 0 kg"),
+        "demand": (stop.demand, 0.0, 1.0, "between 0 and 1 of full pressure"),
+        "gradient": (stop.gradient, -0.1, 0.1, "between -0.1 and 0.1"),
+        "noise": (stop.noise, 0.0, 100.0, "at least 0 rad/s"),
+        "radius": (float(np.min(stop.radius)), 0.1, 2.0, "above 0.1 m"),
+        "profile": (float(np.min(stop.profile)), 1e-3, np.inf, "above 0 everywhere"),
+        "coverage": (float(np.min(stop.coverage)), 0.0, 1.0, "between 0 and 1 everywhere"),
+    }
+    for name, (value, low, high, possible) in ranges.items():
+        if not low <= value <= high or (name == "mu_cd" and value == 0.0):
+            raise ParameterError(f"{name} = {value:g} is impossible: it must be {possible} (here {low:g} to {high:g})")
