@@ -13,24 +13,27 @@ import numpy as np
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+# Untyped: numba had no types before 0.62, and those it has now know neither `vectorize` nor its configuration.
+_numba: Any = numba
+
 # error_model "numpy": a division by zero gives inf or nan as in numpy, and costs no branch in the hot loop.
 _OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
 def kernel(function: Function) -> Function:
     """Compile a pure function of scalars (or of NamedTuples of scalars and arrays); compiled code is cached on disk."""
-    return cast(Function, numba.njit(**_OPTIONS)(function))
+    return cast(Function, _numba.njit(**_OPTIONS)(function))
 
 
 def inlined(function: Function) -> Function:
     """Compile a small kernel that its caller's optimiser should see through."""
-    return cast(Function, numba.njit(inline="always", **_OPTIONS)(function))
+    return cast(Function, _numba.njit(inline="always", **_OPTIONS)(function))
 
 
 def elementwise(function: Callable[..., float]) -> np.ufunc:
     """Return the numpy ufunc of a scalar float function that may call kernels; it broadcasts like numpy's own."""
-    if numba.config.DISABLE_JIT:
+    if _numba.config.DISABLE_JIT:
         return cast(np.ufunc, np.vectorize(function, otypes=[np.float64]))
     arguments = function.__code__.co_argcount
     signature = f"float64({', '.join(['float64'] * arguments)})"
-    return cast(np.ufunc, numba.vectorize([signature], cache=True)(function))
+    return cast(np.ufunc, _numba.vectorize([signature], cache=True)(function))

@@ -1,0 +1,1 @@
+"""What two bodies do at one point: Hertz, Kalker, Polach, FASTSIM, the degraded-adhesion law."""

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wsp_env.compiled import elementwise, inlined, kernel
+from wsp_env.compiled import elementwise, inlined
 from wsp_env.contact.polach import falling_friction, saturation, saturation_slope
 
 #: Running speed [m/s] below which the creepage is taken as s / SPEED_FLOOR: keeps e finite at standstill, where it is
@@ -67,7 +67,7 @@ _TREE = (
 
 @inlined
 def exp_minus_lambert_w0(z: float) -> float:
-    """exp(-W0(z)) [-] for z in [-1/e, 0], so that W0(z) = z exp(-W0(z)); a polynomial, without branches or iterations."""
+    """Return exp(-W0(z)) [-], z in [-1/e, 0], so that W0(z) = z exp(-W0(z)): a polynomial, no branch or iteration."""
     x = math.sqrt(max(4.0 * (math.e * z + 1.0), 0.0)) - 1.0
     y = x * x
     even = _TREE[20]
@@ -143,9 +143,7 @@ def adhesion(
 def _ufunc(output: int) -> np.ufunc:
     # numba's ufuncs take scalars only: the law's ten parameters follow the six arguments of `adhesion` one by one.
     def value(slip_speed, speed, load, mu_cd, tau, film, c, ad, sd, ar, sr, mu, rd, rr, gd, gr):  # type: ignore[no-untyped-def]
-        state = adhesion(
-            slip_speed, speed, load, mu_cd, tau, film, AdhesionLaw(c, ad, sd, ar, sr, mu, rd, rr, gd, gr)
-        )
+        state = adhesion(slip_speed, speed, load, mu_cd, tau, film, AdhesionLaw(c, ad, sd, ar, sr, mu, rd, rr, gd, gr))
         return state[output] if slip_speed >= 0.0 or output == 3 else -state[output]
 
     return elementwise(value)
@@ -183,13 +181,9 @@ def _public(name: str, output: int, what: str) -> Callable[..., np.ndarray]:
     return evaluate
 
 
-degraded_adhesion = _public(
-    "degraded_adhesion", 0, "Adhesion coefficient f = T / N [-], eqs. (1) to (4) solved for f."
-)
+degraded_adhesion = _public("degraded_adhesion", 0, "Adhesion coefficient f = T / N [-], eqs. (1) to (4) solved for f.")
 adhesion_without_recovery = _public(
     "adhesion_without_recovery", 1, "Limit f_d [-] without recovery, eq. (5): the classic law."
 )
 adhesion_recovered = _public("adhesion_recovered", 2, "Limit f_r [-] after full recovery, eq. (5).")
-adhesion_slope = _public(
-    "adhesion_slope", 3, "Derivative of f by the slip speed [s/m], at constant running speed."
-)
+adhesion_slope = _public("adhesion_slope", 3, "Derivative of f by the slip speed [s/m], at constant running speed.")
