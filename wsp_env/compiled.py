@@ -13,7 +13,7 @@ import numpy as np
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-# Untyped: numba had no types before 0.62, and those it has now know neither `vectorize` nor its configuration.
+# Untyped: releases of numba differ in what they type, none of them `vectorize` and the configuration.
 _numba: Any = numba
 
 # error_model "numpy": a division by zero gives inf or nan as in numpy, and costs no branch in the hot loop.

@@ -67,7 +67,17 @@ _TREE = (
 
 @inlined
 def exp_minus_lambert_w0(z: float) -> float:
-    """Return exp(-W0(z)) [-], z in [-1/e, 0], so that W0(z) = z exp(-W0(z)): a polynomial, no branch or iteration."""
+    """Return exp(-W0(z)) [-] for z >= -1/e, so that W0(z) = z exp(-W0(z)).
+
+    Up to z = 0 a polynomial, without iteration. A positive z means more friction with the contaminant than without,
+    which can only happen when mu_cd comes near mu_cr: then Newton's method, from the left from its first step on.
+    """
+    if z > 0.0:
+        w = math.log1p(z)
+        for _ in range(6):
+            power = z * math.exp(-w)
+            w -= (w - power) / (1.0 + power)
+        return math.exp(-w)
     x = math.sqrt(max(4.0 * (math.e * z + 1.0), 0.0)) - 1.0
     y = x * x
     even = _TREE[20]

@@ -1,0 +1,15 @@
+"""Gymnasium environments on the plant; importing this package registers them."""
+
+import gymnasium as gym
+
+#: The ids with the vehicle of each.
+IDS = {"wsp_env/Wheelset-v0": "wheelset", "wsp_env/Bogie-v0": "bogie", "wsp_env/Coach-v0": "coach"}
+
+for _id, _vehicle in IDS.items():
+    if _id not in gym.registry:
+        gym.register(
+            _id,
+            entry_point="wsp_env.envs.single:BrakingEnv",
+            vector_entry_point="wsp_env.envs.vector:BrakingVectorEnv",
+            kwargs={"vehicle_name": _vehicle},
+        )

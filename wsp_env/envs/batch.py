@@ -1,0 +1,169 @@
+"""The environment itself, for a batch of N stops: the single environment is the batch of one."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from wsp_env.envs.observation import Measurement, Observer
+from wsp_env.envs.task import Task
+from wsp_env.parameters.quantity import ParameterError
+from wsp_env.plant.plant import Plant
+from wsp_env.scenario import PINS, TRACK_STEP_M, draw
+
+#: A wheelset counts as locked below this wheel speed [m/s] while the vehicle runs above `LOCKED_RUNNING_MPS` (assumption: the
+#: cut-out speed of a WSP, 5 km/h).
+LOCKED_WHEEL_MPS = 0.3
+LOCKED_RUNNING_MPS = 5.0 / 3.6
+
+
+class BrakingBatch:
+    """N braking stops of one kind of vehicle: plant, observer, reward, start and end of a stop.
+
+    Parameters
+    ----------
+    vehicle_name : "wheelset", "bogie" or "coach"
+    n : number of stops in the batch
+    task : the options
+
+    """
+
+    def __init__(self, vehicle_name: str, n: int, task: Task) -> None:
+        self.task = task
+        self.n = n
+        self.vehicle = task.make_vehicle(vehicle_name)
+        self.scenario = task.distributions
+        self.weights = task.weights
+        self.plant = Plant(
+            self.vehicle,
+            n,
+            task.control_interval_s,
+            task.substep_s,
+            task.mechanisms,
+            pressure_control=task.action == "pressure",
+            track_step_m=TRACK_STEP_M,
+            track_nodes=task.track_nodes,
+        )
+        self.observer = Observer(self.vehicle, task.control_interval_s, task.pressure_sensors)
+        bound = Observer.BOUND
+        self.observation_space = spaces.Box(-bound, bound, (self.observer.size,), np.float32)
+        axles = self.vehicle.axles
+        self.action_space: spaces.Space[Any] = (
+            spaces.Box(-1.0, 1.0, (axles,), np.float32) if task.action == "pressure" else spaces.MultiDiscrete([3] * axles)
+        )
+        self._fresh = True
+
+    def start(
+        self, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None, mask: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Begin new stops, all or where `mask` (N,) is True, each from its own generator; return observations (N, size).
+
+        `options` pins conditions by name (see `wsp_env.scenario.PINS`), by one value for all or a sequence of N.
+        """
+        if mask is None and not self._fresh and options is None:
+            mask = np.ones(self.n, dtype=bool)
+        pins = self._pins(options)
+        classic = self.task.adhesion == "classic"
+        for i in range(self.n) if mask is None else np.flatnonzero(mask):
+            own = {name: values[i] for name, values in pins.items()}
+            stop = draw(self.scenario, self.vehicle, generators[i], self.task.track_nodes, own, classic)
+            self.plant.start(int(i), stop)
+        observation = self.observer.reset(self.measurement(), None if self._fresh else mask)
+        self._fresh = False
+        return observation
+
+    def _pins(self, options: Mapping[str, Any] | None) -> dict[str, list[Any]]:
+        pins = {}
+        for name, value in (options or {}).items():
+            if name not in PINS:
+                raise ParameterError(f"unknown reset option {name!r}; valid: {', '.join(PINS)}")
+            if isinstance(value, str) or np.ndim(value) == 0:
+                pins[name] = [value] * self.n
+            elif len(value) == self.n:
+                pins[name] = list(value)
+            else:
+                raise ParameterError(f"reset option {name} has {len(value)} values, expected one or {self.n} (one per stop)")
+        return pins
+
+    def commands(self, actions: Any) -> np.ndarray:
+        """Return actions (N, A) as commands: -1, 0, +1 of the valves or -1 to +1 of the pressure; `ValueError` if wrong."""
+        if self._fresh:
+            raise RuntimeError("step before reset: call reset() first, it draws the conditions of the stop")
+        try:
+            array = np.asarray(actions, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise ValueError(f"actions must be numbers, got {actions!r}") from None
+        axles = self.vehicle.axles
+        if array.shape != (self.n, axles):
+            got, want = (array.shape[1:], (axles,)) if self.n == 1 and array.shape[:1] == (1,) else (array.shape, (self.n, axles))
+            raise ValueError(f"the action has shape {got}, expected {want}: one entry per axle of the {self.vehicle.name}")
+        if not np.isfinite(array).all():
+            raise ValueError(f"the action {array.tolist()} is not finite: give numbers from {self.action_space}")
+        if self.task.action == "pressure":
+            return np.clip(array, -1.0, 1.0)
+        if not np.isin(array, (0.0, 1.0, 2.0)).all():
+            raise ValueError(f"the action {array.tolist()} is not valid: 0 vents, 1 holds, 2 applies, per axle")
+        return array - 1.0
+
+    def step(self, actions: Any) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray, np.ndarray]:
+        """Advance by one control interval.
+
+        Returns the observations (N, size), the reward's terms by name, each (N,), and who terminated and who was truncated,
+        both (N,) bool.
+        """
+        command = self.commands(actions)
+        plant, task, weights = self.plant, self.task, self.weights
+        state = plant.state
+        position, time, air = state.position.copy(), state.time.copy(), state.air.sum(axis=1)
+        plant.step(0.5 * (command + 1.0) if task.action == "pressure" else command)
+        elapsed = state.time - time
+        speed = state.speed[:, None]
+        fast = speed > task.slide_limit_speed_mps
+        creepage = plant.slip_speed / np.maximum(speed, 1e-3)
+        beyond = np.where(fast, np.maximum(creepage - task.slide_limit, 0.0), 0.0).mean(axis=1)
+        locked = self.locked.mean(axis=1)
+        terms = {
+            "stopping_distance": -weights.stopping_distance * (state.position - position),
+            "slip": -weights.slip * beyond * elapsed,
+            "locked_wheels": -weights.locked_wheels * locked * elapsed,
+            "air": -weights.air * (state.air.sum(axis=1) - air),
+        }
+        terminated = ~plant.moving
+        late = (state.time >= task.time_limit_s - 1e-9) | (state.position >= task.track_limit_m)
+        return self.observer.observe(self.measurement(), command), terms, terminated, late & ~terminated
+
+    @property
+    def locked(self) -> np.ndarray:
+        """Wheelsets that stand while the vehicle runs (N, A) bool."""
+        state = self.plant.state
+        standing = self.plant.conditions.radius * state.wheel_speed < LOCKED_WHEEL_MPS
+        locked: np.ndarray = standing & (state.speed[:, None] > LOCKED_RUNNING_MPS)
+        return locked
+
+    def measurement(self) -> Measurement:
+        """What the sensors say now; copies."""
+        state = self.plant.state
+        pressure = state.pressure.copy() if self.task.pressure_sensors else None
+        return Measurement(state.time.copy(), state.measured.copy(), self.plant.conditions.demand.copy(), pressure)
+
+    def truth(self) -> dict[str, np.ndarray]:
+        """What no controller may know, for `info`: arrays (N,) or (N, A) by name, copies."""
+        state, conditions = self.plant.state, self.plant.conditions
+        return {
+            "time_s": state.time.copy(),
+            "position_m": state.position.copy(),
+            "speed_mps": state.speed.copy(),
+            "wheel_speed_radps": state.wheel_speed.copy(),
+            "slip_speed_mps": self.plant.slip_speed,
+            "pressure_bar": state.pressure.copy(),
+            "adhesion": state.adhesion.copy(),
+            "adhesion_d": state.adhesion_d.copy(),
+            "adhesion_r": state.adhesion_r.copy(),
+            "locked": self.locked,
+            "air_nl": state.air.sum(axis=1),
+            "contact_energy_j": state.contact_work.copy(),
+            "mu_cd": conditions.mu_cd.copy(),
+            "tau_m_per_j": conditions.tau.copy(),
+            "mass_kg": conditions.mass.copy(),
+        }

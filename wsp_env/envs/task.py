@@ -1,0 +1,111 @@
+"""What an environment is made of besides the vehicle: the options of `gym.make`, checked."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from wsp_env.parameters.quantity import ParameterError, replace
+from wsp_env.parameters.uic_z1 import VEHICLES
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant import mechanisms
+from wsp_env.plant.plant import SUBSTEP_S
+from wsp_env.scenario import TRACK_STEP_M, Scenario
+
+
+@dataclasses.dataclass(frozen=True)
+class RewardWeights:
+    """Weights of the reward's terms; each term is minus its weight times the quantity, their sum is the reward."""
+
+    stopping_distance: float = 0.01  # per metre travelled [1/m]
+    slip: float = 5.0  # per second and unit of creepage beyond the slide limit, mean of the axles [1/s]
+    locked_wheels: float = 5.0  # per second with all wheelsets locked, in proportion when fewer are [1/s]
+    air: float = 0.001  # per normal litre let into the cylinders [1/Nl]
+
+    def __post_init__(self) -> None:
+        """Refuse weights that are not finite numbers of at least zero."""
+        for name, value in dataclasses.asdict(self).items():
+            if not isinstance(value, int | float) or not math.isfinite(value) or value < 0:
+                raise ParameterError(f"reward weight {name} = {value!r} is impossible: it must be a finite number, 0 or more")
+
+
+@dataclasses.dataclass(frozen=True)
+class Task:
+    """The options of the environments, all with defaults; plain values, so that an `EnvSpec` survives `to_json`.
+
+    Parameters
+    ----------
+    action : "valve": MultiDiscrete of 0 vent, 1 hold, 2 apply per axle; "pressure": Box(-1, 1) per axle, -1 no pressure and
+        +1 the demanded one
+    adhesion : "recovering" (the seed paper's law) or "classic" (lambda = 0)
+    control_interval_s, substep_s : time between actions and longest substep of the integration [s]
+    mechanisms : physics beyond the paper's model, {name: {parameter: value}}
+    scenario : ranges that replace those of `Scenario`, {quantity: (lowest, highest)}
+    reward : weights that replace those of `RewardWeights`, {term: weight}
+    vehicle : values that replace the vehicle's, {field: value} of `Vehicle`
+    pressure_sensors : the vehicle measures its cylinder pressures
+    slide_limit : creepage [-] beyond which a slide is too large (assumption: no standard number is public)
+    slide_limit_speed_mps : running speed [m/s] below which larger creepage is of no concern (assumption)
+    time_limit_s, track_limit_m : a stop is truncated there [s], [m]
+
+    """
+
+    action: str = "valve"
+    adhesion: str = "recovering"
+    control_interval_s: float = 0.02
+    substep_s: float = SUBSTEP_S
+    mechanisms: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
+    scenario: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    reward: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    vehicle: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    pressure_sensors: bool = False
+    slide_limit: float = 0.3
+    slide_limit_speed_mps: float = 8.0
+    time_limit_s: float = 180.0
+    track_limit_m: float = 4000.0
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be, with the valid choices."""
+        for name, choices in (("action", ("valve", "pressure")), ("adhesion", ("recovering", "classic"))):
+            if getattr(self, name) not in choices:
+                raise ParameterError(f"{name} = {getattr(self, name)!r} is unknown; valid: {', '.join(choices)}")
+        for name in ("mechanisms", "scenario", "reward", "vehicle"):
+            if not isinstance(getattr(self, name), Mapping):
+                raise ParameterError(f"{name} = {getattr(self, name)!r} must be a dictionary, {{name: value}}")
+        mechanisms.make(self.mechanisms)
+        _ = self.distributions, self.weights
+        for name in ("control_interval_s", "substep_s", "slide_limit", "time_limit_s", "track_limit_m"):
+            value = getattr(self, name)
+            if not isinstance(value, int | float) or not math.isfinite(value) or value <= 0:
+                raise ParameterError(f"{name} = {value!r} is impossible: it must be a finite number above zero")
+
+    @property
+    def distributions(self) -> Scenario:
+        """What the stops are drawn from."""
+        scenario: Scenario = replace(Scenario(), dict(self.scenario), "scenario quantity")
+        return scenario
+
+    @property
+    def weights(self) -> RewardWeights:
+        """The weights of the reward."""
+        weights: RewardWeights = replace(RewardWeights(), dict(self.reward), "reward term")
+        return weights
+
+    @property
+    def track_nodes(self) -> int:
+        """Nodes that describe the track, up to its limit."""
+        return math.ceil(self.track_limit_m / TRACK_STEP_M) + 1
+
+    def make_vehicle(self, name: str) -> Vehicle:
+        """Return the vehicle of that name with the values that `vehicle` replaces."""
+        if name not in VEHICLES:
+            raise ParameterError(f"unknown vehicle {name!r}; valid: {', '.join(VEHICLES)}")
+        vehicle: Vehicle = replace(VEHICLES[name], dict(self.vehicle), "vehicle parameter")
+        return vehicle
+
+
+def make_task(options: Mapping[str, Any]) -> Task:
+    """Return the task of the keyword options given to `gym.make`; `None` means the default, an unknown name is an error."""
+    given = {name: value for name, value in options.items() if value is not None}
+    task: Task = replace(Task(), given, "environment option")
+    return task

@@ -1,0 +1,227 @@
+"""Campaigns of recorded stops: reading and checking them.
+
+A campaign is a folder with `campaign.toml` and one table (CSV or Parquet, SI units) per stop:
+
+- `[campaign]` name, tune, validate (names of runs: groups A and B of the seed paper), sample_time_s
+- `[vehicle]` see `CampaignVehicle`
+- `[contact]` fields of `ContactParameters`; what is left out comes from the named `set` (default "velim", Table 2)
+- `[runs.NAME]` file, start_position_m; optionally mass_kg, kinetic_friction_d, gradient, direction, notes
+
+Columns of a table: `time_s`, `vehicle_speed_mps`, and per axle k from 1 `axle{k}_wheel_speed_radps` and
+`axle{k}_brake_torque_nm` (per wheelset, positive in braking); others are ignored.
+"""
+
+import dataclasses
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wsp_env.parameters import velim
+from wsp_env.parameters.contact import ContactParameters
+from wsp_env.parameters.quantity import Checked, ParameterError, quantity, replace
+from wsp_env.recordings.table import CampaignError, read_columns
+
+#: Parameter sets that `[contact] set` may name.
+CONTACT_SETS = {"velim": velim.CONTACT}
+
+_SOURCE = "the campaign"
+_TABLES = ("campaign", "vehicle", "contact", "runs")
+_CAMPAIGN_KEYS = ("name", "tune", "validate", "sample_time_s")
+_RUN_KEYS = ("file", "start_position_m", "mass_kg", "kinetic_friction_d", "gradient", "direction", "notes")
+
+
+@dataclasses.dataclass(frozen=True)
+class CampaignVehicle(Checked):
+    """The vehicle as the test team believed it to be; every wheelset alike, the load shared equally."""
+
+    axles: int = quantity(4, "-", _SOURCE, 1, 64)
+    mass_kg: float = quantity(43000.0, "kg", _SOURCE, 0.0, 1e7, open_low=True)
+    wheelset_inertia_kgm2: float = quantity(160.0, "kg m2", _SOURCE, 0.0, 1e5, open_low=True)
+    wheel_radius_m: float = quantity(0.445, "m", _SOURCE, 0.05, 2.0)
+    gravity_mps2: float = quantity(9.81, "m/s2", _SOURCE, 9.0, 10.0)
+    axle_positions_m: tuple[float, ...] = quantity((), "m", _SOURCE, 0.0, 1e4)  # behind the leading axle
+    resistance_n: tuple[float, ...] = quantity(
+        (0.0, 0.0, 0.0), "N, N s/m, N s2/m2", _SOURCE, 0.0, 1e6
+    )  # A + B v + C v2
+    brake_torque_source: str = "measured"  # or "cylinder pressure times the nominal gain": then itself a model
+
+    def __post_init__(self) -> None:
+        """Check the ranges, and that tuples are as long as they must be."""
+        super().__post_init__()
+        if self.axle_positions_m and len(self.axle_positions_m) != self.axles:
+            raise ParameterError(f"axle_positions_m has {len(self.axle_positions_m)} values for {self.axles} axles")
+        if len(self.resistance_n) != 3:
+            raise ParameterError(f"resistance_n must be the three numbers [A, B, C], got {list(self.resistance_n)}")
+
+
+_REQUIRED_VEHICLE_KEYS = ("axles", "mass_kg", "wheelset_inertia_kgm2", "wheel_radius_m")
+
+
+@dataclasses.dataclass(frozen=True)
+class Recording:
+    """One recorded stop; T samples at the campaign's sample time."""
+
+    name: str
+    time_s: np.ndarray  # (T,) [s]
+    vehicle_speed_mps: np.ndarray  # (T,) [m/s]
+    wheel_speed_radps: np.ndarray  # (T, axles) [rad/s]
+    brake_torque_nm: np.ndarray  # (T, axles) [Nm] per wheelset, positive in braking
+    start_position_m: float  # [m] of the leading axle along the track
+    mass_kg: float  # [kg] of the whole vehicle in this run
+    kinetic_friction_d: float  # [-] mu_cd as believed by the test team
+    gradient: float = 0.0  # [-] rise per metre, positive uphill
+    direction: str = ""
+    notes: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Campaign:
+    """Several stops of one vehicle on one contaminated track."""
+
+    name: str
+    tune: tuple[str, ...]  # runs to tune on: the paper's group A
+    validate: tuple[str, ...]  # runs only scored: group B
+    sample_time_s: float  # [s]
+    vehicle: CampaignVehicle
+    contact: ContactParameters
+    runs: dict[str, Recording]
+
+
+def read_campaign(folder: Path) -> Campaign:
+    """Read and check a campaign folder.
+
+    Raises
+    ------
+    CampaignError
+        naming file, key, column or line, and how to mend it
+
+    """
+    path = Path(folder) / "campaign.toml"
+    if not path.is_file():
+        raise CampaignError(
+            f"{path} does not exist: a campaign is a folder that holds campaign.toml and one table per run"
+        )
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise CampaignError(f"{path} is not valid TOML: {error}") from None
+    _known(path, "the top level", document, _TABLES)
+    head = _table(path, document, "campaign")
+    _known(path, "[campaign]", head, _CAMPAIGN_KEYS)
+    _required(path, "[campaign]", head, ("name", "tune", "sample_time_s"))
+    sample_time = _number(path, "[campaign] sample_time_s", head["sample_time_s"], above=0.0)
+    described = _table(path, document, "runs")
+    tune, validate = _groups(path, head, described)
+    try:
+        vehicle = _vehicle(path, _table(path, document, "vehicle"))
+        contact = _contact(path, document.get("contact", {}))
+    except ParameterError as error:
+        raise CampaignError(f"{path}: {error}") from None
+    runs = {name: _recording(path, name, entry, vehicle, contact, sample_time) for name, entry in described.items()}
+    return Campaign(str(head["name"]), tune, validate, sample_time, vehicle, contact, runs)
+
+
+def _groups(path: Path, head: dict[str, Any], described: dict[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    groups = []
+    for key in ("tune", "validate"):
+        names = head.get(key, [])
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise CampaignError(
+                f'{path}: [campaign] {key} must be a list of run names such as ["A1", "A2"], got {names!r}'
+            )
+        for name in names:
+            if name not in described:
+                raise CampaignError(
+                    f"{path}: run {name!r} is in [campaign] {key} but not described; add [runs.{name}] "
+                    f"(described: {', '.join(described) or 'none'})"
+                )
+        groups.append(tuple(dict.fromkeys(names)))
+    tune, validate = groups
+    if not tune:
+        raise CampaignError(f"{path}: [campaign] tune is empty: name at least one run to tune on")
+    if both := sorted(set(tune) & set(validate)):
+        raise CampaignError(f"{path}: {', '.join(both)} in both tune and validate: a run tuned on cannot validate")
+    return tune, validate
+
+
+def _vehicle(path: Path, table: dict[str, Any]) -> CampaignVehicle:
+    _required(path, "[vehicle]", table, _REQUIRED_VEHICLE_KEYS)
+    changes = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
+    if type(changes["axles"]) is not int:
+        raise ParameterError(f"[vehicle] axles must be a whole number, got {changes['axles']!r}")
+    vehicle: CampaignVehicle = replace(CampaignVehicle(), changes, "key in [vehicle]")
+    return vehicle
+
+
+def _contact(path: Path, table: Any) -> ContactParameters:
+    changes = dict(table)
+    name = changes.pop("set", "velim")
+    if name not in CONTACT_SETS:
+        raise CampaignError(f"{path}: [contact] set = {name!r} is unknown; valid: {', '.join(CONTACT_SETS)}")
+    contact: ContactParameters = replace(CONTACT_SETS[name], changes, "key in [contact]")
+    return contact
+
+
+def _recording(
+    path: Path, name: str, entry: Any, vehicle: CampaignVehicle, contact: ContactParameters, sample_time_s: float
+) -> Recording:
+    where = f"[runs.{name}]"
+    if not isinstance(entry, dict):
+        raise CampaignError(f"{path}: {where} must be a table with at least file, got {entry!r}")
+    _known(path, where, entry, _RUN_KEYS)
+    _required(path, where, entry, ("file",))
+    file = path.parent / str(entry["file"])
+    if not file.is_file():
+        raise CampaignError(
+            f"{file} does not exist: {path} names it as the file of run {name}; correct `file` or add it"
+        )
+    axles = vehicle.axles
+    wheel_speeds = [f"axle{k}_wheel_speed_radps" for k in range(1, axles + 1)]
+    torques = [f"axle{k}_brake_torque_nm" for k in range(1, axles + 1)]
+    columns = read_columns(file, ["time_s", "vehicle_speed_mps", *wheel_speeds, *torques], axles, sample_time_s)
+    friction = _number(
+        path, f"{where} kinetic_friction_d", entry.get("kinetic_friction_d", contact.kinetic_friction_d), 0.0
+    )
+    if friction >= contact.kinetic_friction_r:
+        raise CampaignError(
+            f"{path}: {where} kinetic_friction_d = {friction} is not below kinetic_friction_r = {contact.kinetic_friction_r}"
+        )
+    return Recording(
+        name=name,
+        time_s=columns["time_s"],
+        vehicle_speed_mps=columns["vehicle_speed_mps"],
+        wheel_speed_radps=np.stack([columns[column] for column in wheel_speeds], axis=1),
+        brake_torque_nm=np.stack([columns[column] for column in torques], axis=1),
+        start_position_m=_number(path, f"{where} start_position_m", entry.get("start_position_m", 0.0)),
+        mass_kg=_number(path, f"{where} mass_kg", entry.get("mass_kg", vehicle.mass_kg), above=0.0),
+        kinetic_friction_d=friction,
+        gradient=_number(path, f"{where} gradient", entry.get("gradient", 0.0)),
+        direction=str(entry.get("direction", "")),
+        notes=str(entry.get("notes", "")),
+    )
+
+
+def _table(path: Path, document: dict[str, Any], key: str) -> dict[str, Any]:
+    table = document.get(key)
+    if not isinstance(table, dict):
+        raise CampaignError(f"{path} lacks the table [{key}]; a campaign needs [campaign], [vehicle] and [runs.NAME]")
+    return table
+
+
+def _known(path: Path, where: str, table: dict[str, Any], valid: tuple[str, ...]) -> None:
+    if unknown := sorted(set(table) - set(valid)):
+        raise CampaignError(f"{path}: unknown key {', '.join(unknown)} in {where}; valid: {', '.join(valid)}")
+
+
+def _required(path: Path, where: str, table: dict[str, Any], keys: tuple[str, ...]) -> None:
+    if missing := [key for key in keys if key not in table]:
+        raise CampaignError(f"{path}: {where} lacks {', '.join(missing)}; add it")
+
+
+def _number(path: Path, what: str, value: Any, above: float = -np.inf) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not above < value < np.inf:
+        bound = "" if above == -np.inf else f" above {above:g}"
+        raise CampaignError(f"{path}: {what} must be a finite number{bound}, got {value!r}")
+    return float(value)

@@ -1,0 +1,169 @@
+"""Tuning of the recovery rate tau on recorded stops, and scoring of the law (the seed paper's section 4).
+
+What is compared. Eq. (12) compares lambda, for which eq. (3) is divided by f_r - f_d; here f itself is compared, as
+Table 4's errors are.
+
+What is fitted. One tau over the runs of the tune group and, unless the believed one is to be kept, one mu_cd per run,
+a property of that run's rail. The runs to validate never touch tau: with tau frozen, each gets its own rail's mu_cd
+from its own samples (one number), then its errors. A run without sliding says nothing on either: its mu_cd
+stays the believed one and its errors are None.
+"""
+
+import dataclasses
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import t as student
+
+from wsp_env.contact.degraded import degraded_adhesion
+from wsp_env.recordings.campaign import Campaign
+from wsp_env.recordings.derive import Derived, Smoothing, derive, rolling_radii
+from wsp_env.recordings.table import CampaignError
+
+#: Sliding for less than this [s], summed over the axles, says nothing on a run's friction.
+LEAST_SLIDING_S = 2.0
+
+#: Residuals further apart than this [s] count as independent.
+BLOCK_S = 2.0
+
+#: Standard deviation [-] of the gain between cylinder pressure and torque: uniform within 1 %.
+GAIN_DEVIATION = 0.01 / np.sqrt(3.0)
+
+_TAU_BOUNDS = (1e-7, 1e-1)  # [m/J]
+_TAU_START = 1e-4  # [m/J]
+_LEAST_FRICTION = 1e-3  # [-]
+
+
+@dataclasses.dataclass(frozen=True)
+class RunScore:
+    """How the tuned law fits one run."""
+
+    group: str  # "tune" or "validate"
+    mu_cd: float  # [-] fitted, or the believed one
+    error: tuple[float | None, ...]  # e_j = ||f_sp - f|| / ||f_sp|| [-] per axle; None where an axle never slides
+
+    @property
+    def slides(self) -> bool:
+        """Whether any axle slides, so that mu_cd could be fitted."""
+        return any(error is not None for error in self.error)
+
+
+@dataclasses.dataclass(frozen=True)
+class Tuning:
+    """The tuned law: tau and its 95 % interval [m/J], and every run's score."""
+
+    tau_m_per_J: float  # noqa: N815 (the unit's symbol)
+    interval95: tuple[float, float]
+    runs: dict[str, RunScore]
+
+
+def tune(campaign: Campaign, smoothing: Smoothing = Smoothing(), tune_friction: bool = True) -> Tuning:  # noqa: B008
+    """Tune tau (and mu_cd per run) on the tune group, score both groups.
+
+    Parameters
+    ----------
+    tune_friction : fit mu_cd of every sliding run; False keeps the believed ones
+
+    Raises
+    ------
+    CampaignError
+        when no run to tune on slides, or a recording is too short
+
+    """
+    radii = rolling_radii(campaign, smoothing)
+    chosen = (*campaign.tune, *campaign.validate)
+    derived = {name: derive(campaign, campaign.runs[name], radii, smoothing) for name in chosen}
+    slides = {name: d.usable.sum() * campaign.sample_time_s >= LEAST_SLIDING_S for name, d in derived.items()}
+    tuned_on = [name for name in campaign.tune if slides[name]]
+    if not tuned_on:
+        raise CampaignError(
+            f"campaign {campaign.name}: no run to tune on ({', '.join(campaign.tune)}) slides for {LEAST_SLIDING_S:g} s with "
+            f"a creepage above {smoothing.least_creepage:g}: tau cannot be seen; name runs with sliding in [campaign] tune"
+        )
+    problem = _Problem(campaign, {name: derived[name] for name in tuned_on}, tune_friction)
+    tau, interval, frictions = problem.solve()
+    runs = {}
+    for name in chosen:
+        believed = campaign.runs[name].kinetic_friction_d
+        if tune_friction and slides[name] and name not in frictions:
+            frictions |= _Problem(campaign, {name: derived[name]}, True, tau).solve()[2]
+        mu_cd = frictions.get(name, believed)
+        error = _errors(campaign, derived[name], tau, mu_cd) if slides[name] else (None,) * campaign.vehicle.axles
+        runs[name] = RunScore("tune" if name in campaign.tune else "validate", mu_cd, error)
+    return Tuning(tau, interval, runs)
+
+
+class _Problem:
+    """Least squares of f over some runs; the parameters are the logarithms of tau (unless given) and of mu_cd."""
+
+    def __init__(self, campaign: Campaign, derived: dict[str, Derived], friction: bool, tau: float | None = None):
+        self.campaign, self.derived, self.friction, self.tau = campaign, derived, friction, tau
+        self.believed = np.log([campaign.runs[name].kinetic_friction_d for name in derived])
+
+    def unpack(self, parameters: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return tau [m/J] and mu_cd [-] of each run (runs,)."""
+        tau = float(np.exp(parameters[0])) if self.tau is None else self.tau
+        return tau, np.exp(parameters[-len(self.believed) :] if self.friction else self.believed)
+
+    def residuals(self, parameters: np.ndarray) -> np.ndarray:
+        """f_sp - f of all usable samples, run after run."""
+        tau, frictions = self.unpack(parameters)
+        pairs = zip(self.derived.values(), frictions, strict=True)
+        return np.concatenate([(d.adhesion - _model(self.campaign, d, tau, mu))[d.usable] for d, mu in pairs])
+
+    def solve(self) -> tuple[float, tuple[float, float], dict[str, float]]:
+        """Return tau, its interval, and mu_cd by run."""
+        highest = np.log(self.campaign.contact.kinetic_friction_r)
+        start, low, high = [], [], []
+        if self.tau is None:
+            start, low, high = [np.log(_TAU_START)], [np.log(_TAU_BOUNDS[0])], [np.log(_TAU_BOUNDS[1])]
+        if self.friction:
+            start += list(self.believed)
+            low += [np.log(_LEAST_FRICTION)] * len(self.believed)
+            high += [highest] * len(self.believed)
+        fit = least_squares(self.residuals, start, bounds=(low, high), x_scale="jac")
+        tau, frictions = self.unpack(fit.x)
+        interval = (tau, tau) if self.tau is not None else self.interval(fit.x, fit.fun, fit.jac)
+        return tau, interval, dict(zip(self.derived, map(float, frictions), strict=True))
+
+    def interval(self, solution: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray) -> tuple[float, float]:
+        """95 % interval of tau [m/J]: the sandwich estimate of blocks, and the brake gains' share by propagation.
+
+        The residuals are far from independent (the filter, mu_cd along the track, four axles on one rail), so the
+        scores are summed over blocks of time, all axles together, before their covariance is taken.
+        """
+        blocks, axles, shares, first = [], [], [], 0
+        for d in self.derived.values():
+            rows, columns = np.nonzero(d.usable)
+            labels = first + (rows * self.campaign.sample_time_s // BLOCK_S).astype(int)
+            blocks.append(labels)
+            axles.append(columns)
+            shares.append(d.torque_share[d.usable])
+            first = labels.max() + 1
+        used, block = np.unique(np.concatenate(blocks), return_inverse=True)
+        scores = np.zeros((len(used), len(solution)))
+        np.add.at(scores, block, jacobian * residuals[:, None])
+        freedom = max(len(used) - len(solution), 1)
+        middle = scores.T @ scores * len(used) / freedom
+        if self.campaign.vehicle.brake_torque_source != "measured":
+            gains = np.zeros((self.campaign.vehicle.axles, len(solution)))
+            np.add.at(gains, np.concatenate(axles), jacobian * np.concatenate(shares)[:, None])
+            middle += GAIN_DEVIATION**2 * gains.T @ gains
+        bread = np.linalg.pinv(jacobian.T @ jacobian)
+        deviation = np.sqrt((bread @ middle @ bread)[0, 0]) * student.ppf(0.975, freedom)
+        return float(np.exp(solution[0] - deviation)), float(np.exp(solution[0] + deviation))
+
+
+def _model(campaign: Campaign, derived: Derived, tau: float, mu_cd: float) -> np.ndarray:
+    """Adhesion coefficient f [-] (T, axles) of the law at the measured slip and speed, eq. (10)."""
+    speed = derived.speed_mps[:, None]
+    return degraded_adhesion(derived.slip_speed_mps, speed, derived.normal_load_n, mu_cd, tau, campaign.contact.law)
+
+
+def _errors(campaign: Campaign, derived: Derived, tau: float, mu_cd: float) -> tuple[float | None, ...]:
+    """Relative errors e_j [-] over an axle's usable samples; None for an axle without any."""
+    measured = np.where(derived.usable, derived.adhesion, 0.0)
+    missed = np.where(derived.usable, derived.adhesion - _model(campaign, derived, tau, mu_cd), 0.0)
+    norms = np.linalg.norm(measured, axis=0)
+    errors = np.linalg.norm(missed, axis=0) / np.maximum(norms, np.finfo(float).tiny)
+    return tuple(float(error) if norm > 0.0 else None for error, norm in zip(errors, norms, strict=True))
