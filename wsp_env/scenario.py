@@ -66,9 +66,7 @@ class Scenario:
             raise ParameterError(f"scenario: {name} = {value!r} must be a pair (lowest, highest)") from None
         positive = name in ("mu_cd", "initial_speed", "patch_length", "variation_length")
         if not (math.isfinite(low) and math.isfinite(high) and low <= high) or (positive and low <= 0.0):
-            raise ParameterError(
-                f"scenario: {name} = {value!r} is impossible: lowest first, finite, above zero where it must"
-            )
+            raise ParameterError(f"scenario: {name} = {value!r} is impossible: lowest first, finite, above zero where it must")
         if low < 0.0 and name != "gradient":
             raise ParameterError(f"scenario: {name} = {value!r} is impossible: it cannot be negative")
         object.__setattr__(self, name, (low, high))
@@ -162,7 +160,8 @@ def _log_uniform(rng: np.random.Generator, bounds: Range) -> float:
 
 def _track(kind: str, scenario: Scenario, rng: np.random.Generator, nodes: int) -> tuple[np.ndarray, np.ndarray]:
     """Return relative mu_cd and film coverage at the nodes, both (nodes,)."""
-    profile, coverage = np.ones(nodes), np.ones(nodes)
+    profile: np.ndarray = np.ones(nodes)
+    coverage: np.ndarray = np.ones(nodes)
     if kind == "varying":
         # First-order autoregression, stationary, its correlation falling to 1/e within the drawn length.
         keep = math.exp(-TRACK_STEP_M / rng.uniform(*scenario.variation_length))
@@ -172,9 +171,7 @@ def _track(kind: str, scenario: Scenario, rng: np.random.Generator, nodes: int) 
             shocks[i] += keep * shocks[i - 1]
         profile = np.maximum(1.0 + scenario.variation * shocks, 0.1)
     elif kind == "patches":
-        ends = np.cumsum(
-            rng.uniform(*scenario.patch_length, size=2 + int(nodes * TRACK_STEP_M / scenario.patch_length[0]))
-        )
+        ends = np.cumsum(rng.uniform(*scenario.patch_length, size=2 + int(nodes * TRACK_STEP_M / scenario.patch_length[0])))
         coverage = 1.0 - np.searchsorted(ends, TRACK_STEP_M * np.arange(nodes), side="right") % 2.0
     elif kind != "constant":
         raise ParameterError(f"unknown track {kind!r}; valid: {', '.join(TRACKS)}")

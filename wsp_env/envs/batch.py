@@ -55,7 +55,10 @@ class BrakingBatch:
         self._fresh = True
 
     def start(
-        self, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None, mask: np.ndarray | None = None
+        self,
+        generators: Sequence[np.random.Generator],
+        options: Mapping[str, Any] | None = None,
+        mask: np.ndarray | None = None,
     ) -> np.ndarray:
         """Begin new stops, all or where `mask` (N,) is True, each from its own generator; return observations (N, size).
 
@@ -65,10 +68,10 @@ class BrakingBatch:
             mask = np.ones(self.n, dtype=bool)
         pins = self._pins(options)
         classic = self.task.adhesion == "classic"
-        for i in range(self.n) if mask is None else np.flatnonzero(mask):
+        for i in range(self.n) if mask is None else np.flatnonzero(mask).tolist():
             own = {name: values[i] for name, values in pins.items()}
             stop = draw(self.scenario, self.vehicle, generators[i], self.task.track_nodes, own, classic)
-            self.plant.start(int(i), stop)
+            self.plant.start(i, stop)
         observation = self.observer.reset(self.measurement(), None if self._fresh else mask)
         self._fresh = False
         return observation
@@ -96,7 +99,9 @@ class BrakingBatch:
             raise ValueError(f"actions must be numbers, got {actions!r}") from None
         axles = self.vehicle.axles
         if array.shape != (self.n, axles):
-            got, want = (array.shape[1:], (axles,)) if self.n == 1 and array.shape[:1] == (1,) else (array.shape, (self.n, axles))
+            got, want = (
+                (array.shape[1:], (axles,)) if self.n == 1 and array.shape[:1] == (1,) else (array.shape, (self.n, axles))
+            )
             raise ValueError(f"the action has shape {got}, expected {want}: one entry per axle of the {self.vehicle.name}")
         if not np.isfinite(array).all():
             raise ValueError(f"the action {array.tolist()} is not finite: give numbers from {self.action_space}")
@@ -142,13 +147,13 @@ class BrakingBatch:
         return locked
 
     def measurement(self) -> Measurement:
-        """What the sensors say now; copies."""
+        """Return what the sensors say now; copies."""
         state = self.plant.state
         pressure = state.pressure.copy() if self.task.pressure_sensors else None
         return Measurement(state.time.copy(), state.measured.copy(), self.plant.conditions.demand.copy(), pressure)
 
     def truth(self) -> dict[str, np.ndarray]:
-        """What no controller may know, for `info`: arrays (N,) or (N, A) by name, copies."""
+        """Return what no controller may know, for `info`: arrays (N,) or (N, A) by name, copies."""
         state, conditions = self.plant.state, self.plant.conditions
         return {
             "time_s": state.time.copy(),

@@ -1,6 +1,6 @@
 """The Gymnasium environment of one vehicle: the batch of one."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -35,7 +35,7 @@ class BrakingEnv(gym.Env[np.ndarray, Any]):
     **Versions**: v0, first.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human", "ansi"], "render_fps": 50}
+    metadata = {"render_modes": ["rgb_array", "human", "ansi"], "render_fps": 50}  # noqa: RUF012  # as Gymnasium declares it
 
     def __init__(self, vehicle_name: str = "bogie", render_mode: str | None = None, **options: Any) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:

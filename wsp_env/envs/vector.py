@@ -1,6 +1,6 @@
 """The Gymnasium vector environment: N stops in one compiled batch."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -20,7 +20,7 @@ class BrakingVectorEnv(gym.vector.VectorEnv[np.ndarray, Any, np.ndarray]):
     those of `wsp_env.envs.task.Task`; reset options take one value for all or one per stop.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}
+    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012  # as Gymnasium declares it
 
     def __init__(self, num_envs: int = 1, vehicle_name: str = "bogie", render_mode: str | None = None, **options: Any) -> None:
         if render_mode is not None:

@@ -50,12 +50,8 @@ PRIMARY_SUSPENSION = Suspension(8.44e5, 8.44e5, 7.9e5, 10_700.0, 10_700.0)
 SECONDARY_SUSPENSION = Suspension(1.24e5, 1.24e5, 3.4e5)
 ANTI_ROLL_BAR = Suspension(rotation_x_nm_per_rad=2.5e6)
 
-COACH = Vehicle(
-    "coach", axle_positions_m=(0.0, BOGIE_WHEELBASE_M, BOGIE_DISTANCE_M, BOGIE_DISTANCE_M + BOGIE_WHEELBASE_M)
-)
-BOGIE = Vehicle(
-    "bogie", axle_positions_m=(0.0, BOGIE_WHEELBASE_M), mass_kg=COACH.mass_kg / 2, payload_kg=COACH.payload_kg / 2
-)
+COACH = Vehicle("coach", axle_positions_m=(0.0, BOGIE_WHEELBASE_M, BOGIE_DISTANCE_M, BOGIE_DISTANCE_M + BOGIE_WHEELBASE_M))
+BOGIE = Vehicle("bogie", axle_positions_m=(0.0, BOGIE_WHEELBASE_M), mass_kg=COACH.mass_kg / 2, payload_kg=COACH.payload_kg / 2)
 WHEELSET = Vehicle("wheelset", axle_positions_m=(0.0,), mass_kg=COACH.mass_kg / 4, payload_kg=COACH.payload_kg / 4)
 
 #: The vehicles by name.

@@ -34,21 +34,15 @@ class Vehicle(Checked):
 
     name: str
     axle_positions_m: tuple[float, ...] = quantity((0.0,), "m", "behind the leading axle", 0.0, 100.0)
-    mass_kg: float = quantity(
-        43000.0, "kg", "seed paper, Table 1 (the bodies of Table 5 sum to 41 800 kg)", 0.0, 1e6, True
-    )
-    payload_kg: float = quantity(
-        6000.0, "kg", "assumption: 80 passengers of 75 kg; Table 1's mass is taken as empty", 0.0
-    )
+    mass_kg: float = quantity(43000.0, "kg", "seed paper, Table 1 (the bodies of Table 5 sum to 41 800 kg)", 0.0, 1e6, True)
+    payload_kg: float = quantity(6000.0, "kg", "assumption: 80 passengers of 75 kg; Table 1's mass is taken as empty", 0.0)
     wheelset_inertia_kgm2: float = quantity(160.0, "kg m2", "seed paper, Table 5 and eq. (11)", 0.0, 1e4, open_low=True)
     wheel_radius_m: float = quantity(0.445, "m", "seed paper, Table 1: diameter 0.89 m", 0.0, 2.0, open_low=True)
     gravity_mps2: float = quantity(9.81, "m/s2", "standard value, rounded", 0.0, 20.0, open_low=True)
     resistance_a_n: float = quantity(0.0, "N", "assumption: no running resistance, as in the recordings", 0.0, 1e5)
     resistance_b_ns_per_m: float = quantity(0.0, "N s/m", "as resistance_a_n", 0.0, 1e4)
     resistance_c_ns2_per_m2: float = quantity(0.0, "N s2/m2", "as resistance_a_n", 0.0, 1e3)
-    max_speed_mps: float = quantity(
-        55.6, "m/s", "assumption: coaches of the UIC-Z1 series run up to 200 km/h", 0.0, 150.0
-    )
+    max_speed_mps: float = quantity(55.6, "m/s", "assumption: coaches of the UIC-Z1 series run up to 200 km/h", 0.0, 150.0)
     contact: ContactParameters = dataclasses.field(default_factory=ContactParameters)
     brake: Brake = dataclasses.field(default_factory=Brake)
     tachometer: Tachometer = dataclasses.field(default_factory=Tachometer)

@@ -7,9 +7,7 @@ from wsp_env.plant.state import Constants, State
 
 
 @inlined
-def _flow(
-    h: float, pressure: float, command: float, offered: float, demanded: float, p: Constants
-) -> tuple[float, float]:
+def _flow(h: float, pressure: float, command: float, offered: float, demanded: float, p: Constants) -> tuple[float, float]:
     """Return the pressure after h [s] under one command, and its integral [bar s]; first order towards where air flows."""
     if h <= 0.0:
         return pressure, 0.0

@@ -112,9 +112,7 @@ class Plant:
             raise ValueError(f"commands have shape {command.shape}, expected {shape}: one per vehicle and axle")
         if not np.isfinite(command).all():
             row, axle = np.argwhere(~np.isfinite(command))[0]
-            raise ValueError(
-                f"the command of vehicle {row}, axle {axle + 1} is {command[row, axle]}: commands must be finite"
-            )
+            raise ValueError(f"the command of vehicle {row}, axle {axle + 1} is {command[row, axle]}: commands must be finite")
         advance(command, self.state, self.conditions, self.constants, self.moving)
 
     @property

@@ -45,7 +45,7 @@ def along_track(i: int, place: float, table: np.ndarray, step: float) -> float:
 
 @inlined
 def _start(i: int, state: State, c: Conditions, p: Constants, work: np.ndarray) -> float:
-    """Evaluate the contacts at the start of a substep into `work` (8, A); return the vehicle's deceleration [m/s2]."""
+    """Evaluate the contacts at the start of a substep into `work` (9, A); return the vehicle's deceleration [m/s2]."""
     speed = state.speed[i]
     mass = c.mass[i]
     axles = state.wheel_speed.shape[1]
@@ -78,7 +78,7 @@ def _start(i: int, state: State, c: Conditions, p: Constants, work: np.ndarray) 
 
 @inlined
 def resistance(speed: float, mass: float, gradient: float, p: Constants) -> float:
-    """Running resistance and gradient force [N] against the motion."""
+    """Return running resistance and gradient force [N] against the motion."""
     return p.resistance_a + speed * (p.resistance_b + speed * p.resistance_c) + mass * p.gravity * gradient
 
 
@@ -96,34 +96,45 @@ def _slip_after(
 
 
 @inlined
-def _wheel(
-    i: int, k: int, h: float, mean_torque: float, start_torque: float, deceleration: float, jerk: float,
+def _slip(
+    i: int, k: int, start_torque: float, deceleration: float, jerk: float,
     state: State, c: Conditions, p: Constants, work: np.ndarray,
-) -> tuple[float, float]:  # fmt: skip
-    """Return the wheel speed [rad/s] after h [s] and the mean contact force of the wheelset [N]."""
-    speed = state.speed[i]
-    before = state.wheel_speed[i, k]
+) -> float:  # fmt: skip
+    """Slip speed [m/s] of a turning wheelset after the substep."""
+    h = p.substep
     radius = c.radius[i, k]
-    slip, force = work[0, k], work[1, k]
-    if before == 0.0 and radius * force <= start_torque:  # locked, and the contact cannot turn it: torque is a reaction
-        return 0.0, force - 0.5 * h * deceleration * (work[2, k] + work[3, k])
-    torque_rate = 2.0 * (mean_torque - start_torque) / h  # a linear torque with the same mean
+    slip = work[0, k]
+    torque_rate = 2.0 * (work[7, k] - start_torque) / h  # a linear torque with the same mean
     after = _slip_after(
-        h, slip, force, work[2, k], work[3, k], start_torque, torque_rate, deceleration, jerk, radius, p.inertia
+        h, slip, work[1, k], work[2, k], work[3, k], start_torque, torque_rate, deceleration, jerk, radius, p.inertia
     )
-    if slip * after < 0.0:
-        used = h * slip / (slip - after)
-        rest = h - used
-        rolling = adhesion(0.0, speed - deceleration * used, work[4, k], work[5, k], c.tau[i], work[6, k], p.law)
-        torque = start_torque + torque_rate * used
-        after = _slip_after(
-            rest, 0.0, 0.0, 2.0 * work[4, k] * rolling.df_ds, 0.0, torque, torque_rate, deceleration, jerk, radius,
-            p.inertia,
-        )  # fmt: skip
-    wheel = (speed - h * (deceleration + 0.5 * h * jerk) - after) / radius
-    if wheel <= 0.0:  # locks within the substep: from then on the brake only takes up what the contact gives
-        return 0.0, force
-    return wheel, (p.inertia * (wheel - before) / h + mean_torque) / radius
+    if slip * after >= 0.0:
+        return after
+    used = h * slip / (slip - after)
+    speed = state.speed[i] - deceleration * used
+    rolling = adhesion(0.0, speed, work[4, k], work[5, k], c.tau[i], work[6, k], p.law)
+    slope = 2.0 * work[4, k] * rolling.df_ds
+    torque = start_torque + torque_rate * used
+    return _slip_after(h - used, 0.0, 0.0, slope, 0.0, torque, torque_rate, deceleration, jerk, radius, p.inertia)
+
+
+@inlined
+def _solve_speed(i: int, resisted: float, state: State, c: Conditions, p: Constants, work: np.ndarray) -> float:
+    """Vehicle speed [m/s] after the substep: its momentum balance, linear in the speed once the slips are known.
+
+    A turning wheelset gives T = (J dw / h + C) / r with w = (v - s) / r at the end, a locked one its contact force.
+    """
+    h, inertia = p.substep, p.inertia
+    momentum = c.mass[i] * state.speed[i] - h * resisted
+    mass = c.mass[i]
+    for k in range(state.wheel_speed.shape[1]):
+        if work[8, k] > 0.0:
+            momentum -= h * work[1, k]
+        else:
+            radius = c.radius[i, k]
+            momentum += (inertia * (work[0, k] / radius + state.wheel_speed[i, k]) - h * work[7, k]) / radius
+            mass += inertia / (radius * radius)
+    return momentum / mass
 
 
 @inlined
@@ -140,33 +151,45 @@ def _substep(i: int, elapsed: float, state: State, c: Conditions, p: Constants, 
     supply = min(max(aim, state.supply[i] - rise), state.supply[i] + rise)
     offered = 0.5 * (supply + state.supply[i])
     state.supply[i] = supply
-    total = resistance(speed - 0.5 * h * deceleration, mass, c.gradient[i], p)
-    resisted = total
+    resisted = resistance(speed - 0.5 * h * deceleration, mass, c.gradient[i], p)
     for k in range(axles):
         start = state.pressure[i, k]
         pressure, mean = mean_pressure(i, k, elapsed, offered, c.demand[i], state, p)
         state.air[i, k] += p.air_per_bar * max(pressure - start, 0.0)
         state.pressure[i, k] = pressure
+        start *= p.torque_per_bar
         work[7, k] = p.torque_per_bar * mean
-        wheel, force = _wheel(i, k, h, work[7, k], p.torque_per_bar * start, deceleration, jerk, state, c, p, work)
-        work[0, k] = wheel
-        work[1, k] = force
-        total += force
-    after = speed - h * total / mass
+        # A locked wheel stays so while the contact cannot turn it; its torque is a reaction.
+        work[8, k] = 1.0 if state.wheel_speed[i, k] == 0.0 and c.radius[i, k] * work[1, k] <= start else 0.0
+        if work[8, k] > 0.0:
+            work[1, k] -= 0.5 * h * deceleration * (work[2, k] + work[3, k])
+        else:
+            work[0, k] = _slip(i, k, start, deceleration, jerk, state, c, p, work)
+    after = _solve_speed(i, resisted, state, c, p, work)
+    locks = False
+    for k in range(axles):
+        if work[8, k] == 0.0 and after <= work[0, k]:  # locks within the substep: the brake takes up what the contact gives
+            work[8, k] = 1.0
+            locks = True
+    if locks:
+        after = _solve_speed(i, resisted, state, c, p, work)
     stopped = after <= 0.0
-    if stopped:
+    if stopped:  # within the substep, wheels and vehicle together
         h *= speed / (speed - after)
         after = 0.0
     travelled = 0.5 * h * (speed + after)
     rolled = state.position[i]
     for k in range(axles):
         before = state.wheel_speed[i, k]
-        wheel = 0.0 if stopped else work[0, k]
+        radius = c.radius[i, k]
+        wheel, force, torque = 0.0, work[1, k], work[7, k]
+        if work[8, k] > 0.0:
+            torque = radius * force + p.inertia * before / p.substep
+        else:
+            wheel = max(after - work[0, k], 0.0) / radius
+            force = (p.inertia * (wheel - before) / h + torque) / radius
         turned = 0.5 * h * (before + wheel)
-        spent = work[1, k] * (travelled - c.radius[i, k] * turned)
-        torque = work[7, k]
-        if work[0, k] == 0.0:  # the brake took up what contact and wheel gave, not more
-            torque = c.radius[i, k] * work[1, k] + p.inertia * before / p.substep
+        spent = force * (travelled - radius * turned)
         state.contact_work[i, k] += spent
         state.brake_work[i] += torque * turned
         leading_axle_cleaning.remember(
@@ -196,7 +219,7 @@ def advance(command: np.ndarray, state: State, c: Conditions, p: Constants, movi
 
     """
     n, axles = command.shape
-    work = np.empty((8, axles))
+    work = np.empty((9, axles))
     for i in range(n):
         if not moving[i]:
             continue

@@ -20,9 +20,7 @@ class Mechanisms(NamedTuple):
     load_transfer: load_transfer.Parameters
 
 
-ALL: dict[str, Mechanism] = {
-    module.MECHANISM.name: module.MECHANISM for module in (leading_axle_cleaning, load_transfer)
-}
+ALL: dict[str, Mechanism] = {module.MECHANISM.name: module.MECHANISM for module in (leading_axle_cleaning, load_transfer)}
 
 
 def make(choice: Mapping[str, Mapping[str, float]] | None = None) -> Mechanisms:

@@ -17,8 +17,8 @@ import numpy as np
 from wsp_env.compiled import inlined
 from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
 
-#: Length of a cell of rail [m].
-CELL_M = 0.5
+#: Length of a cell of rail [m]: longer than a substep at any speed, short against the distance of axles.
+CELL_M = 1.0
 
 
 class Parameters(NamedTuple):
@@ -31,9 +31,7 @@ MECHANISM = Mechanism(
     name="leading_axle_cleaning",
     summary="energy spent by earlier wheels removes the film at that place on the rail",
     parameters=(
-        Parameter(
-            "removal_m_per_j", "m/J", 0.0, 2.0e-5, 0.0, 1.0e-2, "form: eq. (4) of the seed paper; size: assumption"
-        ),
+        Parameter("removal_m_per_j", "m/J", 0.0, 2.0e-5, 0.0, 1.0e-2, "form: eq. (4) of the seed paper; size: assumption"),
     ),
     record=Parameters,
     trace="adhesion: later axles have more at equal slip, lagging by axle distance / v, absent before the leading axle slides",

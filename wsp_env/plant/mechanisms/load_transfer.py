@@ -22,9 +22,7 @@ MECHANISM = Mechanism(
     name="load_transfer",
     summary="deceleration loads the leading bogie and the leading axle of each bogie",
     parameters=(
-        Parameter(
-            "body_height_m", "m", 0.0, 1.0, 0.0, 3.0, "assumption: centre of mass 1.6 m, pivots 0.6 m above the rail"
-        ),
+        Parameter("body_height_m", "m", 0.0, 1.0, 0.0, 3.0, "assumption: centre of mass 1.6 m, pivots 0.6 m above the rail"),
         Parameter("pivot_height_m", "m", 0.0, 0.6, 0.0, 2.0, "assumption: height of the traction rod above the rail"),
     ),
     record=Parameters,
