@@ -1,0 +1,79 @@
+# Each target sets up what it needs in .venv, once, and again when pyproject.toml or constraints.txt change.
+#   make demo PYTHON=python3.12     another interpreter (Python 3.11 or later)
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+PINS := pyproject.toml constraints.txt
+# pytest runs in that many processes
+JOBS ?= 2
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help demo test lint plain docs benchmark picture clean
+
+help:
+	@echo "make demo       read and tune a campaign, brake under the tuned law; writes out/demo.html"
+	@echo "make test       lint, the whole test suite, and the kernels once more as plain Python"
+	@echo "make lint       ruff, mypy, import-linter"
+	@echo "make docs       the documentation, in docs/_build/html"
+	@echo "make benchmark  speed of the law and of the plant, as ratios"
+	@echo "make picture    the picture of the README"
+
+demo: $(VENV)/.report
+	$(BIN)/wsp demo
+
+test: lint $(VENV)/.dev
+	$(BIN)/pytest --numprocesses $(JOBS) --dist loadgroup
+	@$(MAKE) --no-print-directory plain
+
+# Compiled code hides from coverage and from Python's own checks: some tests once more without the compiler.
+plain: $(VENV)/.dev
+	NUMBA_DISABLE_JIT=1 $(BIN)/pytest --quiet -m plain
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+docs: $(VENV)/.docs
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
+	@echo "docs/_build/html/index.html"
+
+benchmark: $(VENV)/.report
+	$(BIN)/python experiments/benchmark.py
+
+picture: $(VENV)/.report
+	$(BIN)/python experiments/readme_picture.py
+
+clean:
+	rm -rf $(VENV) docs/_build out
+
+# --- set-up -----------------------------------------------------------------------------------------------------------
+
+$(BIN)/python:
+	@command -v $(PYTHON) >/dev/null || { echo "no '$(PYTHON)' found: install Python 3.11 or later, or name it: make PYTHON=..."; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "$$($(PYTHON) --version) is too old: wsp-env needs 3.11 or later; name another: make PYTHON=python3.12"; exit 1; }
+	@$(PYTHON) -m venv $(VENV) >/dev/null 2>&1 || \
+		{ $(PYTHON) -m venv --without-pip --clear $(VENV) && $(PYTHON) -m pip --python $@ install --quiet pip; } || \
+		{ rm -rf $(VENV); echo "cannot make a virtual environment with $(PYTHON): it needs the modules venv and pip"; exit 1; }
+
+$(VENV)/.report: $(PINS) | $(BIN)/python
+	$(PIP) --editable ".[report]"
+	@touch $@
+
+# torch first and pinned: pip would else fetch another build for the open range of stable-baselines3
+$(VENV)/.torch: constraints.txt | $(BIN)/python
+	$(PIP) torch
+	@touch $@
+
+$(VENV)/.dev: $(PINS) $(VENV)/.torch | $(BIN)/python
+	$(PIP) --editable ".[dev]"
+	@touch $@
+
+$(VENV)/.docs: $(PINS) | $(BIN)/python
+	$(PIP) --editable ".[docs]"
+	@touch $@
