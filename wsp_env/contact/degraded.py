@@ -74,7 +74,7 @@ def exp_minus_lambert_w0(z: float) -> float:
     """
     if z > 0.0:
         w = math.log1p(z)
-        for _ in range(6):
+        for _ in range(8):
             power = z * math.exp(-w)
             w -= (w - power) / (1.0 + power)
         return math.exp(-w)

@@ -2,7 +2,8 @@
 
 Source: J. J. Kalker, "A fast algorithm for the simplified theory of rolling contact", Vehicle System Dynamics 11 (1982)
 1-13. Every point of the ellipse is a spring by itself, whose flexibility makes the initial slopes equal to those of the
-linear theory. It is the "FASTSIM algorithm" of the seed paper's Table 9. Conventions as in `wsp_env.contact.kalker`.
+linear theory. As they differ along and across, a sliding wheel's force points along the linear theory's, some degrees
+off the slip. It is the "FASTSIM algorithm" of the seed paper's Table 9. Conventions as in `wsp_env.contact.kalker`.
 """
 
 import math

@@ -139,10 +139,10 @@ def saturated_force(
     linear_x, linear_y = linear_force(creepage_x, creepage_y, spin, patch)
     linear = math.hypot(linear_x, linear_y)
     limit = friction * normal_load
-    if linear == 0.0 or limit <= 0.0:
+    if limit <= 0.0:
         return 0.0, 0.0
-    share = min(linear / (3.0 * limit), 1.0)
-    scale = limit * (1.0 - (1.0 - share) ** 3) / linear
+    share = linear / (3.0 * limit)
+    scale = 1.0 - share + share * share / 3.0 if share < 1.0 else limit / linear
     return scale * linear_x, scale * linear_y
 
 

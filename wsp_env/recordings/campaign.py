@@ -186,7 +186,8 @@ def _recording(
     )
     if friction >= contact.kinetic_friction_r:
         raise CampaignError(
-            f"{path}: {where} kinetic_friction_d = {friction} is not below kinetic_friction_r = {contact.kinetic_friction_r}"
+            f"{path}: {where} kinetic_friction_d = {friction} is not below kinetic_friction_r = "
+            f"{contact.kinetic_friction_r}"
         )
     return Recording(
         name=name,

@@ -53,7 +53,7 @@ class Derived:
     usable: np.ndarray  # bool: sliding, turning, fast enough and inside the filter's ends
 
 
-def rolling_radii(campaign: Campaign, smoothing: Smoothing = Smoothing()) -> np.ndarray:  # noqa: B008 (frozen)
+def rolling_radii(campaign: Campaign, smoothing: Smoothing = Smoothing()) -> np.ndarray:
     """Wheel radius [m] of each axle (axles,), seen while rolling freely before the brakes apply, over all runs.
 
     Least squares of v = r w on run means. Where no run rolls freely for half a second: the believed radius.
@@ -94,7 +94,7 @@ def derive(
     campaign: Campaign,
     run: Recording,
     radii_m: np.ndarray,
-    smoothing: Smoothing = Smoothing(),  # noqa: B008 (frozen)
+    smoothing: Smoothing = Smoothing(),
 ) -> Derived:
     """Derive the experimental quantities of eqs. (1), (2) and (11) from one recording.
 
@@ -159,7 +159,8 @@ def _smooth(run: Recording, values: np.ndarray, window_s: float, step_s: float, 
     length = _length(window_s, step_s)
     if len(values) < length:
         raise CampaignError(
-            f"run {run.name} has {len(values)} samples, the smoothing window of {window_s:g} s needs {length}: leave the run out"
+            f"run {run.name} has {len(values)} samples, the smoothing window of {window_s:g} s needs {length}: "
+            "leave the run out"
         )
     smooth: np.ndarray = savgol_filter(values, length, _ORDER, deriv=derivative, delta=step_s, axis=0)
     return smooth

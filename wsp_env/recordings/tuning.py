@@ -23,8 +23,8 @@ from wsp_env.recordings.table import CampaignError
 #: Sliding for less than this [s], summed over the axles, says nothing on a run's friction.
 LEAST_SLIDING_S = 2.0
 
-#: Residuals further apart than this [s] count as independent.
-BLOCK_S = 2.0
+#: Residuals in different stretches of track of this length [m] count as independent.
+STRETCH_M = 40.0
 
 #: Standard deviation [-] of the gain between cylinder pressure and torque: uniform within 1 %.
 GAIN_DEVIATION = 0.01 / np.sqrt(3.0)
@@ -57,7 +57,7 @@ class Tuning:
     runs: dict[str, RunScore]
 
 
-def tune(campaign: Campaign, smoothing: Smoothing = Smoothing(), tune_friction: bool = True) -> Tuning:  # noqa: B008
+def tune(campaign: Campaign, smoothing: Smoothing = Smoothing(), tune_friction: bool = True) -> Tuning:
     """Tune tau (and mu_cd per run) on the tune group, score both groups.
 
     Parameters
@@ -77,8 +77,9 @@ def tune(campaign: Campaign, smoothing: Smoothing = Smoothing(), tune_friction: 
     tuned_on = [name for name in campaign.tune if slides[name]]
     if not tuned_on:
         raise CampaignError(
-            f"campaign {campaign.name}: no run to tune on ({', '.join(campaign.tune)}) slides for {LEAST_SLIDING_S:g} s with "
-            f"a creepage above {smoothing.least_creepage:g}: tau cannot be seen; name runs with sliding in [campaign] tune"
+            f"campaign {campaign.name}: no run to tune on ({', '.join(campaign.tune)}) slides for {LEAST_SLIDING_S:g} s "
+            f"with a creepage above {smoothing.least_creepage:g}: tau cannot be seen; name runs with sliding in "
+            "[campaign] tune"
         )
     problem = _Problem(campaign, {name: derived[name] for name in tuned_on}, tune_friction)
     tau, interval, frictions = problem.solve()
@@ -129,29 +130,34 @@ class _Problem:
     def interval(self, solution: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray) -> tuple[float, float]:
         """95 % interval of tau [m/J]: the sandwich estimate of blocks, and the brake gains' share by propagation.
 
-        The residuals are far from independent (the filter, mu_cd along the track, four axles on one rail), so the
-        scores are summed over blocks of time, all axles together, before their covariance is taken.
+        The residuals are far from independent: mu_cd varies along the track, and every axle and every run meets the
+        same rail; the filter and the noise of the vehicle's speed tie neighbours in time, which are neighbours in
+        place too. So the scores are summed over stretches of track, all axles and runs together, before their
+        covariance is taken.
         """
-        blocks, axles, shares, first = [], [], [], 0
-        for d in self.derived.values():
-            rows, columns = np.nonzero(d.usable)
-            labels = first + (rows * self.campaign.sample_time_s // BLOCK_S).astype(int)
-            blocks.append(labels)
-            axles.append(columns)
-            shares.append(d.torque_share[d.usable])
-            first = labels.max() + 1
-        used, block = np.unique(np.concatenate(blocks), return_inverse=True)
+        places = np.concatenate([_place(self.campaign, name, d)[d.usable] for name, d in self.derived.items()])
+        axles = np.concatenate([np.nonzero(d.usable)[1] for d in self.derived.values()])
+        shares = np.concatenate([d.torque_share[d.usable] for d in self.derived.values()])
+        used, block = np.unique(places // STRETCH_M, return_inverse=True)
         scores = np.zeros((len(used), len(solution)))
         np.add.at(scores, block, jacobian * residuals[:, None])
         freedom = max(len(used) - len(solution), 1)
         middle = scores.T @ scores * len(used) / freedom
         if self.campaign.vehicle.brake_torque_source != "measured":
             gains = np.zeros((self.campaign.vehicle.axles, len(solution)))
-            np.add.at(gains, np.concatenate(axles), jacobian * np.concatenate(shares)[:, None])
+            np.add.at(gains, axles, jacobian * shares[:, None])
             middle += GAIN_DEVIATION**2 * gains.T @ gains
         bread = np.linalg.pinv(jacobian.T @ jacobian)
         deviation = np.sqrt((bread @ middle @ bread)[0, 0]) * student.ppf(0.975, freedom)
         return float(np.exp(solution[0] - deviation)), float(np.exp(solution[0] + deviation))
+
+
+def _place(campaign: Campaign, name: str, derived: Derived) -> np.ndarray:
+    """Place [m] of each axle along the track (T, axles)."""
+    travelled = np.cumsum(derived.speed_mps) * campaign.sample_time_s
+    behind = np.array(campaign.vehicle.axle_positions_m or (0.0,) * campaign.vehicle.axles)
+    place: np.ndarray = campaign.runs[name].start_position_m + travelled[:, None] - behind
+    return place
 
 
 def _model(campaign: Campaign, derived: Derived, tau: float, mu_cd: float) -> np.ndarray:
