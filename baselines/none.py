@@ -1,0 +1,17 @@
+"""No wheel slide protection: the valves always apply."""
+
+import numpy as np
+
+from wsp_env.envs.observation import Measurement
+from wsp_env.parameters.vehicle import Vehicle
+
+
+class NoWSP:
+    """Applies the brake whatever the wheels do."""
+
+    def reset(self, n: int, vehicle: Vehicle) -> None:
+        """Begin n new stops."""
+
+    def act(self, measurement: Measurement) -> np.ndarray:
+        """Return +1 for every axle (N, A)."""
+        return np.ones_like(measurement.wheel_speed)

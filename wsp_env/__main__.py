@@ -1,0 +1,7 @@
+"""`python -m wsp_env` is `wsp`."""
+
+import sys
+
+from wsp_env.cli import main
+
+sys.exit(main())

@@ -1,0 +1,50 @@
+"""The command `wsp`: parses, calls, prints. One module a subcommand, imported only when it is called."""
+
+import importlib
+import sys
+
+#: Subcommand -> what it does; the module of that name has the function `main`, whose arguments are the command line's.
+COMMANDS = {
+    "demo": "see it work: recorded stops read, tau tuned on them, a bogie braking under the tuned law",
+    "tune": "tune tau and mu_cd on a campaign of recorded stops, score the held-out ones",
+}
+
+#: Exit status of a command that the user interrupted (128 + SIGINT).
+INTERRUPTED = 130
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run `wsp` with the arguments (default: the process's); return the exit status."""
+    name, *rest = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    if name in ("-h", "--help"):
+        width = max(map(len, COMMANDS))
+        lines = "\n".join(f"  {command:{width}}  {what}" for command, what in COMMANDS.items())
+        print(f"usage: wsp COMMAND [OPTIONS]\n\nA laboratory for railway wheel slide protection.\n\n{lines}\n")
+        print("wsp COMMAND --help explains a command and its options.")
+        return 0
+    if name == "--version":
+        from wsp_env import __version__
+
+        print(__version__)
+        return 0
+    if name not in COMMANDS:
+        return _failed(f"unknown command {name!r}; valid: {', '.join(COMMANDS)}")
+    import tyro
+
+    from wsp_env.parameters.quantity import ParameterError
+    from wsp_env.recordings.table import CampaignError
+
+    command = importlib.import_module(f"wsp_env.cli.{name}").main
+    try:
+        tyro.cli(command, prog=f"wsp {name}", args=rest)
+    except (ParameterError, CampaignError) as error:
+        return _failed(str(error))
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return INTERRUPTED
+    return 0
+
+
+def _failed(message: str) -> int:
+    print(f"wsp: {message}", file=sys.stderr)
+    return 2

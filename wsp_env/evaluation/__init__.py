@@ -1,0 +1,1 @@
+"""Controllers of the wheel slide protection, the test programme they go through and their figures of merit."""

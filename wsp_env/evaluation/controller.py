@@ -1,0 +1,91 @@
+"""What a wheel-slide-protection controller is, and how one is found by name.
+
+A controller is any object with `reset` and `act`; it needs nothing from this package. It works on a batch of N stops and sees
+measurements only, so that the same object runs in an environment, on replayed conditions or in anybody's own simulator.
+"""
+
+import dataclasses
+import importlib
+import importlib.util
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from wsp_env.envs.observation import Measurement
+from wsp_env.parameters.quantity import ParameterError, replace
+from wsp_env.parameters.vehicle import Vehicle
+
+#: Short names of the controllers that come with the project.
+SHORT_NAMES = {
+    "none": "baselines.none:NoWSP",
+    "rule-based": "baselines.rule_based:RuleBasedWSP",
+    "slip": "baselines.slip_control:SlipController",
+    "extremum": "baselines.extremum_seeking:ExtremumSeeker",
+}
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """The protocol. A controller may also have an attribute `parameters`, a dataclass that the command line can set."""
+
+    def reset(self, n: int, vehicle: Vehicle) -> None:
+        """Begin n new stops of a vehicle."""
+
+    def act(self, measurement: Measurement) -> np.ndarray:
+        """Return the commands (N, A): -1 vent, 0 hold, +1 apply."""
+
+
+def load(name: str, parameters: Mapping[str, Any] | None = None) -> Controller:
+    """Return the controller of a name, with `parameters` replacing fields of its `parameters` dataclass.
+
+    `name` is one of `SHORT_NAMES`, an import path `package.module:Class` or a file `path/to/file.py:Class` (the class may be
+    left out where the file holds one only). `ParameterError` says what could not be found. A file is run as Python: load only
+    controllers that you trust; policies of others come as folders without code.
+    """
+    place, _, attribute = SHORT_NAMES.get(name, name).partition(":")
+    module = _module(name, place)
+    if attribute:
+        if not hasattr(module, attribute):
+            raise ParameterError(f"controller {name!r}: {place} has no {attribute}")
+        made = getattr(module, attribute)
+    else:
+        classes = [item for item in vars(module).values() if isinstance(item, type) and item.__module__ == module.__name__]
+        controllers = [item for item in classes if hasattr(item, "act") and hasattr(item, "reset")]
+        if len(controllers) != 1:
+            raise ParameterError(
+                f"controller {name!r}: {place} holds {len(controllers)} classes with reset and act; name one as {place}:Class"
+            )
+        made = controllers[0]
+    controller = made() if isinstance(made, type) else made
+    if not isinstance(controller, Controller):
+        raise ParameterError(f"controller {name!r} lacks reset(n, vehicle) or act(measurement)")
+    if parameters:
+        if not dataclasses.is_dataclass(getattr(controller, "parameters", None)):
+            raise ParameterError(f"controller {name!r} has no parameters to set")
+        changed = replace(controller.parameters, dict(parameters), f"parameter of {name}")  # type: ignore[attr-defined]
+        controller = made(changed)
+    return controller
+
+
+def _module(name: str, place: str) -> Any:
+    path = Path(place)
+    if path.suffix == ".py":
+        if not path.is_file():
+            raise ParameterError(f"controller {name!r}: there is no file {place}")
+        spec = importlib.util.spec_from_file_location(f"controller_{path.stem}", path)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        try:
+            spec.loader.exec_module(module)
+        except Exception as error:  # whatever a stranger's file raises
+            raise ParameterError(f"controller {name!r}: {place} cannot be run: {type(error).__name__}: {error}") from error
+        return module
+    try:
+        return importlib.import_module(place)
+    except ImportError as error:
+        raise ParameterError(
+            f"controller {name!r} was not found ({error}); valid: {', '.join(SHORT_NAMES)}, package.module:Class, file.py:Class"
+        ) from None
