@@ -40,7 +40,7 @@ class RuleBasedParameters(Checked):
     resynchronise_s: float = quantity(3.0, "s", _TUNED + "; all axles sliding: one is released to roll", 0.1, 60.0)
     safety_timer_s: float = quantity(10.0, "s", "assumption: EN 15595, venting at most 10 s", 0.1, 60.0)
     cut_out_mps: float = quantity(1.4, "m/s", "assumption: EN 15595, no WSP below 3 to 5 km/h", 0.0, 10.0)
-    learning_s: float = quantity(0.5, "s", "assumption: rolls freely that long after the demand, cylinders still filling", 0.0, 60)
+    learning_s: float = quantity(0.5, "s", "assumption: cylinders fill, the wheels still roll freely", 0.0, 60)
     diameter_tolerance: float = quantity(0.06, "-", "assumption: UIC 541-05, wheels of 1000 to 920 mm alike", 0.0, 0.2)
     rotation_monitor_s: float = quantity(1.0, "s", _TUNED + "; standing wheel at running speed is reported", 0.0, 60.0)
     sensor_jump_mps2: float = quantity(100.0, "m/s2", "assumption: no wheel can decelerate so", 10.0, 1e4)

@@ -5,7 +5,11 @@ and arrays of any shape are computed by one source. With `NUMBA_DISABLE_JIT=1` b
 (slow, for coverage and debugging).
 """
 
-from collections.abc import Callable
+import hashlib
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
@@ -20,14 +24,45 @@ _numba: Any = numba
 _OPTIONS = {"cache": True, "error_model": "numpy"}
 
 
+def _cache_folder() -> str:
+    """Folder of the compiled code, another for every state of the sources.
+
+    numba looks at the time stamp of a kernel's own file only, and would keep code compiled from what the kernel calls in
+    other files before these changed.
+    """
+    package = Path(__file__).parent
+    digest = hashlib.sha256()
+    for source in sorted([Path(__file__), *package.glob("contact/**/*.py"), *package.glob("plant/**/*.py")]):
+        digest.update(source.read_bytes())
+    beside = package / "__pycache__"
+    parent = beside if os.access(beside if beside.exists() else package, os.W_OK) else Path.home() / ".cache" / "wsp-env"
+    return str(parent / f"kernels-{digest.hexdigest()[:16]}")
+
+
+@contextmanager
+def _own_cache() -> Iterator[None]:
+    """While functions are decorated, numba caches them in this package's own folder; NUMBA_CACHE_DIR goes before it."""
+    before = _numba.config.CACHE_DIR
+    _numba.config.CACHE_DIR = before or _CACHE_FOLDER
+    try:
+        yield
+    finally:
+        _numba.config.CACHE_DIR = before
+
+
+_CACHE_FOLDER = _cache_folder()
+
+
 def kernel(function: Function) -> Function:
     """Compile a pure function of scalars (or of NamedTuples of scalars and arrays); compiled code is cached on disk."""
-    return cast(Function, _numba.njit(**_OPTIONS)(function))
+    with _own_cache():
+        return cast(Function, _numba.njit(**_OPTIONS)(function))
 
 
 def inlined(function: Function) -> Function:
     """Compile a small kernel that its caller's optimiser should see through."""
-    return cast(Function, _numba.njit(inline="always", **_OPTIONS)(function))
+    with _own_cache():
+        return cast(Function, _numba.njit(inline="always", **_OPTIONS)(function))
 
 
 def elementwise(function: Callable[..., float]) -> np.ufunc:
@@ -36,4 +71,5 @@ def elementwise(function: Callable[..., float]) -> np.ufunc:
         return cast(np.ufunc, np.vectorize(function, otypes=[np.float64]))
     arguments = function.__code__.co_argcount
     signature = f"float64({', '.join(['float64'] * arguments)})"
-    return cast(np.ufunc, _numba.vectorize([signature], cache=True)(function))
+    with _own_cache():
+        return cast(np.ufunc, _numba.vectorize([signature], cache=True)(function))
