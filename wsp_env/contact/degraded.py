@@ -130,9 +130,7 @@ def adhesion(
     rolling = abs(speed)
     per_speed = 1.0 / max(rolling, SPEED_FLOOR)
     dper_dv = -per_speed * per_speed if rolling > SPEED_FLOOR else 0.0
-    f_d, df_d_ds, df_d_dp = _limit(
-        slip, per_speed, load, law.stiffness, mu_cd, law.ratio_d, law.gamma_d, law.k_ad, law.k_sd
-    )
+    f_d, df_d_ds, df_d_dp = _limit(slip, per_speed, load, law.stiffness, mu_cd, law.ratio_d, law.gamma_d, law.k_ad, law.k_sd)
     f_r, df_r_ds, df_r_dp = _limit(
         slip, per_speed, load, law.stiffness, law.mu_cr, law.ratio_r, law.gamma_r, law.k_ar, law.k_sr
     )
@@ -192,8 +190,6 @@ def _public(name: str, output: int, what: str) -> Callable[..., np.ndarray]:
 
 
 degraded_adhesion = _public("degraded_adhesion", 0, "Adhesion coefficient f = T / N [-], eqs. (1) to (4) solved for f.")
-adhesion_without_recovery = _public(
-    "adhesion_without_recovery", 1, "Limit f_d [-] without recovery, eq. (5): the classic law."
-)
+adhesion_without_recovery = _public("adhesion_without_recovery", 1, "Limit f_d [-] without recovery, eq. (5): the classic law.")
 adhesion_recovered = _public("adhesion_recovered", 2, "Limit f_r [-] after full recovery, eq. (5).")
 adhesion_slope = _public("adhesion_slope", 3, "Derivative of f by the slip speed [s/m], at constant running speed.")

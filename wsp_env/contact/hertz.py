@@ -75,9 +75,7 @@ def hertz(
     """
     load, young, poisson = (np.asarray(x, dtype=float) for x in (normal_load, youngs_modulus, poisson_ratio))
     if not np.all((load >= 0.0) & np.isfinite(load)):
-        raise ValueError(
-            f"normal load must be finite and not negative, got N = {normal_load!r} N: a contact only pushes"
-        )
+        raise ValueError(f"normal load must be finite and not negative, got N = {normal_load!r} N: a contact only pushes")
     if not np.all((young > 0.0) & np.isfinite(young)):
         raise ValueError(f"Young's modulus must be finite and above zero, got E = {youngs_modulus!r} Pa")
     if not np.all((poisson >= 0.0) & (poisson <= 0.5)):

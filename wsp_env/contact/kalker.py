@@ -43,9 +43,7 @@ class Patch(NamedTuple):
 
 
 _POISSON = (0.0, 0.25, 0.5)
-_RATIO = np.concatenate(
-    [np.arange(1, 11) / 10.0, 10.0 / np.arange(9, 0, -1)]
-)  # a / b: 0.1 ... 1, then b / a: 0.9 ... 0.1
+_RATIO = np.concatenate([np.arange(1, 11) / 10.0, 10.0 / np.arange(9, 0, -1)])  # a / b: 0.1 ... 1, then b / a: 0.9 ... 0.1
 # One row per ratio; columns c11 at nu = 0, 0.25, 0.5, then c22, then c23.
 _TABLE_E3 = """
     2.51 3.31 4.85   2.51 2.52 2.53    .334 .473 .731

@@ -21,9 +21,7 @@ class ContactParameters(Checked):
 
     semi_axis_a_m: float = quantity(0.00488, "m", _NOT_IN_PAPER, 0.0, 0.1, open_low=True)  # rolling direction
     semi_axis_b_m: float = quantity(0.00691, "m", _NOT_IN_PAPER, 0.0, 0.1, open_low=True)  # lateral direction
-    kalker_c11: float = quantity(
-        4.12, "-", "Kalker's table at nu = 0.25, a/b = 1; assumption: as above", 0.0, 50.0, True
-    )
+    kalker_c11: float = quantity(4.12, "-", "Kalker's table at nu = 0.25, a/b = 1; assumption: as above", 0.0, 50.0, True)
     shear_modulus_pa: float = quantity(8.0e10, "Pa", _TABLE_2, 0.0, 1e12, open_low=True)
     polach_k_ad: float = quantity(0.3, "-", _TABLE_2, 0.0, 1.0)
     polach_k_sd: float = quantity(0.1, "-", _TABLE_2, 0.0, 1.0)

@@ -48,9 +48,7 @@ def check(name: str, value: Any, metadata: Any) -> None:
         raise ParameterError(f"{name} must be a number in {unit}, got {value!r}") from None
     inside = low < number <= high if metadata["open_low"] else low <= number <= high
     if not math.isfinite(number) or not inside:
-        raise ParameterError(
-            f"{name} = {value!r} {unit} is impossible: it must be finite and in {bracket}{low:g}, {high:g}]"
-        )
+        raise ParameterError(f"{name} = {value!r} {unit} is impossible: it must be finite and in {bracket}{low:g}, {high:g}]")
 
 
 def replace(record: Any, changes: dict[str, Any], what: str) -> Any:

@@ -42,9 +42,7 @@ class CampaignVehicle(Checked):
     wheel_radius_m: float = quantity(0.445, "m", _SOURCE, 0.05, 2.0)
     gravity_mps2: float = quantity(9.81, "m/s2", _SOURCE, 9.0, 10.0)
     axle_positions_m: tuple[float, ...] = quantity((), "m", _SOURCE, 0.0, 1e4)  # behind the leading axle
-    resistance_n: tuple[float, ...] = quantity(
-        (0.0, 0.0, 0.0), "N, N s/m, N s2/m2", _SOURCE, 0.0, 1e6
-    )  # A + B v + C v2
+    resistance_n: tuple[float, ...] = quantity((0.0, 0.0, 0.0), "N, N s/m, N s2/m2", _SOURCE, 0.0, 1e6)  # A + B v + C v2
     brake_torque_source: str = "measured"  # or "cylinder pressure times the nominal gain": then itself a model
 
     def __post_init__(self) -> None:
@@ -100,9 +98,7 @@ def read_campaign(folder: Path) -> Campaign:
     """
     path = Path(folder) / "campaign.toml"
     if not path.is_file():
-        raise CampaignError(
-            f"{path} does not exist: a campaign is a folder that holds campaign.toml and one table per run"
-        )
+        raise CampaignError(f"{path} does not exist: a campaign is a folder that holds campaign.toml and one table per run")
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -128,9 +124,7 @@ def _groups(path: Path, head: dict[str, Any], described: dict[str, Any]) -> tupl
     for key in ("tune", "validate"):
         names = head.get(key, [])
         if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-            raise CampaignError(
-                f'{path}: [campaign] {key} must be a list of run names such as ["A1", "A2"], got {names!r}'
-            )
+            raise CampaignError(f'{path}: [campaign] {key} must be a list of run names such as ["A1", "A2"], got {names!r}')
         for name in names:
             if name not in described:
                 raise CampaignError(
@@ -174,20 +168,15 @@ def _recording(
     _required(path, where, entry, ("file",))
     file = path.parent / str(entry["file"])
     if not file.is_file():
-        raise CampaignError(
-            f"{file} does not exist: {path} names it as the file of run {name}; correct `file` or add it"
-        )
+        raise CampaignError(f"{file} does not exist: {path} names it as the file of run {name}; correct `file` or add it")
     axles = vehicle.axles
     wheel_speeds = [f"axle{k}_wheel_speed_radps" for k in range(1, axles + 1)]
     torques = [f"axle{k}_brake_torque_nm" for k in range(1, axles + 1)]
     columns = read_columns(file, ["time_s", "vehicle_speed_mps", *wheel_speeds, *torques], axles, sample_time_s)
-    friction = _number(
-        path, f"{where} kinetic_friction_d", entry.get("kinetic_friction_d", contact.kinetic_friction_d), 0.0
-    )
+    friction = _number(path, f"{where} kinetic_friction_d", entry.get("kinetic_friction_d", contact.kinetic_friction_d), 0.0)
     if friction >= contact.kinetic_friction_r:
         raise CampaignError(
-            f"{path}: {where} kinetic_friction_d = {friction} is not below kinetic_friction_r = "
-            f"{contact.kinetic_friction_r}"
+            f"{path}: {where} kinetic_friction_d = {friction} is not below kinetic_friction_r = {contact.kinetic_friction_r}"
         )
     return Recording(
         name=name,

@@ -27,9 +27,7 @@ _RADIUS_TOLERANCE = 0.1  # a larger deviation from the believed radius is a wron
 class Smoothing(Checked):
     """How recordings are smoothed, and which samples are compared with the law."""
 
-    vehicle_window_s: float = quantity(
-        0.5, "s", "least error of tau on simulated stops, flat from 0.2 to 1 s", 0.0, 5.0
-    )
+    vehicle_window_s: float = quantity(0.5, "s", "least error of tau on simulated stops, flat from 0.2 to 1 s", 0.0, 5.0)
     wheel_window_s: float = quantity(0.15, "s", "as above, flat from 0.1 to 0.2 s", 0.0, 5.0)
     least_speed_mps: float = quantity(5.0, "m/s", "noise of the creepage grows as 1 / v", 0.0, 100.0)
     least_creepage: float = quantity(0.01, "-", "below, f is as steep as noise in s is large", 0.0, 1.0)
@@ -71,10 +69,7 @@ def rolling_radii(campaign: Campaign, smoothing: Smoothing = Smoothing()) -> np.
         torque = np.abs(_smooth(run, run.brake_torque_nm, smoothing.wheel_window_s, campaign.sample_time_s))
         braking = (torque > _ROLLING_TORQUE * torque.max()).any(axis=1)
         end = int(np.argmax(braking)) if braking.any() else 0
-        if (
-            end * campaign.sample_time_s > _ROLLING_TIME_S
-            and run.vehicle_speed_mps[:end].min() > smoothing.least_speed_mps
-        ):
+        if end * campaign.sample_time_s > _ROLLING_TIME_S and run.vehicle_speed_mps[:end].min() > smoothing.least_speed_mps:
             speed, wheel = run.vehicle_speed_mps[:end].mean(), run.wheel_speed_radps[:end].mean(axis=0)
             vw += end * speed * wheel
             ww += end * wheel**2

@@ -35,9 +35,7 @@ def read_columns(file: Path, names: list[str], axles: int, sample_time_s: float)
         header = pl.read_parquet_schema(file) if parquet else pl.read_csv(file, n_rows=0, infer_schema=False).columns
         present = list(header)
     except (pl.exceptions.PolarsError, OSError) as error:
-        raise CampaignError(
-            f"{file} is empty or no {'Parquet' if parquet else 'CSV'} table: {_first_line(error)}"
-        ) from None
+        raise CampaignError(f"{file} is empty or no {'Parquet' if parquet else 'CSV'} table: {_first_line(error)}") from None
     _check_columns(file, names, present, axles)
     try:
         if parquet:
