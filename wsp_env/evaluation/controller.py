@@ -28,7 +28,11 @@ SHORT_NAMES = {
 
 @runtime_checkable
 class Controller(Protocol):
-    """The protocol. A controller may also have an attribute `parameters`, a dataclass that the command line can set."""
+    """The protocol.
+
+    A controller may also have an attribute `parameters`, a dataclass that the command line can set and its class is made
+    with, and `action = "pressure"` if it commands pressures, -1 none to +1 the demanded one, instead of valves.
+    """
 
     def reset(self, n: int, vehicle: Vehicle) -> None:
         """Begin n new stops of a vehicle."""
@@ -58,15 +62,22 @@ def load(name: str, parameters: Mapping[str, Any] | None = None) -> Controller:
                 f"controller {name!r}: {place} holds {len(controllers)} classes with reset and act; name one as {place}:Class"
             )
         made = controllers[0]
-    controller = made() if isinstance(made, type) else made
+    controller = _made(name, made)
     if not isinstance(controller, Controller):
         raise ParameterError(f"controller {name!r} lacks reset(n, vehicle) or act(measurement)")
     if parameters:
         if not dataclasses.is_dataclass(getattr(controller, "parameters", None)):
             raise ParameterError(f"controller {name!r} has no parameters to set")
         changed = replace(controller.parameters, dict(parameters), f"parameter of {name}")  # type: ignore[attr-defined]
-        controller = made(changed)
+        controller = _made(name, made, changed)
     return controller
+
+
+def _made(name: str, made: Any, *parameters: Any) -> Any:
+    try:
+        return made(*parameters) if isinstance(made, type) else made
+    except Exception as error:  # whatever a stranger's class raises
+        raise ParameterError(f"controller {name!r} cannot be made: {type(error).__name__}: {error}") from error
 
 
 def _module(name: str, place: str) -> Any:

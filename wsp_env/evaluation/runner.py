@@ -1,0 +1,176 @@
+"""Drives a batch of stops with one controller: measurement in, command out; records what happened."""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from wsp_env.envs.observation import Measurement
+from wsp_env.evaluation.controller import Controller
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.plant import Plant
+from wsp_env.plant.state import Stop
+from wsp_env.scenario import TRACK_STEP_M
+
+#: Time between two commands [s], as in the environments; a WSP decides some 50 times a second (assumption).
+CONTROL_INTERVAL_S = 0.02
+
+#: A stop that has not ended after so long is given up [s]: a locked coach on soap needs some 250 s from 200 km/h.
+TIME_LIMIT_S = 400.0
+
+
+class ControllerFailure(Exception):  # noqa: N818  # what is reported is the controller's failure, not an error of this package
+    """A controller raised, or returned what is no command; the message says what, when and where."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """What happened in N stops with A axles, at the T + 1 ends of the control intervals; a vehicle at rest keeps its state."""
+
+    time: np.ndarray  # (T + 1,) since the start [s]
+    speed: np.ndarray  # (T + 1, N) [m/s]
+    position: np.ndarray  # (T + 1, N) of the leading axle [m]
+    slip: np.ndarray  # (T + 1, N, A) v - r w [m/s]
+    pressure: np.ndarray  # (T + 1, N, A) [bar]
+    adhesion: np.ndarray  # (T + 1, N, A) f = T / N [-]
+    command: np.ndarray  # (T, N, A) -1 vent, 0 hold, +1 apply
+    steps: np.ndarray  # (N,) number of control intervals until the vehicle stood
+    duration: np.ndarray  # (N,) [s]
+    distance: np.ndarray  # (N,) [m]
+    stopped: np.ndarray  # (N,) bool; False: given up at the time limit
+    air: np.ndarray  # (N, A) [Nl]
+    contact_work: np.ndarray  # (N, A) heat in both contacts of the wheelset [J]
+
+
+@dataclasses.dataclass(frozen=True)
+class Conduct:
+    """How stops are run, whatever brakes."""
+
+    control_interval_s: float = CONTROL_INTERVAL_S
+    time_limit_s: float = TIME_LIMIT_S
+    pressure_sensors: bool = False
+    mechanisms: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
+
+
+def run(
+    controller: Controller,
+    vehicle: Vehicle,
+    stops: Sequence[Stop],
+    conduct: Conduct = Conduct(),  # frozen
+    sensor_fails_s: np.ndarray | None = None,
+) -> Run:
+    """Brake all `stops` at once with one controller.
+
+    A controller commands valves (-1 vent, 0 hold, +1 apply); one with the attribute `action = "pressure"` commands pressures,
+    -1 none to +1 the demanded one.
+
+    Parameters
+    ----------
+    stops : N conditions, all with the same number of track nodes
+    conduct : control interval, time limit, sensors
+    sensor_fails_s : (N, A) time from which a wheel's sensor reads 0 [s]; inf where it stays sound
+
+    Raises
+    ------
+    ControllerFailure
+        whatever the controller raises or returns instead of finite numbers of shape (N, A)
+
+    """
+    by_pressure = getattr(controller, "action", "valve") == "pressure"
+    plant = make_plant(vehicle, stops, conduct, by_pressure)
+    _guarded(controller, "reset", 0.0, len(stops), vehicle)
+
+    def decide() -> np.ndarray:
+        seen = measure(plant, conduct.pressure_sensors, sensor_fails_s)
+        time = float(np.max(plant.state.time))
+        command = check_command(controller, _guarded(controller, "act", time, seen), seen.wheel_speed.shape, time)
+        return 0.5 * (np.clip(command, -1.0, 1.0) + 1.0) if by_pressure else command
+
+    return record(plant, decide, conduct)
+
+
+def make_plant(vehicle: Vehicle, stops: Sequence[Stop], conduct: Conduct, by_pressure: bool = False) -> Plant:
+    """Return a plant with every stop at its start."""
+    plant = Plant(
+        vehicle,
+        len(stops),
+        conduct.control_interval_s,
+        mechanism_choice=conduct.mechanisms,
+        pressure_control=by_pressure,
+        track_step_m=TRACK_STEP_M,
+        track_nodes=len(stops[0].profile),
+    )
+    for i, stop in enumerate(stops):
+        plant.start(i, stop)
+    return plant
+
+
+def record(plant: Plant, decide: Callable[[], np.ndarray], conduct: Conduct) -> Run:
+    """Step the plant under the commands of `decide` until all its vehicles stand; return what happened."""
+    state = plant.state
+    samples: dict[str, list[np.ndarray]] = {name: [] for name in ("speed", "position", "slip", "pressure", "adhesion")}
+    commands = []
+    steps = np.zeros(plant.n, dtype=int)
+
+    def sample() -> None:
+        values = (state.speed, state.position, plant.slip_speed, state.pressure, state.adhesion)
+        for name, value in zip(samples, values, strict=True):
+            samples[name].append(value.astype(np.float64 if name == "position" else np.float32))
+
+    sample()
+    for _ in range(int(np.ceil(conduct.time_limit_s / conduct.control_interval_s - 1e-9))):
+        steps += plant.moving
+        command = decide()
+        plant.step(command)
+        commands.append(command.astype(np.float32))
+        sample()
+        if not plant.moving.any():
+            break
+    return Run(
+        time=conduct.control_interval_s * np.arange(len(commands) + 1),
+        **{name: np.stack(values) for name, values in samples.items()},
+        command=np.stack(commands),
+        steps=steps,
+        duration=state.time.copy(),
+        distance=state.position.copy(),
+        stopped=~plant.moving,
+        air=state.air.copy(),
+        contact_work=state.contact_work.copy(),
+    )
+
+
+def measure(plant: Plant, pressure_sensors: bool = False, sensor_fails_s: np.ndarray | None = None) -> Measurement:
+    """Return what the sensors of a plant say now, failed ones 0; copies."""
+    state = plant.state
+    speed = state.measured.copy()
+    if sensor_fails_s is not None:
+        speed[state.time[:, None] >= sensor_fails_s] = 0.0
+    pressure = state.pressure.copy() if pressure_sensors else None
+    return Measurement(state.time.copy(), speed, plant.conditions.demand.copy(), pressure)
+
+
+def check_command(controller: Controller, given: Any, shape: tuple[int, ...], time: float) -> np.ndarray:
+    """Return the commands as floats; `ControllerFailure` when they are not finite numbers of that shape."""
+    who = type(controller).__name__
+    try:
+        command = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ControllerFailure(f"{who}.act returned {type(given).__name__} instead of numbers at {time:.2f} s") from None
+    if command.shape != shape:
+        raise ControllerFailure(
+            f"{who}.act returned shape {command.shape} at {time:.2f} s, expected {shape}: one command per stop and axle"
+        )
+    if not np.isfinite(command).all():
+        stop, axle = np.argwhere(~np.isfinite(command))[0]
+        value = command[stop, axle]
+        raise ControllerFailure(f"{who}.act returned {value} for axle {axle + 1} of stop {stop + 1} at {time:.2f} s")
+    return command
+
+
+def _guarded(controller: Controller, method: str, time: float, *arguments: Any) -> Any:
+    try:
+        return getattr(controller, method)(*arguments)
+    except Exception as error:  # whatever a stranger's controller raises
+        what = f"{type(controller).__name__}.{method} raised {type(error).__name__} at {time:.2f} s: {error}"
+        raise ControllerFailure(what) from error
