@@ -1,6 +1,6 @@
 """Campaigns of recorded stops: read, check, derive quantities, tune, validate."""
 
-from wsp_env.recordings.campaign import Campaign, CampaignVehicle, Recording, read_campaign
+from wsp_env.recordings.campaign import Campaign, CampaignVehicle, Recording, demo_campaign, read_campaign
 from wsp_env.recordings.derive import Derived, Smoothing, derive, limits, rolling_radii, transition
 from wsp_env.recordings.table import CampaignError
 from wsp_env.recordings.tuning import RunScore, Tuning, tune
@@ -14,6 +14,7 @@ __all__ = [
     "RunScore",
     "Smoothing",
     "Tuning",
+    "demo_campaign",
     "derive",
     "limits",
     "read_campaign",

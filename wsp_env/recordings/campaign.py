@@ -13,6 +13,7 @@ Columns of a table: `time_s`, `vehicle_speed_mps`, and per axle k from 1 `axle{k
 
 import dataclasses
 import tomllib
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -85,6 +86,11 @@ class Campaign:
     vehicle: CampaignVehicle
     contact: ContactParameters
     runs: dict[str, Recording]
+
+
+def demo_campaign() -> Path:
+    """Return the folder of the small campaign that travels with the package; see wsp_env/data/README.md."""
+    return Path(str(files("wsp_env") / "data" / "demo_campaign"))
 
 
 def read_campaign(folder: Path) -> Campaign:

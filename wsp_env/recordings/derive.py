@@ -27,10 +27,15 @@ _RADIUS_TOLERANCE = 0.1  # a larger deviation from the believed radius is a wron
 class Smoothing(Checked):
     """How recordings are smoothed, and which samples are compared with the law."""
 
+    # Window [s] of the filter of the vehicle's speed.
     vehicle_window_s: float = quantity(0.5, "s", "least error of tau on simulated stops, flat from 0.2 to 1 s", 0.0, 5.0)
+    # Window [s] of the filter of wheel speeds and torques.
     wheel_window_s: float = quantity(0.15, "s", "as above, flat from 0.1 to 0.2 s", 0.0, 5.0)
+    # Running speed [m/s] below which samples are left out.
     least_speed_mps: float = quantity(5.0, "m/s", "noise of the creepage grows as 1 / v", 0.0, 100.0)
+    # Creepage [-] below which a wheel does not count as sliding.
     least_creepage: float = quantity(0.01, "-", "below, f is as steep as noise in s is large", 0.0, 1.0)
+    # Circumferential speed [m/s] below which a wheel counts as locked and is left out.
     locked_below_mps: float = quantity(0.5, "m/s", "a locked wheel's torque is a reaction", 0.0, 10.0)
 
 
@@ -52,9 +57,10 @@ class Derived:
 
 
 def rolling_radii(campaign: Campaign, smoothing: Smoothing = Smoothing()) -> np.ndarray:
-    """Wheel radius [m] of each axle (axles,), seen while rolling freely before the brakes apply, over all runs.
+    """Wheel radius [m] of each axle (axles,), seen while rolling freely before the brakes apply.
 
-    Least squares of v = r w on run means. Where no run rolls freely for half a second: the believed radius.
+    Least squares of v = r w on the means of the runs to tune on: those to validate must not touch what is tuned. Where
+    no run rolls freely for half a second: the believed radius.
 
     Raises
     ------
@@ -65,7 +71,8 @@ def rolling_radii(campaign: Campaign, smoothing: Smoothing = Smoothing()) -> np.
     believed = campaign.vehicle.wheel_radius_m
     vw = np.zeros(campaign.vehicle.axles)
     ww = np.zeros(campaign.vehicle.axles)
-    for run in campaign.runs.values():
+    for name in campaign.tune:
+        run = campaign.runs[name]
         torque = np.abs(_smooth(run, run.brake_torque_nm, smoothing.wheel_window_s, campaign.sample_time_s))
         braking = (torque > _ROLLING_TORQUE * torque.max()).any(axis=1)
         end = int(np.argmax(braking)) if braking.any() else 0
