@@ -162,7 +162,8 @@ def _substep(i: int, elapsed: float, state: State, c: Conditions, p: Constants, 
         # A locked wheel stays so while the contact cannot turn it; its torque is a reaction.
         work[8, k] = 1.0 if state.wheel_speed[i, k] == 0.0 and c.radius[i, k] * work[1, k] <= start else 0.0
         if work[8, k] > 0.0:
-            work[1, k] -= 0.5 * h * deceleration * (work[2, k] + work[3, k])
+            # The mean over the substep; next to standstill, where the force falls to nothing with the speed, half of it.
+            work[1, k] = max(work[1, k] - 0.5 * h * deceleration * (work[2, k] + work[3, k]), 0.5 * work[1, k])
         else:
             work[0, k] = _slip(i, k, start, deceleration, jerk, state, c, p, work)
     after = _solve_speed(i, resisted, state, c, p, work)
