@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from typing import Any
 
 
@@ -52,9 +53,20 @@ def check(name: str, value: Any, metadata: Any) -> None:
 
 
 def replace(record: Any, changes: dict[str, Any], what: str) -> Any:
-    """Return `record` (a dataclass) with `changes`; an unknown name raises `ParameterError` listing the valid ones."""
+    """Return `record` (a dataclass) with `changes`; an unknown name raises `ParameterError` listing the valid ones.
+
+    A field that is itself a record takes a dictionary of changes; a field that is a tuple takes a list too.
+    """
     names = [field.name for field in dataclasses.fields(record) if field.init]
     unknown = sorted(set(changes) - set(names))
     if unknown:
         raise ParameterError(f"unknown {what} {', '.join(unknown)}; valid: {', '.join(names)}")
-    return dataclasses.replace(record, **changes)
+    values = {}
+    for name, value in changes.items():
+        present = getattr(record, name)
+        if dataclasses.is_dataclass(present) and isinstance(value, Mapping):
+            value = replace(present, dict(value), f"{what} {name}:")
+        elif isinstance(present, tuple) and isinstance(value, list):
+            value = tuple(value)
+        values[name] = value
+    return dataclasses.replace(record, **values)
