@@ -65,9 +65,9 @@ $(VENV)/.report: $(PINS) | $(BIN)/python
 	$(PIP) --editable ".[report]"
 	@touch $@
 
-# torch first and pinned: pip would else fetch another build for the open range of stable-baselines3
+# torch first and alone: its index of CPU builds (where it can be reached) saves some GB of CUDA, which PyPI's build asks for
 $(VENV)/.torch: constraints.txt | $(BIN)/python
-	$(PIP) torch
+	$(PIP) --no-deps --retries 0 --extra-index-url https://download.pytorch.org/whl/cpu torch
 	@touch $@
 
 $(VENV)/.dev: $(PINS) $(VENV)/.torch | $(BIN)/python

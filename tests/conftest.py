@@ -1,6 +1,21 @@
-"""What all tests share: random tests have no time limit, as the first call of a kernel compiles it."""
+"""What all tests share: no time limit for random tests, and kernels that are compiled once before the tests begin."""
 
+import gymnasium as gym
+import pytest
 from hypothesis import settings
 
+from wsp_env.parameters.uic_z1 import VEHICLES
+
+# Without a time limit, as the first call of a kernel may compile it.
 settings.register_profile("wsp", deadline=None)
 settings.load_profile("wsp")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile the plant for every vehicle before pytest-xdist starts its workers, each of which would do it by itself."""
+    starts_workers = config.getoption("numprocesses", None) and not hasattr(config, "workerinput")
+    if starts_workers and not config.option.collectonly:
+        for name in VEHICLES:
+            env = gym.make(f"wsp_env/{name.capitalize()}-v0")
+            env.reset(seed=0)
+            env.step(env.action_space.sample())

@@ -21,6 +21,8 @@ from wsp_env.contact.degraded import (
 from wsp_env.contact.polach import contact_stiffness, polach_adhesion, shear_stiffness
 from wsp_env.parameters.velim import CONTACT
 
+pytestmark = pytest.mark.plain
+
 LAW = CONTACT.law
 
 creepages = st.floats(0.0, 1.0)

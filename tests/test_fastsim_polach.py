@@ -16,6 +16,8 @@ from wsp_env.contact.fastsim import ELEMENTS, STRIPS, fastsim, fastsim_force
 from wsp_env.contact.kalker import Patch, linear_force
 from wsp_env.contact.polach import contact_stiffness, force_with_spin, polach_adhesion, polach_force
 
+pytestmark = pytest.mark.plain
+
 LOAD, FRICTION = 106.7e3, 0.33
 LIMIT = FRICTION * LOAD
 # The Eurosprinter's ellipse (6.304 mm, 12.61 mm) and Kalker's coefficients at a / b = 0.5, nu = 0.28.

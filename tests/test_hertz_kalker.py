@@ -15,6 +15,8 @@ from scipy.special import ellipe, ellipk
 from wsp_env.contact.hertz import axis_ratio, hertz
 from wsp_env.contact.kalker import Patch, kalker_coefficients, kalker_force, kalker_table, linear_force, saturated_force
 
+pytestmark = pytest.mark.plain
+
 # The Eurosprinter case of Polach (2005).
 LOAD, SHEAR, POISSON, FRICTION = 106.7e3, 82e9, 0.28, 0.33
 YOUNG = 2.0 * SHEAR * (1.0 + POISSON)
