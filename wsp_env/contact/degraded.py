@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wsp_env.compiled import elementwise, inlined
+from wsp_env.compiled import elementwise, inlined, kernel
 from wsp_env.contact.polach import falling_friction, saturation, saturation_slope
 
 #: Running speed [m/s] below which the creepage is taken as s / SPEED_FLOOR: keeps e finite at standstill, where it is
@@ -53,39 +53,44 @@ class Adhesion(NamedTuple):
     df_dv: float  # derivative with respect to the running speed at constant slip speed [s/m]
 
 
-# exp(-W0(z)) is analytic in p = sqrt(2 (1 + e z)): the square root takes away the branch point at z = -1/e, and the
-# nearest singularity is p = -sqrt(2). Its Chebyshev interpolant of degree 21 on z in [-1/e, 0], written in powers of
-# x = sqrt(2) p - 1 in [-1, 1], is exact to 1e-15 (last Chebyshev coefficient 8e-16).
-_TREE = (
-    1.5217615844909445, -0.7342473430088262, 0.2924880581119851, -0.10903535635322856, 0.03935206684497427,
-    -0.013938546225713565, 0.004877743607316461, -0.0016927447234561836, 0.0005838784529802873, -0.0002004721499933523,
-    6.858366648996557e-05, -2.3396189459166635e-05, 7.964859142685758e-06, -2.7054476357370297e-06,
-    9.131407204581665e-07, -3.0924093632963525e-07, 1.0978961341753946e-07, -3.708895719625284e-08,
-    8.651623291277257e-09, -2.9215067229602036e-09, 2.613732020720594e-09, -8.798095626799943e-10,
+# exp(-W0(z)) is analytic in p = sqrt(2 (1 + e z)): the square root takes away the branch point at z = -1/e. These are the
+# numerator and denominator, rising powers of p, of its rational best approximation of degrees 5 and 6 on z in [-1/e, 0], found
+# by reweighted least squares in 50 digits: relative error 1.6e-16. All terms are positive, so that nothing cancels.
+_TREE_P = (
+    2.7182818284590445, 3.434260197283698, 1.4259785342592826, 0.22049693437229034, 0.010163100908541896, 3.53457829114959e-05,
 )  # fmt: skip
+_TREE_Q = (
+    1.0, 2.2633937222140994, 1.9546485751843918, 0.8023812068209242, 0.15844301758035828, 0.013333452822575845,
+    0.000329326964814764,
+)  # fmt: skip
+
+
+@kernel
+def _exp_minus_w0_right(z: float) -> float:
+    """Return exp(-W0(z)) [-] for z > 0 by Newton's method, which from its first step on comes from the left."""
+    w = math.log1p(z)
+    for _ in range(8):
+        power = z * math.exp(-w)
+        w -= (w - power) / (1.0 + power)
+    return math.exp(-w)
 
 
 @inlined
 def exp_minus_lambert_w0(z: float) -> float:
     """Return exp(-W0(z)) [-] for z >= -1/e, so that W0(z) = z exp(-W0(z)).
 
-    Up to z = 0 a polynomial, without iteration. A positive z means more friction with the contaminant than without,
-    which can only happen when mu_cd comes near mu_cr: then Newton's method, from the left from its first step on.
+    Up to z = 0 a rational function of sqrt(1 + e z), without iteration. A positive z means more friction with the contaminant
+    than without, which can only happen when mu_cd comes near mu_cr: see `_exp_minus_w0_right`.
     """
     if z > 0.0:
-        w = math.log1p(z)
-        for _ in range(8):
-            power = z * math.exp(-w)
-            w -= (w - power) / (1.0 + power)
-        return math.exp(-w)
-    x = math.sqrt(max(4.0 * (math.e * z + 1.0), 0.0)) - 1.0
-    y = x * x
-    even = _TREE[20]
-    odd = _TREE[21]
-    for i in range(18, -1, -2):
-        even = even * y + _TREE[i]
-        odd = odd * y + _TREE[i + 1]
-    return even + x * odd
+        return _exp_minus_w0_right(z)
+    p2 = max(2.0 * (math.e * z + 1.0), 0.0)
+    p = math.sqrt(p2)
+    c, d = _TREE_P, _TREE_Q
+    p4 = p2 * p2
+    above = (c[0] + p * c[1]) + p2 * (c[2] + p * c[3]) + p4 * (c[4] + p * c[5])
+    below = (d[0] + p * d[1]) + p2 * (d[2] + p * d[3]) + p4 * (d[4] + p * d[5] + p2 * d[6])
+    return above / below
 
 
 @inlined
