@@ -1,0 +1,7 @@
+"""The proof of the diagnosis: campaigns in which an effect is concealed, and the score of what is found in them.
+
+The truth model (`truth`, `setup`, `effects`, `sensors`, `campaign`, `interest`) shares no code with `wsp_env`: other
+equations wherever the literature offers a choice, another integrator, another WSP. The bank (`plan`, `bank`) draws cases
+from it and keeps those that the seed paper's own validation lets pass (`concealment`); `diagnoses` runs the released
+diagnosis over them and `score` compares its answers with the labels. `python -m experiments.concealed` does it all.
+"""

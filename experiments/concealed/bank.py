@@ -1,0 +1,106 @@
+"""Generates a bank: campaigns in DIR/campaigns, what is true of them in DIR/labels.json, its hash in DIR/labels.sha256."""
+
+import dataclasses
+import hashlib
+import json
+import multiprocessing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.progress import track
+
+from experiments.concealed.campaign import build, label, write
+from experiments.concealed.concealment import passes, worst_error
+from experiments.concealed.interest import drive, sizes
+from experiments.concealed.plan import Case, plan
+
+#: An effect that the paper's validation would see is made smaller by this factor, at most so often; then all is drawn anew.
+SHRINK, SHRINKS = 0.75, 6
+DRAWS = 8
+
+
+class BankError(ValueError):
+    """A bank that cannot be made or scored; the message says how to mend it."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Job:
+    """One case to generate; picklable."""
+
+    case: Case
+    out: Path
+    seed: int
+
+
+def generate(job: Job) -> str:
+    """Generate one case until it is concealed; return its name. Left alone where its label already stands."""
+    case = job.case
+    part = job.out / "labels" / f"{case.name}.json"
+    if not part.is_file():
+        truth = _concealed(job)
+        part.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = part.with_suffix(".tmp")
+        unfinished.write_text(json.dumps(truth), encoding="utf-8")
+        unfinished.rename(part)  # a part that is there is whole
+    return case.name
+
+
+def _concealed(job: Job) -> dict[str, Any]:
+    table, case, first = sizes(), job.case, True
+    for attempt in range(DRAWS):
+        for turn in range(SHRINKS if case.effects else 1):
+            setup, concealed = build(case, job.seed, attempt, table, SHRINK**turn)
+            distances = write(job.out / "campaigns" / case.name, case, setup, job.seed, attempt)
+            error = worst_error(job.out / "campaigns" / case.name)
+            if passes(error):
+                plain, _ = build(case, job.seed, attempt, table, 0.0)
+                without = {name: distance for name, (_, distance) in drive(plain, np.random.default_rng(0)).items()}
+                truth = label(case, setup, concealed, distances, without if case.effects else distances)
+                return truth | {
+                    "worst_relative_adhesion_error_percent": None if error is None else round(100 * error, 2),
+                    "concealed_at_first": first,
+                }
+            first = False
+    raise BankError(f"{case.name} ({', '.join(case.effects) or 'null'}): none of {DRAWS} draws passes the paper's validation")
+
+
+def make(out: Path, cases: int, seed: int, jobs: int) -> str:
+    """Generate what is not there yet and publish the hash of the labels, which is returned.
+
+    Raises
+    ------
+    BankError
+        when the folder holds a bank of another size or seed
+
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    described = {"cases": cases, "seed": seed}
+    head = out / "bank.json"
+    if head.is_file() and (there := json.loads(head.read_text(encoding="utf-8"))) != described:
+        raise BankError(f"{out} holds another bank, {there}, not {described}: choose another folder or the same numbers")
+    head.write_text(json.dumps(described), encoding="utf-8")
+    todo = [Job(case, out, seed) for case in plan(cases)]
+    if jobs == 1:
+        names = [generate(job) for job in track(todo, "bank")]
+    else:
+        with multiprocessing.get_context("spawn").Pool(jobs) as pool:
+            names = list(track(pool.imap_unordered(generate, todo), "bank", total=len(todo)))
+    labels = {name: json.loads((out / "labels" / f"{name}.json").read_text(encoding="utf-8")) for name in sorted(names)}
+    text = json.dumps(labels, indent=1) + "\n"
+    (out / "labels.json").write_text(text, encoding="utf-8")
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    (out / "labels.sha256").write_text(f"{digest}  labels.json\n", encoding="utf-8")
+    return digest
+
+
+def read_labels(out: Path) -> dict[str, dict[str, Any]]:
+    """Read the labels of a bank, refusing them where they are not what was published."""
+    file, published = out / "labels.json", out / "labels.sha256"
+    if not file.is_file() or not published.is_file():
+        raise BankError(f"{out} holds no finished bank (labels.json, labels.sha256): run `bank --out {out}` first")
+    text = file.read_bytes()
+    if hashlib.sha256(text).hexdigest() != published.read_text(encoding="utf-8").split()[0]:
+        raise BankError(f"{file} has changed since its hash was published: generate the bank anew")
+    labels: dict[str, dict[str, Any]] = json.loads(text)
+    return labels
