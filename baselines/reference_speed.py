@@ -54,6 +54,7 @@ class ReferenceSpeed:
         self._age = np.zeros(n)  # time since then [s]
         self._vented = np.zeros(shape)  # for how long without a break [s]
         self._standing_for = np.zeros(shape)  # [s]
+        self._learnt = 0  # readings of the diameters so far
         self.reference = np.zeros(n)
         self.speed = np.zeros(shape)
         self.acceleration = np.zeros(shape)
@@ -98,7 +99,8 @@ class ReferenceSpeed:
         if rolling.any():
             ratio = wheel.mean(axis=1, keepdims=True) / np.maximum(wheel, 1e-6)
             ratio = np.clip(ratio, 1.0 - p.diameter_tolerance, 1.0 + p.diameter_tolerance)
-            learnt = self._radius + 0.1 * (self._nominal * ratio - self._radius)
+            self._learnt += 1
+            learnt = self._radius + (self._nominal * ratio - self._radius) / self._learnt  # the mean of all readings
             self._radius = np.where(rolling[:, None], learnt, self._radius)
 
     def _follow(self, step: np.ndarray, active: np.ndarray) -> None:
@@ -113,7 +115,7 @@ class ReferenceSpeed:
         rolling = np.where(rolls, sound, -np.inf).max(axis=1)
         bounded = np.maximum(fastest, self.reference - p.reference_bound_mps2 * step)
         coasted = np.maximum(fastest, self.reference - self._trend * step)
-        reference = np.where(certain, np.maximum(rolling, 0.0), np.where(active, coasted, bounded))
+        reference = np.where(certain, np.maximum(rolling, fastest), np.where(active, coasted, bounded))
         slope = np.clip((self.reference - reference) / step, 0.0, p.reference_bound_mps2)
         passive_gain = 1.0 - np.exp(-step / p.trend_filter_s)
         between = np.clip((self._known - reference) / np.maximum(self._age, 1e-6), 0.0, p.reference_bound_mps2)

@@ -60,9 +60,9 @@ class Constants(NamedTuple):
 
     law: AdhesionLaw
     mechanisms: Mechanisms
-    axle_offset: tuple[float, ...]  # behind the leading axle [m]
-    body_arm: tuple[float, ...]  # see load_transfer [1/m]
-    pivot_arm: tuple[float, ...]  # see load_transfer [1/m]
+    axle_offset: np.ndarray  # (A,) behind the leading axle [m]; no tuple: one compilation for any number of axles
+    body_arm: np.ndarray  # (A,) see load_transfer [1/m]
+    pivot_arm: np.ndarray  # (A,) see load_transfer [1/m]
     inertia: float  # of a wheelset [kg m2]
     gravity: float  # [m/s2]
     resistance_a: float  # [N]
@@ -102,9 +102,9 @@ def constants(
     return Constants(
         law=vehicle.contact.law,
         mechanisms=mechanisms,
-        axle_offset=vehicle.axle_positions_m,
-        body_arm=body_arm,
-        pivot_arm=pivot_arm,
+        axle_offset=np.array(vehicle.axle_positions_m),
+        body_arm=np.array(body_arm),
+        pivot_arm=np.array(pivot_arm),
         inertia=vehicle.wheelset_inertia_kgm2,
         gravity=vehicle.gravity_mps2,
         resistance_a=vehicle.resistance_a_n,

@@ -1,0 +1,180 @@
+"""What every controller must do, and the rules of the rule-based one."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from baselines.extremum_seeking import ExtremumSeeker
+from baselines.none import NoWSP
+from baselines.reference_speed import ReferenceParameters, ReferenceSpeed
+from baselines.rule_based import RuleBasedParameters, RuleBasedWSP
+from baselines.slip_control import SlipController, SlipParameters
+from wsp_env.envs.batch import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
+from wsp_env.envs.observation import Measurement
+from wsp_env.evaluation.controller import SHORT_NAMES, Controller, load
+from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.uic_z1 import BOGIE, COACH, WHEELSET
+from wsp_env.plant.plant import Plant
+from wsp_env.plant.state import Stop
+
+INTERVAL_S = 0.02
+PROTECTING = [RuleBasedWSP, SlipController, ExtremumSeeker]
+
+
+def make_stop(vehicle, mu_cd=0.03, tau=0.0, speed=30.0, noise=0.05, radius=None):
+    radii = np.full(vehicle.axles, vehicle.wheel_radius_m) if radius is None else np.array(radius)
+    one = np.ones(1)
+    return Stop(mu_cd, tau, speed, vehicle.mass_kg, 1.0, 0.0, noise, 7, radii, one, one)
+
+
+def drive(controller, vehicle, stops, interval_s=INTERVAL_S, change=lambda measurement: measurement):
+    """Brake to standstill; return the plant, the commands (T, N, A) and which wheels ever locked (N, A)."""
+    plant = Plant(vehicle, len(stops), interval_s)
+    for index, stop in enumerate(stops):
+        plant.start(index, stop)
+    controller.reset(len(stops), vehicle)
+    locked = np.zeros((len(stops), vehicle.axles), dtype=bool)
+    commands = []
+    while plant.moving.any():
+        state = plant.state
+        measurement = Measurement(state.time.copy(), state.measured.copy(), plant.conditions.demand.copy())
+        commands.append(controller.act(change(measurement)).copy())
+        plant.step(commands[-1])
+        standing = plant.conditions.radius * state.wheel_speed < LOCKED_WHEEL_MPS
+        locked |= standing & (state.speed[:, None] > LOCKED_RUNNING_MPS)
+    return plant, np.array(commands), locked
+
+
+@pytest.mark.parametrize("name", SHORT_NAMES)
+def test_short_names_give_controllers_with_checked_parameters(name):
+    controller = load(name)
+    assert isinstance(controller, Controller)
+    if hasattr(controller, "parameters"):
+        field = dataclasses.fields(controller.parameters)[0].name
+        assert getattr(load(name, {field: 0.5}).parameters, field) == 0.5
+        with pytest.raises(ParameterError, match="no_such"):
+            load(name, {"no_such": 1.0})
+        with pytest.raises(ParameterError, match=field):
+            load(name, {field: -1.0})
+    else:
+        with pytest.raises(ParameterError, match="no parameters"):
+            load(name, {"any": 1.0})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", PROTECTING)
+@pytest.mark.parametrize("vehicle", [WHEELSET, BOGIE, COACH], ids=lambda vehicle: vehicle.name)
+def test_no_wheel_locks_where_it_would_without_protection(make, vehicle):
+    stops = [make_stop(vehicle, mu, tau, v) for mu, v in ((0.024, 40.0), (0.035, 20.0)) for tau in (0.0, 2e-4)]
+    plant, commands, locked = drive(make(), vehicle, stops)
+    assert not locked.any()
+    assert np.isin(commands, (-1.0, 0.0, 1.0)).all()
+    unprotected, _, would_lock = drive(NoWSP(), vehicle, stops)
+    classic = plant.conditions.tau == 0.0
+    assert would_lock[classic].all()
+    assert (plant.state.position[classic] < 0.85 * unprotected.state.position[classic]).all()
+
+
+@pytest.mark.parametrize("make", PROTECTING)
+def test_a_stop_does_not_depend_on_its_batch(make):
+    stops = [make_stop(BOGIE, mu, tau, 15.0) for mu, tau in ((0.025, 0.0), (0.03, 2e-4), (0.05, 0.0))]
+    together, commands, _ = drive(make(), BOGIE, stops)
+    for index, stop in enumerate(stops):
+        alone, own, _ = drive(make(), BOGIE, [stop])
+        assert alone.state.position[0] == together.state.position[index]
+        np.testing.assert_array_equal(own[:, 0], commands[: len(own), index])
+
+
+@pytest.mark.parametrize("make", PROTECTING)
+def test_a_control_interval_half_as_long_changes_little(make):
+    stops = [make_stop(BOGIE, 0.03, tau, 25.0) for tau in (0.0, 2e-4)]
+    usual, _, _ = drive(make(), BOGIE, stops)
+    finer, _, locked = drive(make(), BOGIE, stops, 0.5 * INTERVAL_S)
+    np.testing.assert_allclose(finer.state.position, usual.state.position, rtol=0.06)
+    assert not locked.any()
+
+
+@pytest.mark.parametrize("make", PROTECTING)
+def test_a_failed_sensor_is_reported_and_its_axle_does_as_its_neighbour(make):
+    def fail(measurement):
+        speeds = measurement.wheel_speed.copy()
+        speeds[measurement.time > 3.0, 0] = np.nan
+        return measurement._replace(wheel_speed=speeds)
+
+    controller = make()
+    plant, _, locked = drive(controller, BOGIE, [make_stop(BOGIE, 0.04, 0.0, 25.0)], change=fail)
+    assert controller.wheels.failed.tolist() == [[True, False]]
+    assert not locked[0, 1]
+    assert np.isfinite(plant.state.position).all()
+
+
+def test_rule_based_degraded_mode_keeps_the_blind_axle_from_locking():
+    def fail(measurement):
+        speeds = measurement.wheel_speed.copy()
+        speeds[measurement.time > 3.0, 0] = np.nan
+        return measurement._replace(wheel_speed=speeds)
+
+    _, _, locked = drive(RuleBasedWSP(), BOGIE, [make_stop(BOGIE, 0.035, 0.0, 25.0)], change=fail)
+    assert not locked.any()
+
+
+def measured(time, speeds, vehicle=BOGIE):
+    return Measurement(np.array([time]), np.array([speeds]) / vehicle.wheel_radius_m, np.ones(1))
+
+
+def test_safety_timer_ends_endless_venting():
+    parameters = RuleBasedParameters(safety_timer_s=3.0)
+    controller = RuleBasedWSP(parameters)
+    controller.reset(1, BOGIE)
+    longest = unbraked = 0.0
+    for step in range(1000):  # rolls for a second, then one wheel stands for ever though it is vented
+        time = step * INTERVAL_S
+        commands = controller.act(measured(time, [25.0, np.clip(25.0 - 20.0 * (time - 1.0), 0.0, 25.0)]))
+        unbraked = 0.0 if commands[0, 1] > 0.0 else unbraked + INTERVAL_S
+        longest = max(longest, unbraked)
+    assert 2.0 < longest <= parameters.safety_timer_s + 2 * INTERVAL_S
+    assert controller.wheels.standing.tolist() == [[False, True]]
+
+
+def test_below_the_cut_out_speed_the_brake_is_left_alone():
+    controller = RuleBasedWSP()
+    controller.reset(1, BOGIE)
+    for step in range(400):
+        speed = 3.0 - step * INTERVAL_S  # both wheels alike, then the second stands
+        commands = controller.act(measured(step * INTERVAL_S, [max(speed, 0.0), max(speed - 1.0, 0.0)]))
+        if speed < controller.parameters.cut_out_mps - 0.1:
+            assert (commands == 1.0).all()
+
+
+def test_wheel_diameters_are_learnt_while_rolling():
+    wheels = ReferenceSpeed(ReferenceParameters(), 1, BOGIE)
+    worn = np.array([1.0, 0.95]) * BOGIE.wheel_radius_m
+    for step in range(50):
+        reading = Measurement(np.array([step * INTERVAL_S]), 30.0 / worn[None], np.ones(1))
+        wheels.update(reading, np.ones((1, 2)), np.zeros(1, dtype=bool))
+    assert np.ptp(wheels.speed) < 0.02
+
+
+def test_reference_follows_a_rolling_vehicle_and_is_renewed_by_a_released_axle():
+    wheels = ReferenceSpeed(ReferenceParameters(), 1, BOGIE)
+    true, deceleration, creepage = 30.0, 0.5, 0.0
+    commands, asked = np.ones((1, 2)), False
+    for step in range(1500):
+        time = step * INTERVAL_S
+        true -= deceleration * INTERVAL_S
+        active = time > 5.0
+        if active:  # both axles slide away slowly, more and more; a vented one rolls
+            creepage = min(creepage + 0.02 * INTERVAL_S, 0.5)
+        speeds = np.where(commands[0] < 0.0, true, true * (1.0 - creepage))
+        wheels.update(measured(time, speeds), commands, np.array([active]))
+        commands = np.where(wheels.released, -1.0, 1.0)
+        asked |= bool(wheels.released.any())
+        assert abs(wheels.reference[0] - true) < 1.0
+    assert asked
+
+
+def test_set_point_is_held_and_recovers_more_adhesion_when_it_is_deeper():
+    stops = [make_stop(BOGIE, 0.03, 3e-4, 40.0)]
+    shallow, deep = (drive(SlipController(SlipParameters(creepage=c)), BOGIE, stops)[0] for c in (0.05, 0.2))
+    assert deep.state.position[0] < 0.9 * shallow.state.position[0]
