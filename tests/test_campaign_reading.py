@@ -7,7 +7,7 @@ from numpy.testing import assert_array_equal
 from synthetic_stops import AXLES, MASS_KG, stop, write_campaign
 
 from wsp_env.parameters.velim import CONTACT
-from wsp_env.recordings import CampaignError, demo_campaign, read_campaign
+from wsp_env.recordings import CampaignError, CampaignWarning, demo_campaign, read_campaign
 
 
 @pytest.fixture(scope="module")
@@ -102,13 +102,14 @@ def test_empty_file(folder, content):
         read_campaign(folder)
 
 
-def test_a_cell_that_is_no_number_is_named(folder):
+def test_a_cell_that_is_no_number_is_bridged_and_said(folder):
     lines = (folder / "A1.csv").read_text().splitlines()
-    cells = lines[41].split(",")
-    lines[41] = ",".join(["x" if i == 2 else cell for i, cell in enumerate(cells)])
+    cells = lines[241].split(",")
+    lines[241] = ",".join(["x" if i == 2 else cell for i, cell in enumerate(cells)])
     (folder / "A1.csv").write_text("\n".join(lines))
-    with pytest.raises(CampaignError, match=r"A1\.csv, column axle1_wheel_speed_radps, row 41 \(line 42 of a CSV\)"):
-        read_campaign(folder)
+    with pytest.warns(CampaignWarning, match=r"A1\.csv, column axle1_wheel_speed_radps: 1 .*row 241 \(line 242 of a CSV\)"):
+        run = read_campaign(folder).runs["A1"]
+    assert np.argwhere(run.suspect).tolist() == [[240, 0]]
 
 
 def test_a_file_that_is_no_table(folder):

@@ -154,7 +154,7 @@ def test_a_stop_without_sliding_says_nothing(tmp_path):
 
 def test_a_recording_shorter_than_the_filter(tmp_path):
     with pytest.raises(CampaignError, match="run A1 has 20 samples"):
-        tune(read_campaign(write_campaign(tmp_path, {"A1": stop(TRUE_TAU, 0.06, duration_s=20 * SAMPLE_S)})))
+        tune(read_campaign(write_campaign(tmp_path, {"A1": stop(TRUE_TAU, 0.06, duration_s=20 * SAMPLE_S, noise=1.0)})))
 
 
 def test_demo_campaign_gives_its_truth_back(demo):

@@ -2,6 +2,8 @@
 
 import importlib
 import sys
+import warnings
+from typing import Any
 
 #: Subcommand -> what it does; the module of that name has the function `main`, whose arguments are the command line's.
 COMMANDS = {
@@ -32,17 +34,26 @@ def main(arguments: list[str] | None = None) -> int:
     import tyro
 
     from wsp_env.parameters.quantity import ParameterError
-    from wsp_env.recordings.table import CampaignError
+    from wsp_env.recordings.table import CampaignError, CampaignWarning
 
     command = importlib.import_module(f"wsp_env.cli.{name}").main
     try:
-        tyro.cli(command, prog=f"wsp {name}", args=rest)
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", CampaignWarning)
+            warnings.showwarning = _warned
+            tyro.cli(command, prog=f"wsp {name}", args=rest)
     except (ParameterError, CampaignError) as error:
         return _failed(str(error))
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
     return 0
+
+
+def _warned(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, file: Any = None, line: str | None = None
+) -> None:
+    print(f"wsp: warning: {message}", file=sys.stderr)
 
 
 def _failed(message: str) -> int:

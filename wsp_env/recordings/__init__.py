@@ -1,14 +1,17 @@
 """Campaigns of recorded stops: read, check, derive quantities, tune, validate."""
 
-from wsp_env.recordings.campaign import Campaign, CampaignVehicle, Recording, demo_campaign, read_campaign
+from wsp_env.recordings.campaign import Campaign, demo_campaign, read_campaign
 from wsp_env.recordings.derive import Derived, Smoothing, derive, limits, rolling_radii, transition
-from wsp_env.recordings.table import CampaignError
+from wsp_env.recordings.recording import Recording
+from wsp_env.recordings.table import CampaignError, CampaignWarning
 from wsp_env.recordings.tuning import RunScore, Tuning, tune
+from wsp_env.recordings.vehicle import CampaignVehicle
 
 __all__ = [
     "Campaign",
     "CampaignError",
     "CampaignVehicle",
+    "CampaignWarning",
     "Derived",
     "Recording",
     "RunScore",

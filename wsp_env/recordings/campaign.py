@@ -1,14 +1,16 @@
 """Campaigns of recorded stops: reading and checking them.
 
-A campaign is a folder with `campaign.toml` and one table (CSV or Parquet, SI units) per stop:
+A campaign is a folder with `campaign.toml` and one file (CSV, Parquet, MDF4 or MAT) per stop:
 
 - `[campaign]` name, tune, validate (names of runs: groups A and B of the seed paper), sample_time_s
 - `[vehicle]` see `CampaignVehicle`
 - `[contact]` fields of `ContactParameters`; what is left out comes from the named `set` (default "velim", Table 2)
 - `[runs.NAME]` file, start_position_m; optionally mass_kg, kinetic_friction_d, gradient, direction, notes
+- `[channels]` optional: other people's columns and units, see `channels`
 
-Columns of a table: `time_s`, `vehicle_speed_mps`, and per axle k from 1 `axle{k}_wheel_speed_radps` and
-`axle{k}_brake_torque_nm` (per wheelset, positive in braking); others are ignored.
+Columns of a file in the native format: `time_s`, `vehicle_speed_mps`, and per axle k from 1
+`axle{k}_wheel_speed_radps` and `axle{k}_brake_torque_nm` (per wheelset, positive in braking); optionally those of
+`channels.CHANNELS`; others are ignored.
 """
 
 import dataclasses
@@ -21,58 +23,21 @@ import numpy as np
 
 from wsp_env.parameters import velim
 from wsp_env.parameters.contact import ContactParameters
-from wsp_env.parameters.quantity import Checked, ParameterError, quantity, replace
-from wsp_env.recordings.table import CampaignError, read_columns
+from wsp_env.parameters.quantity import ParameterError, replace
+from wsp_env.recordings import channels
+from wsp_env.recordings.recording import Recording, read_recording
+from wsp_env.recordings.table import CampaignError
+from wsp_env.recordings.vehicle import CampaignVehicle
 
 #: Parameter sets that `[contact] set` may name.
 CONTACT_SETS = {"velim": velim.CONTACT}
 
-_SOURCE = "the campaign"
-_TABLES = ("campaign", "vehicle", "contact", "runs")
+_TABLES = ("campaign", "vehicle", "contact", "channels", "runs")
 _CAMPAIGN_KEYS = ("name", "tune", "validate", "sample_time_s")
 _RUN_KEYS = ("file", "start_position_m", "mass_kg", "kinetic_friction_d", "gradient", "direction", "notes")
 
 
-@dataclasses.dataclass(frozen=True)
-class CampaignVehicle(Checked):
-    """The vehicle as the test team believed it to be; every wheelset alike, the load shared equally."""
-
-    axles: int = quantity(4, "-", _SOURCE, 1, 64)
-    mass_kg: float = quantity(43000.0, "kg", _SOURCE, 0.0, 1e7, open_low=True)
-    wheelset_inertia_kgm2: float = quantity(160.0, "kg m2", _SOURCE, 0.0, 1e5, open_low=True)
-    wheel_radius_m: float = quantity(0.445, "m", _SOURCE, 0.05, 2.0)
-    gravity_mps2: float = quantity(9.81, "m/s2", _SOURCE, 9.0, 10.0)
-    axle_positions_m: tuple[float, ...] = quantity((), "m", _SOURCE, 0.0, 1e4)  # behind the leading axle
-    resistance_n: tuple[float, ...] = quantity((0.0, 0.0, 0.0), "N, N s/m, N s2/m2", _SOURCE, 0.0, 1e6)  # A + B v + C v2
-    brake_torque_source: str = "measured"  # or "cylinder pressure times the nominal gain": then itself a model
-
-    def __post_init__(self) -> None:
-        """Check the ranges, and that tuples are as long as they must be."""
-        super().__post_init__()
-        if self.axle_positions_m and len(self.axle_positions_m) != self.axles:
-            raise ParameterError(f"axle_positions_m has {len(self.axle_positions_m)} values for {self.axles} axles")
-        if len(self.resistance_n) != 3:
-            raise ParameterError(f"resistance_n must be the three numbers [A, B, C], got {list(self.resistance_n)}")
-
-
 _REQUIRED_VEHICLE_KEYS = ("axles", "mass_kg", "wheelset_inertia_kgm2", "wheel_radius_m")
-
-
-@dataclasses.dataclass(frozen=True)
-class Recording:
-    """One recorded stop; T samples at the campaign's sample time."""
-
-    name: str
-    time_s: np.ndarray  # (T,) [s]
-    vehicle_speed_mps: np.ndarray  # (T,) [m/s]
-    wheel_speed_radps: np.ndarray  # (T, axles) [rad/s]
-    brake_torque_nm: np.ndarray  # (T, axles) [Nm] per wheelset, positive in braking
-    start_position_m: float  # [m] of the leading axle along the track
-    mass_kg: float  # [kg] of the whole vehicle in this run
-    kinetic_friction_d: float  # [-] mu_cd as believed by the test team
-    gradient: float = 0.0  # [-] rise per metre, positive uphill
-    direction: str = ""
-    notes: str = ""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,7 +86,11 @@ def read_campaign(folder: Path) -> Campaign:
         contact = _contact(path, document.get("contact", {}))
     except ParameterError as error:
         raise CampaignError(f"{path}: {error}") from None
-    runs = {name: _recording(path, name, entry, vehicle, contact, sample_time) for name, entry in described.items()}
+    mapping = channels.parse(path, document.get("channels", {}), vehicle.axles)
+    runs = {}
+    for name, entry in described.items():
+        file, blank = _described(path, name, entry, vehicle, contact)
+        runs[name] = read_recording(file, blank, mapping, vehicle, sample_time)
     return Campaign(str(head["name"]), tune, validate, sample_time, vehicle, contact, runs)
 
 
@@ -164,9 +133,10 @@ def _contact(path: Path, table: Any) -> ContactParameters:
     return contact
 
 
-def _recording(
-    path: Path, name: str, entry: Any, vehicle: CampaignVehicle, contact: ContactParameters, sample_time_s: float
-) -> Recording:
+def _described(
+    path: Path, name: str, entry: Any, vehicle: CampaignVehicle, contact: ContactParameters
+) -> tuple[Path, Recording]:
+    """Return a run's file, and what campaign.toml says of it as a recording without samples."""
     where = f"[runs.{name}]"
     if not isinstance(entry, dict):
         raise CampaignError(f"{path}: {where} must be a table with at least file, got {entry!r}")
@@ -175,21 +145,18 @@ def _recording(
     file = path.parent / str(entry["file"])
     if not file.is_file():
         raise CampaignError(f"{file} does not exist: {path} names it as the file of run {name}; correct `file` or add it")
-    axles = vehicle.axles
-    wheel_speeds = [f"axle{k}_wheel_speed_radps" for k in range(1, axles + 1)]
-    torques = [f"axle{k}_brake_torque_nm" for k in range(1, axles + 1)]
-    columns = read_columns(file, ["time_s", "vehicle_speed_mps", *wheel_speeds, *torques], axles, sample_time_s)
     friction = _number(path, f"{where} kinetic_friction_d", entry.get("kinetic_friction_d", contact.kinetic_friction_d), 0.0)
     if friction >= contact.kinetic_friction_r:
         raise CampaignError(
             f"{path}: {where} kinetic_friction_d = {friction} is not below kinetic_friction_r = {contact.kinetic_friction_r}"
         )
-    return Recording(
-        name=name,
-        time_s=columns["time_s"],
-        vehicle_speed_mps=columns["vehicle_speed_mps"],
-        wheel_speed_radps=np.stack([columns[column] for column in wheel_speeds], axis=1),
-        brake_torque_nm=np.stack([columns[column] for column in torques], axis=1),
+    none = np.zeros(0)
+    return file, Recording(
+        name,
+        time_s=none,
+        vehicle_speed_mps=none,
+        wheel_speed_radps=none,
+        brake_torque_nm=none,
         start_position_m=_number(path, f"{where} start_position_m", entry.get("start_position_m", 0.0)),
         mass_kg=_number(path, f"{where} mass_kg", entry.get("mass_kg", vehicle.mass_kg), above=0.0),
         kinetic_friction_d=friction,

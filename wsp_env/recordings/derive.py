@@ -10,11 +10,13 @@ there is up to nine times larger in variance, so `Derived.usable` leaves those s
 import dataclasses
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_filter
 
 from wsp_env.contact.degraded import SPEED_FLOOR, AdhesionLaw, adhesion_recovered, adhesion_without_recovery
 from wsp_env.parameters.quantity import Checked, quantity
-from wsp_env.recordings.campaign import Campaign, Recording
+from wsp_env.recordings.campaign import Campaign
+from wsp_env.recordings.recording import Recording
 from wsp_env.recordings.table import CampaignError
 
 _ORDER = 2
@@ -53,7 +55,7 @@ class Derived:
     adhesion: np.ndarray  # f = T_c / N_c [-], eq. (1)
     energy_jpm: np.ndarray  # W_sp = T_c e [J/m], eq. (1)
     torque_share: np.ndarray  # C / (2 r N_c) [-]: what of f comes from the brake torque
-    usable: np.ndarray  # bool: sliding, turning, fast enough and inside the filter's ends
+    usable: np.ndarray  # bool: sliding, turning, fast enough, as recorded, and inside the filter's ends
 
 
 def rolling_radii(campaign: Campaign, smoothing: Smoothing = Smoothing()) -> np.ndarray:
@@ -124,6 +126,8 @@ def derive(
     usable &= circumferential > smoothing.locked_below_mps
     end = _length(max(smoothing.vehicle_window_s, smoothing.wheel_window_s), step) // 2
     usable[:end] = usable[len(usable) - end :] = False
+    if run.suspect is not None and run.suspect.any():  # mended samples spoil what the filter makes of their neighbours
+        usable &= ~maximum_filter1d(run.suspect, 2 * end + 1, axis=0)
     return Derived(
         time_s=run.time_s,
         speed_mps=speed,

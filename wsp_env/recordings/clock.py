@@ -1,0 +1,228 @@
+"""Clocks of recordings: mending them, and bringing channels to a common one without aliasing."""
+
+import dataclasses
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from wsp_env.compiled import kernel
+from wsp_env.recordings.table import CampaignError
+
+#: Longest gap [s] that is bridged; what was bridged is never compared with the law. Assumption: the wheel slides on in about
+#: the same way for that long, so that the filter's neighbourhood of the gap is all that is lost.
+LONGEST_GAP_S = 1.0
+
+#: A sample may stand this share of a step beside its place on an even clock: rounded times of a logger.
+JITTER = 0.1
+
+#: Share of a file's rows that may be mended before it counts as unusable.
+MOST_MENDED = 0.2
+
+_FEW_ROWS = 10  # so many rows, or a hundredth of all, may stand in the wrong order or twice
+_PASS_BAND = 0.8  # cut-off of the anti-aliasing filter as a share of the new Nyquist frequency
+_HALF_WIDTH = 8  # lobes of the sinc on each side under the Hann window
+_TABLE = 512  # tabulated points per lobe; linear between them: error below 1e-5
+
+
+@dataclasses.dataclass(frozen=True)
+class Clock:
+    """A mended clock: which rows of the file it keeps, and where they stand on its even steps."""
+
+    time_s: np.ndarray  # (m,) of the kept rows, rising
+    step_s: float
+    kept: np.ndarray | None  # (m,) rows of the file, None: all in order
+    slots: np.ndarray | None  # (m,) number of each row's step on the even clock; None: it is not even
+    rows: int  # in the file
+
+    @property
+    def grid_s(self) -> np.ndarray:
+        """Times of all even steps, those without a row included."""
+        if self.slots is None or self.slots[-1] == len(self.slots) - 1:
+            return self.time_s
+        grid: np.ndarray = self.time_s[0] + self.step_s * np.arange(self.slots[-1] + 1)
+        grid[self.slots] = self.time_s
+        return grid
+
+    @property
+    def absent(self) -> np.ndarray:
+        """Which samples of `grid_s` have no row in the file, bool."""
+        mask: np.ndarray = np.zeros(len(self.grid_s), dtype=bool)
+        if self.slots is not None:
+            mask[:] = True
+            mask[self.slots] = False
+        return mask
+
+    def row(self, sample: int) -> str:
+        """Name the file's row of a sample of `grid_s` (of the next one where it has none)."""
+        position = sample if self.slots is None else int(np.searchsorted(self.slots, sample))
+        return row(position if self.kept is None else int(self.kept[position]))
+
+    def lay(self, values: np.ndarray) -> np.ndarray:
+        """Lay a channel's rows on `grid_s`; nan where there is no row."""
+        if self.kept is not None:
+            values = values[self.kept]
+        if self.slots is None or self.slots[-1] == len(self.slots) - 1:
+            return values
+        grid = np.full(self.slots[-1] + 1, np.nan)
+        grid[self.slots] = values
+        return grid
+
+
+def mend(time_s: np.ndarray, where: str) -> tuple[Clock, list[str]]:
+    """Mend a clock [s] (n,): leave out rows without time and doubled ones, sort a few that are out of order.
+
+    Parameters
+    ----------
+    where : file and column, with which messages begin
+
+    Raises
+    ------
+    CampaignError
+        naming the row, for a clock that cannot be mended without guessing
+
+    """
+    rows = len(time_s)
+    notes: list[str] = []
+    kept = np.flatnonzero(np.isfinite(time_s) & ~_out_of_line(time_s))
+    if len(kept) < max((1.0 - MOST_MENDED) * rows, 3):
+        raise CampaignError(f"{where}: only {len(kept)} of {rows} rows have a time that fits their neighbours'")
+    if len(kept) < rows:
+        missing = np.setdiff1d(np.arange(rows), kept, assume_unique=True)
+        notes.append(f"{where}: {_rows(missing)} without a time that fits the neighbours' left out")
+    time = time_s[kept]
+    step = float(np.median(np.diff(time)))
+    if not step > 0.0:
+        raise CampaignError(f"{where}: the clock stands still or runs backwards in most rows; map the right column to time")
+    few = max(_FEW_ROWS, rows // 100)
+    if (np.diff(time) < 0.0).any():
+        kept, time = _sorted(kept, time, step, few, where, notes)
+    doubled = np.flatnonzero(np.diff(time) < JITTER * step) + 1
+    if len(doubled) > few:
+        raise CampaignError(
+            f"{where}: the clock repeats itself in {len(doubled)} rows, first in {row(kept[doubled[0]])}; "
+            "export it with more decimals or map another column to time"
+        )
+    if len(doubled):
+        notes.append(f"{where}: {_rows(kept[doubled])} doubled in time left out")
+        kept, time = np.delete(kept, doubled), np.delete(time, doubled)
+    steps = np.diff(time)
+    widest = int(np.argmax(steps))
+    if steps[widest] > max(LONGEST_GAP_S, 1.5 * step):
+        raise CampaignError(
+            f"{where}, {row(kept[widest + 1])}: the clock jumps from {time[widest]:g} s to {time[widest + 1]:g} s; more "
+            f"than {LONGEST_GAP_S:g} s cannot be bridged: cut the run there"
+        )
+    counts = np.rint(steps / step).astype(np.int64)
+    slots = np.concatenate([[0], np.cumsum(np.maximum(counts, 1))])
+    step = float((time[-1] - time[0]) / slots[-1])
+    even = bool((np.abs(time - time[0] - step * slots) < JITTER * step).all())
+    if gaps := int((counts > 1).sum()):
+        at = int(np.argmax(counts > 1))
+        lost = int((counts[counts > 1] - 1).sum())
+        notes.append(
+            f"{where}: {lost} samples missing in {gaps} gap{'s' * (gaps > 1)}, the first after {row(kept[at])}; bridged"
+        )
+    whole = len(kept) == rows and bool((kept == np.arange(rows)).all())
+    return Clock(time, step, None if whole else kept, slots if even else None, rows), notes
+
+
+def _out_of_line(time: np.ndarray) -> np.ndarray:
+    """Rows whose time does not lie between their neighbours', which are two even steps apart."""
+    wrong: np.ndarray = np.zeros(len(time), dtype=bool)
+    if len(time) > 4:
+        steps = np.diff(time)
+        step = np.nanmedian(steps)
+        with np.errstate(invalid="ignore"):
+            apart = np.abs(steps[1:] + steps[:-1] - 2.0 * step) < 0.5 * step
+            wrong[1:-1] = apart & (np.abs(steps[:-1] - step) > 1.5 * step)
+    return wrong
+
+
+def _sorted(
+    kept: np.ndarray, time: np.ndarray, step: float, few: int, where: str, notes: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    back = int(np.argmax(np.diff(time) < 0.0)) + 1
+    order = np.argsort(time, kind="stable")
+    moved = order != np.arange(len(order))
+    gaps = np.diff(time[order])
+    if moved.sum() > few or ((gaps > JITTER * step) & (gaps < 0.5 * step)).any():
+        raise CampaignError(
+            f"{where}, {row(kept[back])}: the clock runs backwards, from {time[back - 1]:g} s to {time[back]:g} s; "
+            "cut the run there or map another column to time"
+        )
+    notes.append(f"{where}: {_rows(kept[np.flatnonzero(moved)])} in the wrong order, sorted by time")
+    return kept[order], time[order]
+
+
+def resample(time_s: np.ndarray, values: np.ndarray, targets_s: np.ndarray, hold: bool = False) -> np.ndarray:
+    """Bring a channel (n,) to other times (m,); both rise, the targets evenly and inside the channel's.
+
+    To a slower clock through a low-pass that leaves no delay (windowed sinc, cut-off at 0.8 of the new Nyquist frequency), to a
+    faster or shifted one by a cubic spline. `hold` keeps the last value instead, as for commands.
+    """
+    if hold:
+        held: np.ndarray = values[np.maximum(np.searchsorted(time_s, targets_s, side="right") - 1, 0)]
+        return held
+    source, target = (float(np.median(np.diff(t))) for t in (time_s, targets_s))
+    if source > _PASS_BAND * target:
+        spline: np.ndarray = CubicSpline(time_s, values)(targets_s)
+        return spline
+    width = target / _PASS_BAND
+    reach = _HALF_WIDTH * width
+    # Mirrored about the end points, a ramp goes on as a ramp.
+    ahead = int(min(np.searchsorted(time_s, time_s[0] + reach) + 1, len(time_s) - 1))
+    behind = int(max(np.searchsorted(time_s, time_s[-1] - reach) - 1, 0))
+    time = np.concatenate([2 * time_s[0] - time_s[ahead:0:-1], time_s, 2 * time_s[-1] - time_s[-2:behind:-1]])
+    padded = np.concatenate([2 * values[0] - values[ahead:0:-1], values, 2 * values[-1] - values[-2:behind:-1]])
+    lobes = np.arange(_HALF_WIDTH * _TABLE + 2) / _TABLE
+    table = np.sinc(lobes) * np.where(lobes < _HALF_WIDTH, np.cos(0.5 * np.pi * lobes / _HALF_WIDTH) ** 2, 0.0)
+    return _filtered(time, padded, targets_s, width, table)
+
+
+@kernel
+def _filtered(time: np.ndarray, values: np.ndarray, targets: np.ndarray, width: float, table: np.ndarray) -> np.ndarray:
+    """Weighted means of the values about each target; the weights are `table` over the distance in `width`."""
+    result = np.empty(len(targets))
+    reach = _HALF_WIDTH * width
+    scale = _TABLE / width
+    first = 0
+    for j in range(len(targets)):
+        target = targets[j]
+        while first < len(time) - 1 and time[first] < target - reach:
+            first += 1
+        total = 0.0
+        weights = 0.0
+        i = first
+        while i < len(time) and time[i] < target + reach:
+            x = abs(time[i] - target) * scale
+            k = int(x)
+            weight = table[k] + (x - k) * (table[k + 1] - table[k])
+            weight *= time[min(i + 1, len(time) - 1)] - time[max(i - 1, 0)]
+            total += weight * values[i]
+            weights += weight
+            i += 1
+        result[j] = total / weights
+    return result
+
+
+def spread(time_s: np.ndarray, bad: np.ndarray, targets_s: np.ndarray) -> np.ndarray:
+    """Return which targets (m,) are touched by bad samples (n,) of a channel."""
+    marks: np.ndarray = np.zeros(len(targets_s) + 1, dtype=np.int64)
+    at = time_s[bad]
+    if at.size:
+        step = max(float(np.median(np.diff(t))) for t in (time_s, targets_s))
+        np.add.at(marks, np.searchsorted(targets_s, at - step), 1)
+        np.add.at(marks, np.searchsorted(targets_s, at + step, side="right"), -1)
+    touched: np.ndarray = np.cumsum(marks[:-1]) > 0
+    return touched
+
+
+def row(index: int) -> str:
+    """Name a row as a person would look for it."""
+    return f"row {index + 1} (line {index + 2} of a CSV)"
+
+
+def _rows(indices: np.ndarray) -> str:
+    if len(indices) == 1:
+        return row(int(indices[0]))
+    return f"{len(indices)} rows, the first {row(int(indices[0]))},"
