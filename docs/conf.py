@@ -28,12 +28,15 @@ _PARAMETER = re.compile(r"^(\w+(?:, \w+)*) : (.+)$")
 
 
 def _prepare(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
-    """Move what a docstring says of a parameter from where numpydoc has its type to the line below; escape |e|."""
+    """Move what a docstring says of a parameter from where numpydoc has its type to the line below; escape |e|.
+
+    Blank lines are doubled: that ends a section, so that a paragraph after the parameters is none of them.
+    """
     prepared = []
     for line in lines:
         escaped = line.replace("|", r"\|")
         match = _PARAMETER.match(escaped)
-        prepared += [match[1], f"    {match[2]}"] if match else [escaped]
+        prepared += [match[1], f"    {match[2]}"] if match else [escaped] if line else ["", ""]
     lines[:] = prepared
 
 
