@@ -1,0 +1,1 @@
+"""Experiments on wsp_env: benchmarks, convergence, the seed paper's results."""
