@@ -5,7 +5,10 @@ so everything is caught here and said in one sentence.
 """
 
 import contextlib
+import importlib
 import logging
+import sys
+import traceback
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -118,8 +121,6 @@ def _vector(file: Path, name: str, values: Any) -> np.ndarray:
 
 
 def _extra(name: str, file: Path) -> ModuleType:
-    import importlib
-
     try:
         return importlib.import_module(name)
     except ImportError:
@@ -128,9 +129,18 @@ def _extra(name: str, file: Path) -> ModuleType:
 
 @contextlib.contextmanager
 def _saying(file: Path, what: str) -> Iterator[None]:
+    """Say in one sentence what a library stumbles over, however it does."""
+    problem = ""
+    hook = sys.unraisablehook
+    sys.unraisablehook = lambda _: None  # asammdf's destructor stumbles over files that it could not open
     try:
         yield
     except CampaignError:
         raise
     except Exception as error:
-        raise CampaignError(f"{file} is damaged or not {what}: {first_line(error)}") from None
+        problem = first_line(error)
+        traceback.clear_frames(error.__traceback__)  # lets go of the half-opened file while nobody hears it
+    finally:
+        sys.unraisablehook = hook
+    if problem:
+        raise CampaignError(f"{file} is damaged or not {what}: {problem}")

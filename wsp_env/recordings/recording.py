@@ -61,7 +61,7 @@ def read_recording(
     required = ["vehicle_speed", *(f"axle{k}_{channel}" for channel in needed for k in axles)]
     optional = ["position", *(f"axle{k}_{channel}" for channel in _OPTIONAL if channel not in needed for k in axles)]
     columns = read_columns(file, required, optional, mapping, sample_time_s, vehicle.wheel_radius_m)
-    stacked = {channel: _stacked(columns.values, channel, vehicle.axles) for channel in (*needed, *_OPTIONAL)}
+    stacked = {channel: _stacked(columns.values, channel, vehicle.axles) for channel in dict.fromkeys((*needed, *_OPTIONAL))}
     torque = vehicle.torque_per_bar_nm * stacked["cylinder_pressure"] if from_pressure else stacked["brake_torque"]
     suspect = _stacked(columns.suspect, needed[0], vehicle.axles) | _stacked(columns.suspect, needed[1], vehicle.axles)
     run = dataclasses.replace(
@@ -84,7 +84,13 @@ def read_recording(
     return dataclasses.replace(run, warnings=found)
 
 
-def _stacked(values: Mapping[str, np.ndarray], channel: str, axles: int) -> Any:
-    """(T, axles) of one channel of every axle, None where an axle lacks it."""
-    each = [values.get(f"axle{k}_{channel}") for k in range(1, axles + 1)]
-    return None if any(column is None for column in each) else np.stack(each, axis=1)  # type: ignore[arg-type]  # checked
+def _stacked(values: dict[str, np.ndarray], channel: str, axles: int) -> Any:
+    """Take one channel of every axle out of `values`: (T, axles), or None where an axle lacks it."""
+    names = [f"axle{k}_{channel}" for k in range(1, axles + 1)]
+    if not all(name in values for name in names):
+        return None
+    first = values[names[0]]
+    stacked = np.empty((len(first), axles), dtype=first.dtype)
+    for k, name in enumerate(names):
+        stacked[:, k] = values.pop(name)  # a long recording fills half the memory
+    return stacked

@@ -1,0 +1,189 @@
+"""The same stop in every format and in a stranger's units: the same numbers."""
+
+import numpy as np
+import polars as pl
+import pytest
+from numpy.testing import assert_allclose
+from synthetic_stops import AXLES, RADIUS_M, stop, write_campaign
+
+from wsp_env.recordings import CampaignError, CampaignWarning, read_campaign, tune
+
+NM_PER_BAR = 2500.0
+
+CHANNELS = """
+[channels]
+time = {column = "T_MS", unit = "ms"}
+vehicle_speed = {column = "FS_SPEED_KPH", unit = "km/h"}
+"""
+for k in range(1, AXLES + 1):
+    CHANNELS += f'axle{k}_wheel_speed = {{column = "W{k}_RPM", unit = "rpm"}}\n'
+    CHANNELS += f'axle{k}_cylinder_pressure = {{column = "BCP_M_AXLE{k}_IN_MBAR", unit = "mbar"}}\n'
+
+
+@pytest.fixture(scope="module")
+def columns():
+    return stop(2e-4, 0.06, duration_s=8.0, noise=1.0)
+
+
+@pytest.fixture(scope="module")
+def strange(columns):
+    """The same recording with a stranger's names and units; pressures instead of torques."""
+    table = {"T_MS": 1e3 * columns["time_s"], "FS_SPEED_KPH": 3.6 * columns["vehicle_speed_mps"]}
+    for k in range(1, AXLES + 1):
+        table[f"W{k}_RPM"] = columns[f"axle{k}_wheel_speed_radps"] * 60.0 / (2.0 * np.pi)
+        table[f"BCP_M_AXLE{k}_IN_MBAR"] = 1e3 * columns[f"axle{k}_brake_torque_nm"] / NM_PER_BAR
+    return table
+
+
+def save(file, table):
+    if file.suffix == ".csv":
+        pl.DataFrame(table).write_csv(file)
+    elif file.suffix == ".parquet":
+        pl.DataFrame(table).write_parquet(file)
+    elif file.suffix == ".mf4":
+        import asammdf
+
+        with asammdf.MDF(version="4.10") as mdf:
+            time = table["T_MS"] / 1e3
+            mdf.append([asammdf.Signal(values, time, name=name) for name, values in table.items() if name != "T_MS"])
+            mdf.save(file, overwrite=True)
+    elif file.stem.endswith("73"):
+        import h5py
+
+        with h5py.File(file, "w", userblock_size=512) as content:
+            for name, values in table.items():
+                content[f"test/{name}"] = values[None, :]
+        with file.open("r+b") as stream:
+            stream.write(b"MATLAB 7.3 MAT-file, Platform: test")
+    else:
+        import scipy.io
+
+        scipy.io.savemat(file, {"test": table})
+
+
+def campaign_of(folder, file_name, table, channels=CHANNELS):
+    """A campaign of one run whose file has a stranger's columns."""
+    folder.mkdir()
+    save(folder / file_name, table)
+    lines = write_campaign(folder, {}, tune=["A1"]).joinpath("campaign.toml").read_text()
+    lines = lines.replace("wheel_radius_m", f"torque_per_bar_nm = {NM_PER_BAR}\nwheel_radius_m")
+    if file_name.endswith(".mat"):
+        channels = channels.replace('column = "', 'column = "test.')
+    (folder / "campaign.toml").write_text(lines + channels + f'[runs.A1]\nfile = "{file_name}"\n')
+    return folder
+
+
+@pytest.mark.parametrize("file_name", ["A1.csv", "A1.parquet", "A1.mf4", "A1.mat", "A1_v73.mat"])
+def test_every_format_gives_the_same_numbers(tmp_path, columns, strange, file_name):
+    run = read_campaign(campaign_of(tmp_path / "strange", file_name, strange)).runs["A1"]
+    assert run.warnings == ()
+    assert_allclose(run.time_s, columns["time_s"], rtol=1e-9, atol=1e-9)
+    assert_allclose(run.vehicle_speed_mps, columns["vehicle_speed_mps"], rtol=1e-9)
+    for k in range(AXLES):
+        assert_allclose(run.wheel_speed_radps[:, k], columns[f"axle{k + 1}_wheel_speed_radps"], rtol=1e-9)
+        assert_allclose(run.brake_torque_nm[:, k], columns[f"axle{k + 1}_brake_torque_nm"], rtol=1e-9)
+
+
+def test_european_text_is_read(tmp_path, columns):
+    folder = write_campaign(tmp_path, {"A1": columns})
+    text = (folder / "A1.csv").read_text().replace(",", ";").replace(".", ",")
+    (folder / "A1.csv").write_text("\n" + text.replace("\n", "\r\n"), encoding="utf-8-sig")
+    run = read_campaign(folder).runs["A1"]
+    assert_allclose(run.vehicle_speed_mps, columns["vehicle_speed_mps"], rtol=1e-12)
+
+
+def test_quoted_and_padded_numbers_are_read(tmp_path, columns):
+    folder = write_campaign(tmp_path, {"A1": columns})
+    head, *lines = (folder / "A1.csv").read_text().splitlines()
+    lines = [", ".join(f'"{cell}" ' for cell in line.split(",")) for line in lines]
+    (folder / "A1.csv").write_text("\n".join([head, *lines]))
+    run = read_campaign(folder).runs["A1"]
+    assert run.warnings == ()
+    assert_allclose(run.brake_torque_nm[:, 3], columns["axle4_brake_torque_nm"])
+
+
+def test_units_stated_in_the_file_are_used(tmp_path, columns):
+    table = columns | {"v [km/h]": 3.6 * columns["vehicle_speed_mps"]}
+    del table["vehicle_speed_mps"]
+    folder = write_campaign(tmp_path, {"A1": table})
+    with (folder / "campaign.toml").open("a") as toml:
+        toml.write('[channels]\nvehicle_speed = "v [km/h]"\n')
+    assert_allclose(read_campaign(folder).runs["A1"].vehicle_speed_mps, columns["vehicle_speed_mps"], rtol=1e-12)
+
+
+def test_wheel_speed_as_speed_of_the_circumference(tmp_path, columns):
+    table = columns | {"wheel2": 3.6 * RADIUS_M * columns["axle2_wheel_speed_radps"]}
+    folder = write_campaign(tmp_path, {"A1": table})
+    with (folder / "campaign.toml").open("a") as toml:
+        toml.write('[channels]\naxle2_wheel_speed = {column = "wheel2", unit = "km/h"}\n')
+    assert_allclose(read_campaign(folder).runs["A1"].wheel_speed_radps[:, 1], columns["axle2_wheel_speed_radps"], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("channels", "said"),
+    [
+        ('speed = "x"', "unknown channel speed"),
+        ("vehicle_speed = 3", "must name a column"),
+        ('vehicle_speed = {column = "x", unit = "bar"}', "'bar' is a unit of .*mass.*vehicle_speed is one of .*length"),
+        ('vehicle_speed = {column = "x", unit = "furlongs per moon"}', "no unit known"),
+        ('axle1_wheel_speed = {column = "x", unit = "1/min"}', "turns or radians"),
+        ('axle1_wheel_speed = {column = "x", unit = "Hz"}', "turns or radians"),
+        ('axle1_brake_torque = {column = "x", unit = "kN"}', r"N m\)"),
+        ('vehicle_speed = {column = "x", units = "m/s"}', "unknown key units"),
+        ('vehicle_speed = {column = "x", unit = "m/s", scale = 0}', "scale must be"),
+        ('vehicle_speed = {column = "nowhere", unit = "m/s"}', "lacks the column nowhere"),
+        ('vehicle_speed = {column = "vehicle_speed_mps"}', "neither the file nor .channels. says its unit"),
+        ('axle9_wheel_speed = {column = "x", unit = "rpm"}', "unknown channel axle9_wheel_speed"),
+    ],
+)
+def test_mappings_that_cannot_be_used(tmp_path, columns, channels, said):
+    folder = write_campaign(tmp_path, {"A1": columns})
+    with (folder / "campaign.toml").open("a") as toml:
+        toml.write(f"[channels]\n{channels}\n")
+    with pytest.raises(CampaignError, match=said):
+        read_campaign(folder)
+
+
+def test_a_file_that_contradicts_the_mapping_is_warned_of(tmp_path, columns):
+    table = columns | {"v [m/s]": 3.6 * columns["vehicle_speed_mps"]}
+    folder = write_campaign(tmp_path, {"A1": table})
+    with (folder / "campaign.toml").open("a") as toml:
+        toml.write('[channels]\nvehicle_speed = {column = "v [m/s]", unit = "km/h"}\n')
+    with pytest.warns(CampaignWarning, match=r"states 'm/s', \[channels\] 'km/h'"):
+        read_campaign(folder)
+
+
+def test_channels_at_other_rates_come_to_one_clock(tmp_path, columns):
+    """A logger with 1 kHz wheel speeds and torques and a 20 Hz vehicle speed, each on its own clock."""
+    import asammdf
+
+    fine = {name: np.interp(np.arange(0.0, 7.9, 1e-3), columns["time_s"], values) for name, values in columns.items()}
+    slow = np.arange(0.02, 7.85, 0.05)
+    folder = tmp_path / "rates"
+    folder.mkdir()
+    with asammdf.MDF(version="4.10") as mdf:
+        names = [name for name in fine if name.startswith("axle")]
+        mdf.append([asammdf.Signal(fine[name], fine["time_s"], name=name) for name in names])
+        speed = np.interp(slow, columns["time_s"], columns["vehicle_speed_mps"])
+        mdf.append([asammdf.Signal(speed, slow, name="vehicle_speed_mps")])
+        mdf.save(folder / "A1.mf4")
+    write_campaign(folder, {}, tune=["A1"])
+    with (folder / "campaign.toml").open("a") as toml:
+        toml.write('[runs.A1]\nfile = "A1.mf4"\n')
+    with pytest.warns(CampaignWarning, match="recorded every"):
+        campaign = read_campaign(folder)
+    run = campaign.runs["A1"]
+    assert_allclose(np.diff(run.time_s), 0.01, rtol=1e-6)
+    assert run.time_s[0] == pytest.approx(0.02)
+    assert tune(campaign).tau_m_per_J == pytest.approx(2e-4, rel=0.05)
+
+
+@pytest.mark.parametrize("suffix", [".mf4", ".mat", ".parquet", ".xyz", ".csv"])
+@pytest.mark.parametrize("content", [b"", b"\x00" * 2000, b"MDF     4.10    " + b"\xff" * 3000, b"MATLAB 7.3" + b" " * 900])
+def test_files_that_are_none(tmp_path, suffix, content):
+    folder = write_campaign(tmp_path, {}, tune=["A1"])
+    (folder / f"A1{suffix}").write_bytes(content)
+    with (folder / "campaign.toml").open("a") as toml:
+        toml.write(f'[runs.A1]\nfile = "A1{suffix}"\n')
+    with pytest.raises(CampaignError, match=rf"A1\{suffix}"):
+        read_campaign(folder)
