@@ -1,0 +1,213 @@
+"""The test programme: cases and requirements read from a table, and the stops drawn for them."""
+
+import dataclasses
+import functools
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from wsp_env.evaluation.bound import SlideLimit, best_adhesion
+from wsp_env.evaluation.figures import FIGURES
+from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.state import Stop
+from wsp_env.scenario import TRACK_STEP_M, Scenario, draw
+
+#: The adhesion laws that every contaminated case is run under.
+LAWS = ("classic", "recovering")
+
+#: The programme that comes with the project.
+STANDARD = Path(__file__).with_name("programme.toml")
+
+#: The described track [m]; beyond it the rail is as at its end.
+TRACK_LENGTH_M = 8000.0
+
+_NODES = int(TRACK_LENGTH_M / TRACK_STEP_M) + 1
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """One case of the programme."""
+
+    name: str
+    about: str
+    initial_speed_kmh: float
+    initial_adhesion: tuple[float, float] | None = None  # [-], see `friction_for`; None is clean rail
+    load: float = 0.0  # share of the payload [-]
+    demand: float = 1.0  # share of full pressure [-]
+    gradient: float = 0.0  # rise over distance [-]
+    track: str = "constant"  # of wsp_env.scenario.TRACKS
+    contaminated_m: tuple[tuple[float, float], ...] = ((0.0, np.inf),)  # stretches of a constant track [m]
+    worn_radius_m: float = 0.0  # one drawn axle has so much less [m]
+    sensor_fails_s: float = np.inf  # the sensor of one drawn axle reads zero from then on [s]
+
+    def __post_init__(self) -> None:
+        """Turn lists from a table into tuples; refuse what cannot be."""
+        if self.initial_adhesion is not None:
+            pair = tuple(self.initial_adhesion)
+            if len(pair) != 2 or not 0.0 < pair[0] <= pair[1] < 0.3:
+                raise ParameterError(f"case {self.name}: initial_adhesion = {pair} must be (lowest, highest) within (0, 0.3)")
+            object.__setattr__(self, "initial_adhesion", pair)
+        object.__setattr__(self, "contaminated_m", tuple(tuple(stretch) for stretch in self.contaminated_m))
+        if not self.initial_speed_kmh > 0.0:
+            raise ParameterError(f"case {self.name}: initial_speed_kmh = {self.initial_speed_kmh} must be above zero")
+
+    @property
+    def laws(self) -> tuple[str, ...]:
+        """The laws it is run under: both, but one on clean rail, where they are the same."""
+        return LAWS if self.initial_adhesion else LAWS[:1]
+
+
+@dataclasses.dataclass(frozen=True)
+class Requirement:
+    """A figure that must not exceed a number in any stop."""
+
+    name: str
+    figure: str
+    at_most: float
+    source: str  # clause, or "assumption"
+    cases: tuple[str, ...] = ()  # empty: all
+    laws: tuple[str, ...] = ()  # empty: both
+
+
+@dataclasses.dataclass(frozen=True)
+class Programme:
+    """Cases, requirements and what is common to them."""
+
+    name: str
+    limit: SlideLimit
+    scenario: Scenario
+    cases: tuple[Case, ...]
+    requirements: tuple[Requirement, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Conditions:
+    """The N stops of a case; one per law and draw."""
+
+    laws: tuple[str, ...]  # (N,)
+    draws: tuple[int, ...]  # (N,)
+    stops: tuple[Stop, ...]  # (N,)
+    sensor_fails_s: np.ndarray  # (N, A)
+
+
+def read_programme(path: Path = STANDARD) -> Programme:
+    """Read and check a programme; `ParameterError` says what is wrong with it."""
+    try:
+        table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ParameterError(f"the programme {path} cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise ParameterError(f"the programme {path} is not valid TOML: {error}") from None
+    head = dict(table.get("programme", {}))
+    try:
+        limit = SlideLimit(
+            head.pop("slide_limit", SlideLimit.creepage), head.pop("slide_limit_above_mps", SlideLimit.above_mps)
+        )
+        programme = Programme(
+            name=head.pop("name", Path(path).stem),
+            limit=limit,
+            scenario=_record(Scenario, table.get("scenario", {})),
+            cases=tuple(_record(Case, case) for case in table.get("case", [])),
+            requirements=tuple(_record(Requirement, requirement) for requirement in table.get("requirement", [])),
+        )
+    except TypeError as error:  # a key that is not known, or one that is missing
+        raise ParameterError(f"the programme {path}: {str(error).replace('__init__() ', '')}") from None
+    _check(Path(path), programme, sorted(head))
+    return programme
+
+
+def _record(kind: Any, values: dict[str, Any]) -> Any:
+    return kind(**{key: tuple(value) if isinstance(value, list) else value for key, value in values.items()})
+
+
+def _check(path: Path, programme: Programme, unknown: Sequence[str]) -> None:
+    names = [case.name for case in programme.cases]
+    if unknown:
+        raise ParameterError(f"the programme {path}: unknown key {', '.join(unknown)} in [programme]")
+    if not names or len(set(names)) < len(names):
+        raise ParameterError(f"the programme {path} needs at least one [[case]], each with its own name")
+    for requirement in programme.requirements:
+        if requirement.figure not in FIGURES:
+            raise ParameterError(
+                f"the programme {path}: requirement {requirement.name!r} names the figure {requirement.figure!r}; "
+                f"valid: {', '.join(FIGURES)}"
+            )
+        if wrong := (set(requirement.cases) - set(names)) | (set(requirement.laws) - set(LAWS)):
+            raise ParameterError(f"the programme {path}: requirement {requirement.name!r} names {', '.join(sorted(wrong))}")
+
+
+def select_cases(programme: Programme, vehicle: Vehicle, names: Sequence[str] = ()) -> tuple[Case, ...]:
+    """Return the cases of those names (none: all) that the vehicle is fast enough for; `ParameterError` if none is."""
+    known = {case.name: case for case in programme.cases}
+    if wrong := [name for name in names if name not in known]:
+        raise ParameterError(f"unknown case {', '.join(wrong)}; valid: {', '.join(known)}")
+    chosen = tuple(case for case in programme.cases if not names or case.name in names)
+    possible = tuple(case for case in chosen if case.initial_speed_kmh / 3.6 <= vehicle.max_speed_mps)
+    if not possible:
+        raise ParameterError(f"no case within the {vehicle.name}'s {3.6 * vehicle.max_speed_mps:.0f} km/h")
+    return possible
+
+
+def draw_conditions(case: Case, programme: Programme, vehicle: Vehicle, draws: int, seed: int) -> Conditions:
+    """Draw the stops of a case: the same under every law, and from the same numbers in every case."""
+    rows, stops, fails = [], [], []
+    for number in range(draws):
+        rng = np.random.default_rng([seed, number])
+        share, axle = rng.uniform(), int(rng.integers(vehicle.axles))
+        fail = np.full(vehicle.axles, np.inf)
+        fail[axle] = case.sensor_fails_s
+        for law in case.laws:
+            rows.append((law, number))
+            stops.append(_stop(case, programme, vehicle, law, share, axle, np.random.default_rng([seed, number, 1])))
+            fails.append(fail)
+    laws, numbers = zip(*rows, strict=True)
+    return Conditions(laws, numbers, tuple(stops), np.array(fails))
+
+
+def _stop(
+    case: Case, programme: Programme, vehicle: Vehicle, law: str, share: float, axle: int, rng: np.random.Generator
+) -> Stop:
+    speed = case.initial_speed_kmh / 3.6
+    mass = vehicle.mass_kg + case.load * vehicle.payload_kg
+    low, high = case.initial_adhesion or (0.05, 0.05)  # of no consequence on clean rail
+    pins: dict[str, Any] = {
+        "mu_cd": friction_for(low + share * (high - low), speed, mass, vehicle),
+        "initial_speed": speed,
+        "load": case.load,
+        "demand": case.demand,
+        "gradient": case.gradient,
+        "track": case.track,
+    }
+    stop = draw(programme.scenario, vehicle, rng, _NODES, pins, classic=law == "classic")
+    coverage = stop.coverage
+    if case.initial_adhesion is None:
+        coverage = np.zeros(_NODES)
+    elif case.track == "constant":
+        places = TRACK_STEP_M * np.arange(_NODES)
+        inside = [(places >= start) & (places < end) for start, end in case.contaminated_m]
+        coverage = np.any(inside, axis=0).astype(np.float64)
+    radius = stop.radius.copy()
+    radius[axle] -= case.worn_radius_m
+    return dataclasses.replace(stop, coverage=coverage, radius=radius)
+
+
+@functools.lru_cache(maxsize=4096)
+def friction_for(initial_adhesion: float, speed: float, mass: float, vehicle: Vehicle) -> float:
+    """Return mu_cd [-] whose rail has this initial adhesion: the peak of f_d over the slip, at the initial speed [m/s].
+
+    `ParameterError` when no friction up to that of the clean rail gives it.
+    """
+    load = mass * vehicle.gravity_mps2 / (2 * vehicle.axles)
+    law = vehicle.contact.law
+
+    def missing(mu_cd: float) -> float:
+        return float(best_adhesion(speed, speed, load, mu_cd, 0.0, law)[0]) - initial_adhesion
+
+    if missing(1e-4) > 0.0 or missing(law.mu_cr) < 0.0:
+        raise ParameterError(f"no kinetic friction gives an initial adhesion of {initial_adhesion:g} at {speed:.1f} m/s")
+    return float(brentq(missing, 1e-4, law.mu_cr, xtol=1e-7))

@@ -1,0 +1,89 @@
+"""Means over draws with their confidence intervals, and the verdicts on the requirements."""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import polars
+from scipy.stats import t
+
+from wsp_env.evaluation.evaluate import BOUND, REFERENCE
+from wsp_env.evaluation.figures import CAUSES, FIGURES
+from wsp_env.evaluation.programme import Requirement
+
+#: Confidence of the intervals.
+CONFIDENCE = 0.95
+
+
+@dataclasses.dataclass(frozen=True)
+class Verdict:
+    """A requirement applied to one controller: the worst of its stops."""
+
+    requirement: str
+    controller: str
+    passed: bool
+    worst: float
+    at_most: float
+    where: str  # case, law and draw of the worst stop
+    source: str
+
+
+def summarise(stops: polars.DataFrame) -> polars.DataFrame:
+    """Return a row per controller, case and law: every figure's mean over the draws and `_ci`, half its interval's width.
+
+    The interval is Student's at `CONFIDENCE`, without meaning (nan) for one draw; figures that a row has not are null.
+    """
+    rows = []
+    for (controller, case, law), group in stops.group_by(["controller", "case", "law"], maintain_order=True):
+        row: dict[str, object] = {"controller": controller, "case": case, "law": law, "draws": group.height}
+        row["stopped"] = int(group["stopped"].sum())
+        for figure in [*FIGURES, *(f"lost_{cause}_m" for cause in CAUSES)]:
+            mean, half = interval(group[figure].to_numpy()) if group[figure].null_count() == 0 else (None, None)
+            row |= {figure: mean, f"{figure}_ci": half}
+        rows.append(row)
+    return polars.DataFrame(rows, infer_schema_length=None)
+
+
+def interval(values: np.ndarray) -> tuple[float, float]:
+    """Return the mean of independent draws and half the width of its confidence interval."""
+    count = len(values)
+    mean = float(np.mean(values))
+    if count < 2 or not math.isfinite(mean):
+        return mean, math.nan
+    return mean, float(t.ppf(0.5 + 0.5 * CONFIDENCE, count - 1) * np.std(values, ddof=1) / math.sqrt(count))
+
+
+def judge(stops: polars.DataFrame, requirements: Sequence[Requirement]) -> tuple[Verdict, ...]:
+    """Apply every requirement to every controller; one whose cases were not run is left out."""
+    verdicts = []
+    names = [name for name in stops["controller"].unique(maintain_order=True) if name != BOUND]
+    for requirement in requirements:
+        for name in names:
+            rows = stops.filter(polars.col("controller") == name)
+            if requirement.cases:
+                rows = rows.filter(polars.col("case").is_in(list(requirement.cases)))
+            if requirement.laws:
+                rows = rows.filter(polars.col("law").is_in(list(requirement.laws)))
+            if rows.height == 0:
+                continue
+            values = rows[requirement.figure].to_numpy()
+            worst = int(np.argmax(values))
+            row = rows.row(worst, named=True)
+            verdicts.append(
+                Verdict(
+                    requirement=requirement.name,
+                    controller=name,
+                    passed=bool(values[worst] <= requirement.at_most),
+                    worst=float(values[worst]),
+                    at_most=requirement.at_most,
+                    where=f"{row['case']}, {row['law']}, draw {row['draw'] + 1}",
+                    source=requirement.source,
+                )
+            )
+    return tuple(verdicts)
+
+
+def controllers_of(stops: polars.DataFrame) -> list[str]:
+    """Return the controllers in the table, without what they are compared with."""
+    return [name for name in stops["controller"].unique(maintain_order=True) if name not in (BOUND, REFERENCE)]
