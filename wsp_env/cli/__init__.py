@@ -42,7 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
             warnings.simplefilter("always", CampaignWarning)
             warnings.showwarning = _warned
             tyro.cli(command, prog=f"wsp {name}", args=rest)
-    except (ParameterError, CampaignError) as error:
+    except (ParameterError, CampaignError, ModuleNotFoundError) as error:  # the last: an extra is not installed
         return _failed(str(error))
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
