@@ -15,7 +15,7 @@ JOBS ?= 2
 
 help:
 	@echo "make demo       read and tune a campaign, brake under the tuned law; writes out/demo.html"
-	@echo "make test       lint, the whole test suite, and the kernels once more as plain Python"
+	@echo "make test       lint, the contact laws as plain Python, and the whole test suite"
 	@echo "make lint       ruff, mypy, import-linter"
 	@echo "make docs       the documentation, in docs/_build/html"
 	@echo "make benchmark  speed of the law and of the plant, as ratios"
@@ -24,9 +24,9 @@ help:
 demo: $(VENV)/.report
 	$(BIN)/wsp demo
 
-test: lint $(VENV)/.dev
+# The whole suite comes last: its summary is the last line.
+test: lint plain $(VENV)/.dev
 	$(BIN)/pytest --numprocesses $(JOBS) --dist loadgroup
-	@$(MAKE) --no-print-directory plain
 
 # Compiled code hides from coverage and from Python's own checks: some tests once more without the compiler.
 plain: $(VENV)/.dev
