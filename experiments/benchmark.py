@@ -1,0 +1,261 @@
+"""How fast the law, the plant and the environments are, as ratios measured in one run.
+
+    python experiments/benchmark.py [--quick] [--json]
+
+The machine may be busy with other work: what is compared runs in turns, every figure is the median of the rounds and a ratio
+the median of the rounds' ratios. Everything runs on one core. CartPole is Gymnasium's `make_vec("CartPole-v1",
+vectorization_mode="sync")`; its cost is that of a step of all N environments, as is the plant's: one control interval of
+20 ms with all its substeps.
+"""
+
+import dataclasses
+import json
+import math
+import statistics
+import time
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any
+
+import gymnasium as gym
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.table import Table
+from scipy.optimize import brentq
+
+from wsp_env.contact.degraded import adhesion_recovered, adhesion_without_recovery, degraded_adhesion
+from wsp_env.contact.fastsim import fastsim_force
+from wsp_env.contact.kalker import Patch, kalker_coefficients
+from wsp_env.contact.polach import polach_adhesion
+from wsp_env.envs import IDS
+from wsp_env.envs.vector import BrakingVectorEnv
+from wsp_env.parameters.uic_z1 import VEHICLES
+from wsp_env.parameters.velim import CONTACT
+from wsp_env.plant.plant import SUBSTEP_S, Plant
+from wsp_env.scenario import TRACK_STEP_M, Scenario, draw
+
+SIZES = (1, 64, 1024, 8192)
+QUICK_SIZES = (1, 64)
+CONTACTS = 8192
+BY_ROOT_FINDER = 200
+TRACK_NODES = 801
+WARM_UP_S = 3.0  # of the stops before they are timed: brakes on, wheels sliding
+
+
+@dataclasses.dataclass(frozen=True)
+class Goal:
+    """A figure that the project wants to reach."""
+
+    what: str
+    measured: float
+    goal: float
+    at_least: bool
+
+    @property
+    def met(self) -> bool:
+        """Whether the measured figure reaches the goal."""
+        return self.measured >= self.goal if self.at_least else self.measured <= self.goal
+
+
+def in_turns(runs: Mapping[str, Callable[[], int]], rounds: int, seconds: float) -> dict[str, np.ndarray]:
+    """Time the runs in turns; return the seconds per unit of work in every round (rounds,).
+
+    A run returns how many units it did; it is repeated for about `seconds` in each round.
+    """
+    repeats = {}
+    for name, run in runs.items():
+        run()  # compiles
+        start = time.perf_counter()
+        run()
+        repeats[name] = max(1, math.ceil(seconds / max(time.perf_counter() - start, 1e-7)))
+    taken: dict[str, list[float]] = {name: [] for name in runs}
+    for _ in range(rounds):
+        for name, run in runs.items():
+            units = 0
+            start = time.perf_counter()
+            for _ in range(repeats[name]):
+                units += run()
+            taken[name].append((time.perf_counter() - start) / units)
+    return {name: np.array(values) for name, values in taken.items()}
+
+
+def ratio(of: np.ndarray, to: np.ndarray) -> float:
+    """Median of the rounds' ratios."""
+    return float(np.median(of / to))
+
+
+# --- the law ----------------------------------------------------------------------------------------------------------
+
+
+def contact_runs() -> dict[str, Callable[[], int]]:
+    """Evaluate contacts drawn over the whole range of use by the closed form, a root-finder, Polach and FASTSIM."""
+    rng = np.random.default_rng(1)
+    creepage, speed = rng.uniform(0.0, 1.0, CONTACTS), rng.uniform(0.1, 60.0, CONTACTS)
+    load, mu_cd, tau = rng.uniform(20e3, 120e3, CONTACTS), rng.uniform(0.01, 0.15, CONTACTS), rng.uniform(0.0, 1e-3, CONTACTS)
+    slip, law = creepage * speed, CONTACT.law
+    states = (slip, speed, load, mu_cd, tau, law)
+    a = tau * load * creepage
+    # The root-finder is given the limits for nothing; it solves for f alone.
+    implicit = np.stack([adhesion_without_recovery(*states), adhesion_recovered(*states), a], axis=1)[:BY_ROOT_FINDER].tolist()
+    coefficients = (float(c) for c in kalker_coefficients(CONTACT.semi_axis_a_m / CONTACT.semi_axis_b_m, 0.25))
+    patch = Patch(CONTACT.semi_axis_a_m, CONTACT.semi_axis_b_m, CONTACT.shear_modulus_pa, *coefficients)
+
+    def closed_form() -> int:
+        degraded_adhesion(*states)
+        return CONTACTS
+
+    def root_finder() -> int:
+        for f_d, f_r, rate in implicit:
+            brentq(lambda f, f_d=f_d, f_r=f_r, rate=rate: f - f_r + (f_r - f_d) * math.exp(-rate * f), f_d - 1e-9, f_r + 1e-9)
+        return BY_ROOT_FINDER
+
+    def polach() -> int:
+        polach_adhesion(creepage, slip, load, law.stiffness, mu_cd, law.ratio_d, law.gamma_d, law.k_ad, law.k_sd)
+        return CONTACTS
+
+    def fastsim() -> int:
+        few = slice(BY_ROOT_FINDER)
+        fastsim_force(creepage[few], 0.0, 0.0, load[few], mu_cd[few], patch)
+        return BY_ROOT_FINDER
+
+    return {"closed form": closed_form, "brentq": root_finder, "Polach": polach, "FASTSIM": fastsim}
+
+
+# --- plant and environments -------------------------------------------------------------------------------------------
+
+
+def plant_run(name: str, n: int, steps: int) -> Callable[[], int]:
+    """Step a batch of sliding stops under changing valve commands, from the same state every time."""
+    vehicle = VEHICLES[name]
+    rng = np.random.default_rng(1)
+    plant = Plant(vehicle, n, track_step_m=TRACK_STEP_M, track_nodes=TRACK_NODES)
+    scenario = Scenario(mu_cd=(0.02, 0.06), demand=(0.7, 1.0), initial_speed=(25.0, 44.5))
+    stops = [draw(scenario, vehicle, rng, TRACK_NODES) for _ in range(min(n, 64))]
+    for i in range(n):
+        plant.start(i, stops[i % len(stops)])
+    for _ in range(round(WARM_UP_S / plant.control_interval_s)):
+        plant.step(np.ones((n, vehicle.axles)))
+    begin = [array.copy() for array in plant.state]
+    commands = [rng.choice([-1.0, 0.0, 1.0, 1.0], size=(n, vehicle.axles)) for _ in range(10)]
+
+    def run() -> int:
+        for array, first in zip(plant.state, begin, strict=True):
+            array[...] = first
+        for step in range(steps):
+            plant.step(commands[step // 10 % 10])
+        return steps
+
+    return run
+
+
+def env_run(env: gym.vector.VectorEnv[Any, Any, Any], steps: int) -> Callable[[], int]:
+    """Step a vector environment under one batch of random actions."""
+    env.reset(seed=1)
+    env.action_space.seed(1)
+    actions = [env.action_space.sample() for _ in range(8)]
+
+    def run() -> int:
+        for step in range(steps):
+            env.step(actions[step % 8])
+        return steps
+
+    return run
+
+
+def step_runs(n: int) -> dict[str, Callable[[], int]]:
+    """Return steps of a batch of n: the plant of each vehicle, the bogie's environment, CartPole."""
+    steps = max(3, min(50, 20_000 // n))
+    runs: dict[str, Callable[[], int]] = {name: plant_run(name, n, steps) for name in VEHICLES}
+    runs["Bogie-v0"] = env_run(BrakingVectorEnv(n, IDS["wsp_env/Bogie-v0"]), steps)
+    runs["CartPole"] = env_run(gym.make_vec("CartPole-v1", num_envs=n, vectorization_mode="sync"), steps)
+    return runs
+
+
+# --- the report -------------------------------------------------------------------------------------------------------
+
+
+def measure(quick: bool) -> dict[str, Any]:
+    """Return all figures: seconds per contact and per step, ratios and goals."""
+    rounds, seconds = (5, 0.02) if quick else (15, 0.05)
+    contact = in_turns(contact_runs(), rounds, seconds)
+    law = contact["closed form"]
+    goals = [
+        Goal("brentq per sample / closed form, batched", ratio(contact["brentq"], law), 200.0, True),
+        Goal("closed form / one Polach evaluation", ratio(law, contact["Polach"]), 3.0, False),
+    ]
+    rows = []
+    for n in QUICK_SIZES if quick else SIZES:
+        times = in_turns(step_runs(n), rounds, seconds)
+        medians = {name: statistics.median(values.tolist()) for name, values in times.items()}
+        shares = {name: ratio(values, times["CartPole"]) for name, values in times.items()}
+        rows += [
+            {"n": n, "what": name, "step_s": medians[name], "steps_per_s": n / medians[name], "to_cartpole": shares[name]}
+            for name in times
+        ]
+        if n >= 64:
+            goals.append(Goal(f"bogie step / CartPole step, N = {n}", shares["bogie"], 0.5, False))
+            interval = Plant(VEHICLES["coach"]).control_interval_s
+            goals.append(Goal(f"coach, simulated seconds a second, N = {n}", n * interval / medians["coach"], 2000.0, True))
+    return {
+        "substep_s": SUBSTEP_S,
+        "contact_s": {name: statistics.median(values.tolist()) for name, values in contact.items()},
+        "closed_form_to_fastsim": ratio(law, contact["FASTSIM"]),
+        "steps": rows,
+        "goals": [dataclasses.asdict(goal) | {"met": goal.met} for goal in goals],
+    }
+
+
+def print_tables(result: Mapping[str, Any]) -> None:
+    """Print the figures as aligned tables."""
+    console = Console(width=100)
+    law = result["contact_s"]["closed form"]
+    table = Table(title="Adhesion of one contact", title_justify="left")
+    table.add_column("by")
+    table.add_column("time [ns]", justify="right")
+    table.add_column("to the closed form", justify="right")
+    for name, seconds in result["contact_s"].items():
+        table.add_row(name, f"{1e9 * seconds:.1f}", f"{seconds / law:.3g}")
+    console.print(table)
+    table = Table(title=f"One step of N, substep {1e3 * result['substep_s']:g} ms", title_justify="left")
+    table.add_column("N", justify="right")
+    table.add_column("of")
+    for heading in ("time [us]", "steps a second", "to CartPole"):
+        table.add_column(heading, justify="right")
+    for row in result["steps"]:
+        last = row["what"] == "CartPole"
+        figures = f"{1e6 * row['step_s']:.1f}", f"{row['steps_per_s']:.3g}", f"{row['to_cartpole']:.3f}"
+        table.add_row(str(row["n"]), row["what"], *figures, end_section=last)
+    console.print(table)
+    table = Table(title="Goals", title_justify="left")
+    table.add_column("figure")
+    for heading in ("measured", "goal", "met"):
+        table.add_column(heading, justify="right")
+    for goal in result["goals"]:
+        bound = f"{'>=' if goal['at_least'] else '<='} {goal['goal']:g}"
+        table.add_row(goal["what"], f"{goal['measured']:.3g}", bound, "yes" if goal["met"] else "no")
+    console.print(table)
+
+
+def main(
+    quick: tyro.conf.FlagCreatePairsOff[bool] = False,
+    as_json: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
+) -> None:
+    """Print the benchmarks.
+
+    Parameters
+    ----------
+    quick
+        Fewer and shorter rounds, batches of 1 and 64 only.
+    as_json
+        Print JSON instead of tables.
+
+    """
+    result = measure(quick)
+    if as_json:
+        print(json.dumps(result))
+    else:
+        print_tables(result)
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
