@@ -9,6 +9,10 @@ this implicit equation for f by iteration (eq. 10); it has the closed form
 with Lambert's W on its principal branch, written here as f_r - (f_r - f_d) exp(-a f_r) exp(-W0(z)), which needs no
 division and holds at a = 0. The classic law (no recovery, lambda = 0) is tau = 0.
 
+Two generalisations stand ready for physics beyond the paper, both absent by default: lambda = 1 - exp(-u^n) with
+u = tau max(W_sp - W_0, 0), solved by a safeguarded Newton method (the closed form is n = 1, W_0 = 0), and a share of the film
+that is held by what came before, whatever this wheel's work.
+
 Conventions: one contact is one wheel; slip speed s = v - r w [m/s] and creepage e = s / v [-] are positive in braking.
 """
 
@@ -21,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from wsp_env.compiled import elementwise, inlined, kernel
 from wsp_env.contact.polach import falling_friction, saturation, saturation_slope
+from wsp_env.contact.recovery import kept_by_shape
 
 #: Running speed [m/s] below which the creepage is taken as s / SPEED_FLOOR: keeps e finite at standstill, where it is
 #: undefined. The contact then acts as a stiff damper, so that the friction vanishes with the slip.
@@ -41,6 +46,8 @@ class AdhesionLaw(NamedTuple):
     ratio_r: float  # A_r, the same, recovered [-]
     gamma_d: float  # friction decrease rate, degraded [s/m]
     gamma_r: float  # friction decrease rate, recovered [s/m]
+    recovery_exponent: float = 1.0  # n [-]; 1 is the paper's eq. (4)
+    recovery_threshold: float = 0.0  # W_0 [J/m], work that recovers nothing; 0 is the paper's
 
 
 class Adhesion(NamedTuple):
@@ -51,6 +58,7 @@ class Adhesion(NamedTuple):
     f_r: float  # its limit after full recovery [-]
     df_ds: float  # derivative with respect to the slip speed at constant speed [s/m]
     df_dv: float  # derivative with respect to the running speed at constant slip speed [s/m]
+    kept: float  # share of the film that this wheel's own work leaves, 1 - lambda(W_sp) [-]
 
 
 # exp(-W0(z)) is analytic in p = sqrt(2 (1 + e z)): the square root takes away the branch point at z = -1/e. These are the
@@ -118,6 +126,7 @@ def adhesion(
     tau: float,
     film: float,
     law: AdhesionLaw,
+    held: float = 0.0,
 ) -> Adhesion:
     """Evaluate the law at |slip_speed| [m/s], running speed [m/s] and normal load of one wheel [N].
 
@@ -128,6 +137,7 @@ def adhesion(
     film : share of the contaminant still there before this wheel comes [-]: 1 is the paper's law; below 1 the wheel's
         limit without recovery is f_r - film (f_r - f_d), as earlier wheels or the past have removed the rest
     law : the constant parameters
+    held : share of a further film that this wheel's work does not remove [-], as it lags behind; 0 is the paper's law
 
     """
     slip = abs(slip_speed)
@@ -140,23 +150,29 @@ def adhesion(
         slip, per_speed, load, law.stiffness, law.mu_cr, law.ratio_r, law.gamma_r, law.k_ar, law.k_sr
     )
     gap = film * (f_r - f_d)
+    rest = f_r - held * (f_r - f_d)
     a = tau * load * slip * per_speed
-    dry = math.exp(-a * f_r)
-    kept = dry * exp_minus_lambert_w0(-a * gap * dry)  # exp(-a f) = 1 - lambda(W_sp)
-    f = f_r - gap * kept
-    # Implicit differentiation of f = f_r - gap exp(-a f).
-    share = film * kept
-    growth = gap * kept * f * tau * load
-    inverse = 1.0 / max(1.0 - a * gap * kept, 1e-12)
+    rate = 1.0
+    if law.recovery_exponent == 1.0 and law.recovery_threshold == 0.0:
+        dry = math.exp(-a * rest)
+        kept = dry * exp_minus_lambert_w0(-a * gap * dry)  # exp(-a f) = 1 - lambda(W_sp)
+    else:
+        kept, rate = kept_by_shape(rest, gap, a, tau * law.recovery_threshold, law.recovery_exponent)
+    f = rest - gap * kept
+    # Implicit differentiation of f = rest - gap exp(-u^n), u = a f - offset; rate is d(u^n)/du.
+    share = held + film * kept
+    growth = gap * kept * rate * f * tau * load
+    inverse = 1.0 / max(1.0 - a * gap * kept * rate, 1e-12)
     df_ds = (df_r_ds * (1.0 - share) + df_d_ds * share + growth * per_speed) * inverse
     df_dp = (df_r_dp * (1.0 - share) + df_d_dp * share + growth * slip) * inverse
-    return Adhesion(f, f_d, f_r, df_ds, df_dp * dper_dv)
+    return Adhesion(f, f_d, f_r, df_ds, df_dp * dper_dv, kept)
 
 
 def _ufunc(output: int) -> np.ufunc:
-    # numba's ufuncs take scalars only: the law's ten parameters follow the six arguments of `adhesion` one by one.
-    def value(slip_speed, speed, load, mu_cd, tau, film, c, ad, sd, ar, sr, mu, rd, rr, gd, gr):  # type: ignore[no-untyped-def]
-        state = adhesion(slip_speed, speed, load, mu_cd, tau, film, AdhesionLaw(c, ad, sd, ar, sr, mu, rd, rr, gd, gr))
+    # numba's ufuncs take scalars only: the law's twelve parameters follow the six arguments of `adhesion` one by one.
+    def value(slip_speed, speed, load, mu_cd, tau, film, c, ad, sd, ar, sr, mu, rd, rr, gd, gr, n, w0):  # type: ignore[no-untyped-def]
+        law = AdhesionLaw(c, ad, sd, ar, sr, mu, rd, rr, gd, gr, n, w0)
+        state = adhesion(slip_speed, speed, load, mu_cd, tau, film, law)
         return state[output] if slip_speed >= 0.0 or output == 3 else -state[output]
 
     return elementwise(value)

@@ -8,11 +8,12 @@ from numpy.typing import ArrayLike
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import mechanisms
+from wsp_env.plant.mechanisms import track_gradient, vehicle_mass, wheel_radius
 from wsp_env.plant.state import Conditions, State, Stop, allocate, constants
-from wsp_env.plant.step import advance
+from wsp_env.plant.step import ROWS, advance
 
-#: Longest substep [s]. experiments/convergence.py: at 10 ms every stopping distance lies within 0.001 % of the converged one and
-#: the heat in the contacts within 1 %; at 20 ms within 0.002 % and 2 %.
+#: Longest substep [s]. experiments/convergence.py: at 10 ms every stopping distance lies within 0.001 % of the converged one
+#: and the heat in the contacts within 1 %; at 20 ms within 0.002 % and 2 %.
 SUBSTEP_S = 0.01
 
 
@@ -75,29 +76,34 @@ class Plant:
             coverage=np.ones((n, track_nodes)),
         )
         self.moving = np.zeros(n, dtype=bool)
+        self._work = np.empty((ROWS, axles))
 
     def start(self, index: int, stop: Stop) -> None:
         """Put vehicle `index` at the start of a stop: rolling freely at its initial speed with empty cylinders.
+
+        The stop is what is believed; mechanisms on mass, gradient and radius turn it into what is.
 
         `ParameterError` names a condition that cannot be.
         """
         check_stop(stop, self.vehicle)
         for array in self.state:
             array[index] = 0.0
-        c = self.conditions
+        c, m = self.conditions, self.constants.mechanisms
         c.mu_cd[index] = stop.mu_cd
         c.tau[index] = stop.tau
-        c.mass[index] = stop.mass
+        c.mass[index] = vehicle_mass.mass(m.vehicle_mass, stop.mass)
         c.demand[index] = stop.demand
-        c.gradient[index] = stop.gradient
+        c.gradient[index] = track_gradient.gradient(m.track_gradient, stop.gradient)
         c.noise[index] = stop.noise
         c.key[index] = stop.key
-        c.radius[index] = stop.radius
+        c.radius[index] = wheel_radius.radii(m.wheel_radius, stop.radius)
         c.profile[index] = stop.profile
         c.coverage[index] = stop.coverage
         self.state.speed[index] = stop.initial_speed
-        self.state.wheel_speed[index] = stop.initial_speed / stop.radius
-        self.state.measured[index] = self.state.wheel_speed[index]
+        self.state.recorded_speed[index] = stop.initial_speed
+        self.state.wheel_speed[index] = stop.initial_speed / c.radius[index]
+        for reading in (self.state.counted, self.state.filtered, self.state.measured):
+            reading[index] = self.state.wheel_speed[index]
         self.state.commands[index] = 1.0
         self.moving[index] = True
 
@@ -113,7 +119,7 @@ class Plant:
         if not np.isfinite(command).all():
             row, axle = np.argwhere(~np.isfinite(command))[0]
             raise ValueError(f"the command of vehicle {row}, axle {axle + 1} is {command[row, axle]}: commands must be finite")
-        advance(command, self.state, self.conditions, self.constants, self.moving)
+        advance(command, self.state, self.conditions, self.constants, self.moving, self._work)
 
     @property
     def kinetic_energy(self) -> np.ndarray:

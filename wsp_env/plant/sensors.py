@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from wsp_env.compiled import inlined, kernel
+from wsp_env.plant.mechanisms import clock_offset, wheel_speed_lag
 from wsp_env.plant.state import Conditions, Constants, State
 
 # SplitMix64 (Steele, Lea, Flood, OOPSLA 2014): a good hash of a counter. The noise of a stop is a function of its key (drawn
@@ -33,11 +34,12 @@ def normal(key: np.uint64, counter: int) -> float:
 
 @inlined
 def read_tachometers(i: int, state: State, c: Conditions, p: Constants) -> None:
-    """Update the measured wheel speeds of vehicle i [rad/s].
+    """Update the measured wheel speeds [rad/s] and the recorded speed [m/s] of vehicle i.
 
     New edges since the last reading: their number over the time they took. None: what the next edge could at most mean.
     """
     axles = state.wheel_speed.shape[1]
+    state.recorded_speed[i] = clock_offset.recorded(p.mechanisms.clock_offset, state.speed[i], -state.deceleration[i])
     now = state.time[i]
     interval = p.substep * p.substeps
     step = round(now / interval)
@@ -54,6 +56,10 @@ def read_tachometers(i: int, state: State, c: Conditions, p: Constants) -> None:
             state.edge_angle[i, k] = edge
             state.edge_time[i, k] = moment
         else:
-            clean = min(state.measured[i, k], p.pulse_angle / max(now - state.edge_time[i, k], 1e-9))
+            clean = min(state.counted[i, k], p.pulse_angle / max(now - state.edge_time[i, k], 1e-9))
+        last = state.counted[i, k]
+        state.counted[i, k] = clean
+        clean = wheel_speed_lag.reading(p.mechanisms.wheel_speed_lag, state.filtered[i, k], last, clean, interval)
+        state.filtered[i, k] = clean
         noise = c.noise[i] * normal(c.key[i], step * axles + k) if clean > 0.0 and c.noise[i] > 0.0 else 0.0
         state.measured[i, k] = max(clean + noise, 0.0)

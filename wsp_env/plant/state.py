@@ -11,7 +11,16 @@ import numpy as np
 
 from wsp_env.contact.degraded import AdhesionLaw
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.mechanisms import Mechanisms, leading_axle_cleaning, load_transfer
+from wsp_env.plant.mechanisms import (
+    Mechanisms,
+    check_axles,
+    falling_friction,
+    flash_temperature,
+    initial_slope,
+    leading_axle_cleaning,
+    load_transfer,
+    recovery_shape,
+)
 
 
 class State(NamedTuple):
@@ -28,7 +37,10 @@ class State(NamedTuple):
     angle: np.ndarray  # (N, A) turned by the wheel [rad]
     edge_angle: np.ndarray  # (N, A) of the last counted pulse edge [rad]
     edge_time: np.ndarray  # (N, A) of that edge [s]
-    measured: np.ndarray  # (N, A) speed from the pulses [rad/s]
+    counted: np.ndarray  # (N, A) speed from the pulses [rad/s]
+    filtered: np.ndarray  # (N, A) the same as the sensor gives it, see wheel_speed_lag [rad/s]
+    measured: np.ndarray  # (N, A) the same with the sensor's noise [rad/s]
+    recorded_speed: np.ndarray  # (N,) of the vehicle, as its own recorder has it, see clock_offset [m/s]
     adhesion: np.ndarray  # (N, A) f = T / N [-], signed as the slip
     adhesion_d: np.ndarray  # (N, A) its limit without recovery [-]
     adhesion_r: np.ndarray  # (N, A) its limit after full recovery [-]
@@ -38,6 +50,9 @@ class State(NamedTuple):
     resistance_work: np.ndarray  # (N,) against running resistance and gradient [J]
     rail_energy: np.ndarray  # (N, cells) spent per metre on one rail under the vehicle [J/m]
     rail_pending: np.ndarray  # (N, A) spent in the present cell [J]
+    recovery: np.ndarray  # (N, A) share of the film removed, see contaminant_memory [-]
+    discs: np.ndarray  # (N, A) rise of their temperature, see pad_friction [K]
+    applied: np.ndarray  # (N,) 1 once the brake was applied, see non_adhesive_brake [-]
 
 
 class Conditions(NamedTuple):
@@ -58,11 +73,12 @@ class Conditions(NamedTuple):
 class Constants(NamedTuple):
     """What is the same in every stop of a batch, as the compiled step takes it."""
 
-    law: AdhesionLaw
+    law: AdhesionLaw  # with the mechanisms that change it
     mechanisms: Mechanisms
     axle_offset: np.ndarray  # (A,) behind the leading axle [m]; no tuple: one compilation for any number of axles
     body_arm: np.ndarray  # (A,) see load_transfer [1/m]
     pivot_arm: np.ndarray  # (A,) see load_transfer [1/m]
+    heating: float  # see flash_temperature [K s1.5 / (N m0.5)]
     inertia: float  # of a wheelset [kg m2]
     gravity: float  # [m/s2]
     resistance_a: float  # [N]
@@ -95,16 +111,20 @@ def constants(
     pressure_control: bool,
     track_step_m: float,
 ) -> Constants:
-    """Return the compiled step's constants of a vehicle."""
+    """Return the compiled step's constants of a vehicle; `ParameterError` for a mechanism on an axle it does not have."""
+    check_axles(mechanisms, vehicle.axles)
     brake = vehicle.brake
     dead_steps = math.floor(brake.dead_time_s / control_interval_s + 1e-9)
     body_arm, pivot_arm = load_transfer.arms(vehicle.axle_positions_m)
+    law = initial_slope.law(mechanisms.initial_slope, vehicle.contact.law)
+    law = recovery_shape.law(mechanisms.recovery_shape, falling_friction.law(mechanisms.falling_friction, law))
     return Constants(
-        law=vehicle.contact.law,
+        law=law,
         mechanisms=mechanisms,
         axle_offset=np.array(vehicle.axle_positions_m),
         body_arm=np.array(body_arm),
         pivot_arm=np.array(pivot_arm),
+        heating=flash_temperature.heating(vehicle.contact.semi_axis_a_m, vehicle.contact.semi_axis_b_m),
         inertia=vehicle.wheelset_inertia_kgm2,
         gravity=vehicle.gravity_mps2,
         resistance_a=vehicle.resistance_a_n,
@@ -133,7 +153,9 @@ def allocate(n: int, vehicle: Vehicle, dead_steps: int) -> State:
         "commands": (n, dead_steps + 2, axles),
         "rail_energy": (n, leading_axle_cleaning.cells(vehicle.axle_positions_m[-1])),
     }
-    per_vehicle = {"time", "position", "speed", "deceleration", "supply", "brake_work", "resistance_work"}
+    per_vehicle = {
+        "time", "position", "speed", "deceleration", "supply", "brake_work", "resistance_work", "recorded_speed", "applied",
+    }  # fmt: skip
     return State(*(np.zeros(shapes.get(name, (n,) if name in per_vehicle else (n, axles))) for name in State._fields))
 
 

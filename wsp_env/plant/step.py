@@ -17,12 +17,15 @@ import math
 
 import numpy as np
 
-from wsp_env.compiled import inlined, kernel
-from wsp_env.contact.degraded import adhesion
+from wsp_env.compiled import inlined, loop
 from wsp_env.plant.brake import mean_pressure
-from wsp_env.plant.mechanisms import leading_axle_cleaning, load_transfer
+from wsp_env.plant.mechanisms import leading_axle_cleaning, non_adhesive_brake, pad_friction
 from wsp_env.plant.sensors import read_tachometers
+from wsp_env.plant.slots import Rail, contact, rail, resistance, torque_factor, wheel_load
 from wsp_env.plant.state import Conditions, Constants, State
+
+# Rows of the scratch array `work` (ROWS, A) that holds one substep of one vehicle.
+SLIP, FORCE, FORCE_BY_SLIP, FORCE_BY_SPEED, LOAD, MU_CD, FILM, HELD, TORQUE, LOCKED, ROWS = range(11)
 
 
 @inlined
@@ -45,41 +48,34 @@ def along_track(i: int, place: float, table: np.ndarray, step: float) -> float:
 
 @inlined
 def _start(i: int, state: State, c: Conditions, p: Constants, work: np.ndarray) -> float:
-    """Evaluate the contacts at the start of a substep into `work` (9, A); return the vehicle's deceleration [m/s2]."""
+    """Evaluate the contacts at the start of a substep into `work`; return the vehicle's deceleration [m/s2]."""
     speed = state.speed[i]
     mass = c.mass[i]
-    axles = state.wheel_speed.shape[1]
-    static = mass * p.gravity / (2.0 * axles)
-    total = resistance(speed, mass, c.gradient[i], p)
-    for k in range(axles):
+    total = resistance(speed, mass, c.gradient[i], state.applied[i], p)
+    for k in range(state.wheel_speed.shape[1]):
         place = state.position[i] - p.axle_offset[k]
-        load = load_transfer.wheel_load(
-            p.mechanisms.load_transfer, static, mass, state.deceleration[i], p.body_arm[k], p.pivot_arm[k]
-        )
-        mu_cd = min(c.mu_cd[i] * along_track(i, place, c.profile, p.track_step), p.law.mu_cr)
+        load = wheel_load(k, mass, state.deceleration[i], p)
         film = along_track(i, place, c.coverage, p.track_step)
         film *= leading_axle_cleaning.film_left(p.mechanisms.leading_axle_cleaning, i, place, state.rail_energy)
+        mu_cd = c.mu_cd[i] * along_track(i, place, c.profile, p.track_step)
+        on, past = rail(place, mu_cd, film, state.recovery[i, k], speed * p.substep, p)
         slip = speed - c.radius[i, k] * state.wheel_speed[i, k]
-        law = adhesion(slip, speed, load, mu_cd, c.tau[i], film, p.law)
+        law = contact(slip, speed, load, on, c.tau[i], p)
+        state.recovery[i, k] = past * state.recovery[i, k] + (1.0 - past) * (1.0 - law.kept)
         sign = 1.0 if slip >= 0.0 else -1.0
         state.adhesion[i, k] = sign * law.f
         state.adhesion_d[i, k] = sign * law.f_d
         state.adhesion_r[i, k] = sign * law.f_r
-        work[0, k] = slip
-        work[1, k] = 2.0 * load * sign * law.f  # T [N]
-        work[2, k] = 2.0 * load * law.df_ds  # dT/ds [N s/m]
-        work[3, k] = 2.0 * load * sign * law.df_dv  # dT/dv [N s/m]
-        work[4, k] = load
-        work[5, k] = mu_cd
-        work[6, k] = film
-        total += work[1, k]
+        work[SLIP, k] = slip
+        work[FORCE, k] = 2.0 * load * sign * law.f  # T [N]
+        work[FORCE_BY_SLIP, k] = 2.0 * load * law.df_ds  # [N s/m]
+        work[FORCE_BY_SPEED, k] = 2.0 * load * sign * law.df_dv  # [N s/m]
+        work[LOAD, k] = load
+        work[MU_CD, k] = on.mu_cd
+        work[FILM, k] = on.film
+        work[HELD, k] = on.held
+        total += work[FORCE, k]
     return total / mass
-
-
-@inlined
-def resistance(speed: float, mass: float, gradient: float, p: Constants) -> float:
-    """Return running resistance and gradient force [N] against the motion."""
-    return p.resistance_a + speed * (p.resistance_b + speed * p.resistance_c) + mass * p.gravity * gradient
 
 
 @inlined
@@ -103,17 +99,28 @@ def _slip(
     """Slip speed [m/s] of a turning wheelset after the substep."""
     h = p.substep
     radius = c.radius[i, k]
-    slip = work[0, k]
-    torque_rate = 2.0 * (work[7, k] - start_torque) / h  # a linear torque with the same mean
+    slip = work[SLIP, k]
+    torque_rate = 2.0 * (work[TORQUE, k] - start_torque) / h  # a linear torque with the same mean
     after = _slip_after(
-        h, slip, work[1, k], work[2, k], work[3, k], start_torque, torque_rate, deceleration, jerk, radius, p.inertia
+        h,
+        slip,
+        work[FORCE, k],
+        work[FORCE_BY_SLIP, k],
+        work[FORCE_BY_SPEED, k],
+        start_torque,
+        torque_rate,
+        deceleration,
+        jerk,
+        radius,
+        p.inertia,
     )
     if slip * after >= 0.0:
         return after
     used = h * slip / (slip - after)
     speed = state.speed[i] - deceleration * used
-    rolling = adhesion(0.0, speed, work[4, k], work[5, k], c.tau[i], work[6, k], p.law)
-    slope = 2.0 * work[4, k] * rolling.df_ds
+    on = Rail(work[MU_CD, k], work[FILM, k], work[HELD, k])
+    rolling = contact(0.0, speed, work[LOAD, k], on, c.tau[i], p)
+    slope = 2.0 * work[LOAD, k] * rolling.df_ds
     torque = start_torque + torque_rate * used
     return _slip_after(h - used, 0.0, 0.0, slope, 0.0, torque, torque_rate, deceleration, jerk, radius, p.inertia)
 
@@ -128,11 +135,11 @@ def _solve_speed(i: int, resisted: float, state: State, c: Conditions, p: Consta
     momentum = c.mass[i] * state.speed[i] - h * resisted
     mass = c.mass[i]
     for k in range(state.wheel_speed.shape[1]):
-        if work[8, k] > 0.0:
-            momentum -= h * work[1, k]
+        if work[LOCKED, k] > 0.0:
+            momentum -= h * work[FORCE, k]
         else:
             radius = c.radius[i, k]
-            momentum += (inertia * (work[0, k] / radius + state.wheel_speed[i, k]) - h * work[7, k]) / radius
+            momentum += (inertia * (work[SLIP, k] / radius + state.wheel_speed[i, k]) - h * work[TORQUE, k]) / radius
             mass += inertia / (radius * radius)
     return momentum / mass
 
@@ -151,26 +158,33 @@ def _substep(i: int, elapsed: float, state: State, c: Conditions, p: Constants, 
     supply = min(max(aim, state.supply[i] - rise), state.supply[i] + rise)
     offered = 0.5 * (supply + state.supply[i])
     state.supply[i] = supply
-    resisted = resistance(speed - 0.5 * h * deceleration, mass, c.gradient[i], p)
+    resisted = resistance(speed - 0.5 * h * deceleration, mass, c.gradient[i], state.applied[i], p)
     for k in range(axles):
         start = state.pressure[i, k]
         pressure, mean = mean_pressure(i, k, elapsed, offered, c.demand[i], state, p)
         state.air[i, k] += p.air_per_bar * max(pressure - start, 0.0)
         state.pressure[i, k] = pressure
-        start *= p.torque_per_bar
-        work[7, k] = p.torque_per_bar * mean
+        wheel_mps = c.radius[i, k] * state.wheel_speed[i, k]
+        per_bar = p.torque_per_bar * torque_factor(k, wheel_mps, start, state.discs[i, k], p)
+        start *= per_bar
+        work[TORQUE, k] = per_bar * mean
         # A locked wheel stays so while the contact cannot turn it; its torque is a reaction.
-        work[8, k] = 1.0 if state.wheel_speed[i, k] == 0.0 and c.radius[i, k] * work[1, k] <= start else 0.0
-        if work[8, k] > 0.0:
+        work[LOCKED, k] = 1.0 if state.wheel_speed[i, k] == 0.0 and c.radius[i, k] * work[FORCE, k] <= start else 0.0
+        if work[LOCKED, k] > 0.0:
             # The mean over the substep; next to standstill, where the force falls to nothing with the speed, half of it.
-            work[1, k] = max(work[1, k] - 0.5 * h * deceleration * (work[2, k] + work[3, k]), 0.5 * work[1, k])
+            work[FORCE, k] = max(
+                work[FORCE, k] - 0.5 * h * deceleration * (work[FORCE_BY_SLIP, k] + work[FORCE_BY_SPEED, k]),
+                0.5 * work[FORCE, k],
+            )
         else:
-            work[0, k] = _slip(i, k, start, deceleration, jerk, state, c, p, work)
+            work[SLIP, k] = _slip(i, k, start, deceleration, jerk, state, c, p, work)
     after = _solve_speed(i, resisted, state, c, p, work)
     locks = False
     for k in range(axles):
-        if work[8, k] == 0.0 and after <= work[0, k]:  # locks within the substep: the brake takes up what the contact gives
-            work[8, k] = 1.0
+        if (
+            work[LOCKED, k] == 0.0 and after <= work[SLIP, k]
+        ):  # locks within the substep: the brake takes up what the contact gives
+            work[LOCKED, k] = 1.0
             locks = True
     if locks:
         after = _solve_speed(i, resisted, state, c, p, work)
@@ -183,20 +197,27 @@ def _substep(i: int, elapsed: float, state: State, c: Conditions, p: Constants, 
     for k in range(axles):
         before = state.wheel_speed[i, k]
         radius = c.radius[i, k]
-        wheel, force, torque = 0.0, work[1, k], work[7, k]
-        if work[8, k] > 0.0:
+        wheel, force, torque = 0.0, work[FORCE, k], work[TORQUE, k]
+        if work[LOCKED, k] > 0.0:
             torque = radius * force + p.inertia * before / p.substep
         else:
-            wheel = max(after - work[0, k], 0.0) / radius
+            wheel = max(after - work[SLIP, k], 0.0) / radius
             force = (p.inertia * (wheel - before) / h + torque) / radius
         turned = 0.5 * h * (before + wheel)
         spent = force * (travelled - radius * turned)
         state.contact_work[i, k] += spent
         state.brake_work[i] += torque * turned
+        m, place = p.mechanisms, rolled - p.axle_offset[k]
         leading_axle_cleaning.remember(
-            p.mechanisms.leading_axle_cleaning, k, rolled - p.axle_offset[k], rolled + travelled - p.axle_offset[k],
-            0.5 * spent, i, state.rail_energy, state.rail_pending,
-        )  # fmt: skip
+            m.leading_axle_cleaning, k, place, place + travelled, 0.5 * spent, i, state.rail_energy, state.rail_pending
+        )
+        state.discs[i, k] = pad_friction.warmer(m.pad_friction, state.discs[i, k], torque * turned, h)
+        state.applied[i] = non_adhesive_brake.applied(
+            m.non_adhesive_brake,
+            state.applied[i],
+            p.torque_per_bar * state.pressure[i, k],
+            p.torque_per_bar * p.full_pressure,
+        )
         state.wheel_speed[i, k] = wheel
         state.angle[i, k] += turned
     state.resistance_work[i] += resisted * travelled
@@ -207,8 +228,8 @@ def _substep(i: int, elapsed: float, state: State, c: Conditions, p: Constants, 
     return stopped
 
 
-@kernel
-def advance(command: np.ndarray, state: State, c: Conditions, p: Constants, moving: np.ndarray) -> None:
+@loop
+def advance(command: np.ndarray, state: State, c: Conditions, p: Constants, moving: np.ndarray, work: np.ndarray) -> None:
     """Advance every vehicle that moves by one control interval.
 
     Parameters
@@ -217,10 +238,10 @@ def advance(command: np.ndarray, state: State, c: Conditions, p: Constants, movi
     state : changed in place
     c, p : conditions of the stops and constants
     moving : (N,) bool, changed in place: False once a vehicle stands; such a vehicle is left as it is
+    work : (ROWS, A) scratch
 
     """
     n, axles = command.shape
-    work = np.empty((9, axles))
     for i in range(n):
         if not moving[i]:
             continue

@@ -20,6 +20,9 @@ from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
 #: Length of a cell of rail [m]: longer than a substep at any speed, short against the distance of axles.
 CELL_M = 1.0
 
+#: Cells in the ring beyond the vehicle's length: the farthest step [m] that does not overwrite what the last axle reads.
+SPARE_CELLS = 8
+
 
 class Parameters(NamedTuple):
     """Parameters of the cleaning, see `MECHANISM`."""
@@ -40,12 +43,12 @@ MECHANISM = Mechanism(
 
 def cells(vehicle_length_m: float) -> int:
     """Cells the ring needs for a vehicle with its axles spread over `vehicle_length_m` [m]."""
-    return math.ceil(vehicle_length_m / CELL_M) + 4
+    return math.ceil(vehicle_length_m / CELL_M) + SPARE_CELLS
 
 
 @inlined
 def film_left(p: Parameters, i: int, place_m: float, ring: np.ndarray) -> float:
-    """Share of the film [-] that earlier wheels left at a place on the rail [m]; ring: (N, cells) in J/m per rail."""
+    """Share of the film [-] that earlier wheels left at a place on the rail [m]; ring: (N, cells) [J/m]."""
     if p.removal_m_per_j == 0.0:
         return 1.0
     return math.exp(-p.removal_m_per_j * ring[i, math.floor(place_m / CELL_M) % ring.shape[1]])
@@ -59,13 +62,18 @@ def remember(
     """Book the energy [J] that one wheel of an axle spent on its way from `before_m` to `after_m` in `ring`, `pending`."""
     if p.removal_m_per_j == 0.0:
         return
-    pending[i, axle] += energy_j
     cell = math.floor(before_m / CELL_M)
     entered = math.floor(after_m / CELL_M)
-    if entered != cell:
-        size = ring.shape[1]
-        ring[i, cell % size] += pending[i, axle] / CELL_M
-        pending[i, axle] = 0.0
+    if entered == cell:
+        pending[i, axle] += energy_j
+        return
+    size = ring.shape[1]
+    per_metre = energy_j / (after_m - before_m)
+    spent = pending[i, axle] + per_metre * ((cell + 1) * CELL_M - before_m)
+    ring[i, cell % size] += spent / CELL_M
+    for passed in range(cell + 1, entered + 1):
         if axle == 0:
-            for fresh in range(cell + 1, entered + 1):
-                ring[i, fresh % size] = 0.0
+            ring[i, passed % size] = 0.0
+        if passed < entered:
+            ring[i, passed % size] += per_metre
+    pending[i, axle] = per_metre * (after_m - entered * CELL_M)

@@ -1,0 +1,35 @@
+"""Running resistance A + B v + C v^2 beyond the believed one (W. J. Davis, General Electric Review, 1926)."""
+
+from typing import NamedTuple
+
+from wsp_env.compiled import inlined
+from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+
+_DAVIS = "form: Davis (1926); size: assumption, "
+
+
+class Parameters(NamedTuple):
+    """Parameters of the resistance, see `MECHANISM`."""
+
+    a_n: float
+    b_ns_per_m: float
+    c_ns2_per_m2: float
+
+
+MECHANISM = Mechanism(
+    name="aerodynamic_drag",
+    summary="running resistance beyond the believed one",
+    parameters=(
+        Parameter("a_n", "N", 0.0, 0.0, -5e3, 5e3, _DAVIS + "left to the gradient, which is constant too"),
+        Parameter("b_ns_per_m", "N s/m", 0.0, 0.0, -500.0, 500.0, _DAVIS + "small for coaches"),
+        Parameter("c_ns2_per_m2", "N s2/m2", 0.0, 2.5, -20.0, 20.0, _DAVIS + "a vehicle of 10 m2 running alone"),
+    ),
+    record=Parameters,
+    trace="vehicle: grows with the square of the speed, also while coasting",
+)
+
+
+@inlined
+def force(p: Parameters, speed_mps: float) -> float:
+    """Force against the motion [N] beyond the believed running resistance."""
+    return p.a_n + speed_mps * (p.b_ns_per_m + speed_mps * p.c_ns2_per_m2)

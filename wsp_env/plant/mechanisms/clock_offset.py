@@ -1,0 +1,37 @@
+"""The vehicle's speed comes from a recorder with another clock than the wheels'.
+
+The recorded speed at t is the speed at t - offset, to first order in the offset (a stop's jerk makes the second order less
+than 1 cm/s at 0.1 s). Form: definition of a clock's offset; size: assumption.
+"""
+
+from typing import NamedTuple
+
+from wsp_env.compiled import inlined
+from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+
+
+class Parameters(NamedTuple):
+    """Parameters of the clock, see `MECHANISM`."""
+
+    offset_s: float
+
+
+MECHANISM = Mechanism(
+    name="clock_offset",
+    summary="vehicle speed and wheel speeds are recorded with two clocks",
+    parameters=(Parameter("offset_s", "s", 0.0, 0.1, -2.0, 2.0, "assumption: the vehicle's speed is late by this"),),
+    record=Parameters,
+    trace="kinematics: in proportion to dv/dt",
+)
+
+
+@inlined
+def recorded(p: Parameters, speed: float, acceleration: float) -> float:
+    """Return the recorded vehicle speed [m/s] from the true speed and its rate of change [m/s2]."""
+    return speed - p.offset_s * acceleration
+
+
+@inlined
+def speed(p: Parameters, recorded: float, acceleration: float) -> float:
+    """Return the vehicle speed [m/s] from the recorded one and its rate of change [m/s2]."""
+    return recorded + p.offset_s * acceleration

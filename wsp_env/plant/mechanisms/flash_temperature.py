@@ -1,0 +1,59 @@
+"""Friction falls with the contact temperature.
+
+A contact that slides heats its surfaces by theta = f p_0 s sqrt(a / v) / (2 e) while it passes, half of the heat going each
+way (flash temperature of a moving source, H. Blok 1937; form as in M. Ertz, K. Knothe, Wear 253 (2002) 498-508, whose factor
+of order one for the distribution in the ellipse goes into `fall_per_k`). The friction falls as 1 / (1 + fall theta). As theta
+itself is proportional to the adhesion coefficient f, the heated f solves f (1 + c f) = f_cold: closed form, no state. It
+follows the slip at once, as heating takes a / v, less than a millisecond. The film is removed by the work of the cold contact.
+"""
+
+import math
+from typing import NamedTuple
+
+from wsp_env.compiled import inlined
+from wsp_env.contact.degraded import SPEED_FLOOR, Adhesion
+from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+
+#: Thermal effusivity of steel, sqrt(50 W/mK x 7850 kg/m3 x 477 J/kgK) [W s0.5 / (m2 K)] (handbook values of carbon steel).
+EFFUSIVITY = 13_700.0
+
+
+class Parameters(NamedTuple):
+    """Parameters of the heating, see `MECHANISM`."""
+
+    fall_per_k: float
+
+
+MECHANISM = Mechanism(
+    name="flash_temperature",
+    summary="friction falls with the contact temperature",
+    parameters=(Parameter("fall_per_k", "1/K", 0.0, 1.0e-3, 0.0, 0.1, "form: Ertz, Knothe (2002); size: assumption"),),
+    record=Parameters,
+    trace="adhesion: residual against slip power, reversible",
+)
+
+
+def heating(semi_axis_a_m: float, semi_axis_b_m: float) -> float:
+    """Return theta / (f N s / sqrt(v)) [K s1.5 / (N m0.5)] of a Hertzian contact with p_0 = 1.5 N / (pi a b)."""
+    return 1.5 / (math.pi * semi_axis_a_m * semi_axis_b_m) * math.sqrt(semi_axis_a_m) / (2.0 * EFFUSIVITY)
+
+
+@inlined
+def heated(p: Parameters, cold: Adhesion, slip_speed: float, speed: float, load_n: float, heating: float) -> Adhesion:
+    """Return the adhesion of the heated contact, its limits and its derivatives."""
+    if p.fall_per_k == 0.0:
+        return cold
+    rolling = max(abs(speed), SPEED_FLOOR)
+    per_slip = p.fall_per_k * heating * load_n / math.sqrt(rolling)
+    c = per_slip * abs(slip_speed)
+    f = _heated(cold.f, c)
+    steepness = 1.0 / (1.0 + 2.0 * c * f)
+    df_ds = (cold.df_ds - f * f * per_slip) * steepness
+    df_dv = (cold.df_dv + 0.5 * f * f * c / rolling) * steepness
+    return Adhesion(f, _heated(cold.f_d, c), _heated(cold.f_r, c), df_ds, df_dv, cold.kept)
+
+
+@inlined
+def _heated(cold: float, c: float) -> float:
+    """Solve f (1 + c f) = cold for f [-]."""
+    return 2.0 * cold / (1.0 + math.sqrt(1.0 + 4.0 * c * cold))

@@ -1,0 +1,30 @@
+"""The creep curve rises less steeply than Kalker's theory: third body and roughness make the contact softer.
+
+The contact stiffness of eq. (6) times a factor, which scales both of Polach's reduction factors k alike (O. Polach, Wear 258
+(2005) 992-1000, finds k_A of 0.5 to 1 dry and less when wet or dirty).
+"""
+
+from typing import NamedTuple
+
+from wsp_env.contact.degraded import AdhesionLaw
+from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+
+
+class Parameters(NamedTuple):
+    """Parameters of the slope, see `MECHANISM`."""
+
+    factor: float
+
+
+MECHANISM = Mechanism(
+    name="initial_slope",
+    summary="the creep curve rises less steeply than Kalker's",
+    parameters=(Parameter("factor", "-", 1.0, 0.5, 0.05, 3.0, "Polach (2005): reduction by a third body; bounds: assumption"),),
+    record=Parameters,
+    trace="adhesion: residual below 1 % creepage",
+)
+
+
+def law(p: Parameters, believed: AdhesionLaw) -> AdhesionLaw:
+    """Return the law with this slope."""
+    return believed._replace(stiffness=believed.stiffness * p.factor)

@@ -1,0 +1,61 @@
+"""The friction of the brake pads depends on sliding speed, pressure and temperature.
+
+Torque times 1 + a_v (v_w - v_0) + a_p (p - p_0) + a_t theta: organic pads lose friction with speed, pressure and heat (the
+permitted bands around 0.35 in UIC 541-3 are of this size; sizes: assumption). v_w is the wheel's circumferential speed, to
+which the disc's is proportional. theta is the rise of the discs' mean temperature: they take the braking power and cool with
+a time constant.
+"""
+
+import math
+from typing import NamedTuple
+
+from wsp_env.compiled import inlined
+from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+
+#: Speed [m/s] and pressure [bar] at which the friction is the believed one (assumption: the middle of a full stop).
+REFERENCE_MPS = 20.0
+REFERENCE_BAR = 2.0
+
+#: Heat that warms the discs of one axle by one kelvin [J/K] (assumption: two discs of 120 kg at 470 J/kgK).
+HEAT_CAPACITY_J_PER_K = 113_000.0
+
+#: Time constant of their cooling [s] (assumption: minutes, long against a stop).
+COOLING_S = 600.0
+
+
+class Parameters(NamedTuple):
+    """Parameters of the pads, see `MECHANISM`."""
+
+    per_speed_s_per_m: float
+    per_pressure_1_per_bar: float
+    per_temperature_1_per_k: float
+
+
+MECHANISM = Mechanism(
+    name="pad_friction",
+    summary="pad friction depends on speed, pressure and temperature",
+    parameters=(
+        Parameter("per_speed_s_per_m", "s/m", 0.0, -5e-3, -0.03, 0.03, "assumption: 10 % over 20 m/s, band of UIC 541-3"),
+        Parameter("per_pressure_1_per_bar", "1/bar", 0.0, -0.03, -0.3, 0.3, "assumption: band of UIC 541-3"),
+        Parameter("per_temperature_1_per_k", "1/K", 0.0, -5e-4, -5e-3, 5e-3, "assumption: fading of organic pads"),
+    ),
+    record=Parameters,
+    trace="actuator, and vehicle with adhesion in a fixed ratio; also in stops without slide",
+)
+
+
+@inlined
+def torque_factor(p: Parameters, wheel_mps: float, pressure_bar: float, warmer_k: float) -> float:
+    """Brake torque over the believed one [-]; never below zero."""
+    if p.per_speed_s_per_m == 0.0 and p.per_pressure_1_per_bar == 0.0 and p.per_temperature_1_per_k == 0.0:
+        return 1.0
+    change = p.per_speed_s_per_m * (wheel_mps - REFERENCE_MPS) + p.per_pressure_1_per_bar * (pressure_bar - REFERENCE_BAR)
+    return max(1.0 + change + p.per_temperature_1_per_k * warmer_k, 0.0)
+
+
+@inlined
+def warmer(p: Parameters, before_k: float, work_j: float, duration_s: float) -> float:
+    """Rise of the discs' temperature [K] after braking work [J] over a duration [s]."""
+    if p.per_temperature_1_per_k == 0.0:
+        return before_k
+    return before_k * math.exp(-duration_s / COOLING_S) + work_j / HEAT_CAPACITY_J_PER_K

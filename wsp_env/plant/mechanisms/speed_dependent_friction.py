@@ -1,0 +1,42 @@
+"""Friction falls with the running speed.
+
+Curtius and Kniffler (1944) measured 7.5 / (V + 44) + 0.161 with V in km/h. Taken is its relative fall, as both friction
+coefficients have their own size here: mu(v) = mu (1 + share (g(v) / g(v_0) - 1)). share = 1 is their curve, a larger one falls
+more. At the reference speed v_0 the friction is the believed one.
+"""
+
+from typing import NamedTuple
+
+from wsp_env.compiled import inlined
+from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+
+#: Speed [m/s] at which the friction is the believed one (assumption: the middle of a stop from 40 m/s, least bound to mu_cd).
+REFERENCE_MPS = 20.0
+
+
+class Parameters(NamedTuple):
+    """Parameters of the fall with speed, see `MECHANISM`."""
+
+    share: float
+
+
+MECHANISM = Mechanism(
+    name="speed_dependent_friction",
+    summary="friction falls with the running speed",
+    parameters=(Parameter("share", "-", 0.0, 1.0, -1.0, 3.0, "1: Curtius and Kniffler, Glasers Annalen (1944)"),),
+    record=Parameters,
+    trace="adhesion: runs of other initial speed; grows away from the reference speed at equal slip",
+)
+
+
+@inlined
+def _curtius_kniffler(speed_mps: float) -> float:
+    return 7.5 / (3.6 * speed_mps + 44.0) + 0.161
+
+
+@inlined
+def friction_factor(p: Parameters, speed_mps: float) -> float:
+    """Factor of both friction coefficients [-] at a running speed [m/s]."""
+    if p.share == 0.0:
+        return 1.0
+    return 1.0 + p.share * (_curtius_kniffler(abs(speed_mps)) / _curtius_kniffler(REFERENCE_MPS) - 1.0)

@@ -1,0 +1,39 @@
+"""One wheelset is worn or just turned: its radius is not the believed one.
+
+The wheel turns faster or slower than believed at the same speed, by geometry: v - r w while rolling freely, with the believed
+r, grows with v. (EN 15595 requires a WSP to cope with differences of wheel diameter; size: assumption.)
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+
+
+class Parameters(NamedTuple):
+    """Parameters of the radius, see `MECHANISM`."""
+
+    change: float
+    axle: float
+
+
+MECHANISM = Mechanism(
+    name="wheel_radius",
+    summary="one wheelset is worn or just turned",
+    parameters=(
+        Parameter("change", "-", 0.0, -0.01, -0.2, 0.2, "assumption: relative; wheels wear by some 5 % in their life"),
+        Parameter("axle", "-", 1.0, 2.0, 1.0, 4.0, "assumption: which wheelset, from 1", "axle"),
+    ),
+    record=Parameters,
+    trace="kinematics: v against r w while rolling freely, in proportion to v",
+)
+
+
+def radii(p: Parameters, believed_m: ArrayLike) -> np.ndarray:
+    """Radius of the wheels of each axle (A,) [m]."""
+    radius = np.array(believed_m, dtype=np.float64)
+    if p.change != 0.0:
+        radius[int(p.axle) - 1] *= 1.0 + p.change
+    return radius

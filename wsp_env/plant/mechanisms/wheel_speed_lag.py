@@ -1,0 +1,41 @@
+"""The wheel sensors lag: a filter of first order, lag dm/dt + m = w (smoothing in the tachometer's electronics).
+
+Forward it filters the reading, exactly for a wheel speed that changes linearly between two readings. Along a recording the
+same equation gives the wheel speed back from the reading and its derivative. Form and size: assumption.
+"""
+
+import math
+from typing import NamedTuple
+
+from wsp_env.compiled import inlined
+from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+
+
+class Parameters(NamedTuple):
+    """Parameters of the lag, see `MECHANISM`."""
+
+    lag_s: float
+
+
+MECHANISM = Mechanism(
+    name="wheel_speed_lag",
+    summary="a filter delays the wheel-speed sensors",
+    parameters=(Parameter("lag_s", "s", 0.0, 0.05, 0.0, 1.0, "assumption: time constant of the filter"),),
+    record=Parameters,
+    trace="kinematics and adhesion: in proportion to dw/dt",
+)
+
+
+@inlined
+def reading(p: Parameters, before: float, last: float, now: float, duration_s: float) -> float:
+    """Return the filtered wheel speed [rad/s] from the one before and the unfiltered ones `duration_s` [s] apart."""
+    if p.lag_s == 0.0:
+        return now
+    steady = p.lag_s * (now - last) / duration_s
+    return now - steady + (before - last + steady) * math.exp(-duration_s / p.lag_s)
+
+
+@inlined
+def wheel_speed(p: Parameters, read: float, read_rate: float) -> float:
+    """Return the wheel speed [rad/s] from the reading and its rate of change [rad/s2]."""
+    return read + p.lag_s * read_rate
