@@ -83,7 +83,8 @@ def mend(time_s: np.ndarray, where: str) -> tuple[Clock, list[str]]:
     """
     rows = len(time_s)
     notes: list[str] = []
-    kept = np.flatnonzero(np.isfinite(time_s) & ~_out_of_line(time_s))
+    known = np.isfinite(time_s)
+    kept = np.flatnonzero(known & ~_out_of_line(time_s)) if known.sum() > 1 else np.zeros(0, dtype=int)
     if len(kept) < max((1.0 - MOST_MENDED) * rows, 3):
         raise CampaignError(f"{where}: only {len(kept)} of {rows} rows have a time that fits their neighbours'")
     if len(kept) < rows:

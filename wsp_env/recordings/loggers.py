@@ -1,10 +1,11 @@
-"""Files of measurement systems: MDF4 (asammdf) and MATLAB's MAT, version 5 (scipy) and 7.3 (HDF5, h5py); extra [data].
+"""Files of measurement systems: MDF4 (asammdf) and MATLAB's MAT, version 5 and 7.3 (HDF5, h5py); extra [data].
 
 The libraries raise whatever their parsers stumble over in a damaged file (struct.error, KeyError, MemoryError, their own),
 so everything is caught here and said in one sentence.
 """
 
 import contextlib
+import gc
 import importlib
 import logging
 import sys
@@ -16,7 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from wsp_env.recordings.mat5 import read_mat5
 from wsp_env.recordings.table import CampaignError, Samples, Table, first_line
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"  # how an HDF5 file begins, in a MAT file after 512 bytes
 
 
 class Mdf(Table):
@@ -73,8 +77,8 @@ class Mat(Table):
 def open_mat(file: Path) -> Mat:
     """Open a MAT file of either version."""
     with file.open("rb") as stream:
-        hdf5 = b"MATLAB 7.3" in stream.read(128) or stream.read(1) == b"" or _extra("h5py", file).is_hdf5(file)
-    if hdf5:
+        head = stream.read(520)
+    if head[512:520] == _HDF5 or head[:8] == _HDF5:
         h5py = _extra("h5py", file)
         with _saying(file, "a MAT file of version 7.3"):
             vectors: dict[str, Any] = {}
@@ -86,28 +90,16 @@ def open_mat(file: Path) -> Mat:
 
             content.visititems(visit)
             return Mat(file, _long(vectors))
-    from scipy.io import loadmat
-
     with _saying(file, "a MAT file"):
-        loaded = loadmat(file, squeeze_me=False, struct_as_record=True)
-        return Mat(file, _long(_flatten({name: value for name, value in loaded.items() if not name.startswith("__")})))
-
-
-def _flatten(values: dict[str, Any]) -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for name, value in values.items():
-        if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
-            fields = {f"{name}.{field}": value[field].flat[0] for field in value.dtype.names}
-            flat |= _flatten(fields)
-        elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
-            flat[name] = value
-    return flat
+        return Mat(file, _long(read_mat5(file.read_bytes())))
 
 
 def _long(vectors: dict[str, Any]) -> dict[str, Any]:
     """Keep what may be a channel: more than one number in a row or column."""
     return {
-        name: value for name, value in vectors.items() if np.prod(value.shape) > 1 and max(value.shape) == np.prod(value.shape)
+        name: value
+        for name, value in vectors.items()
+        if np.prod(value.shape) > 1 and np.max(value.shape) == np.prod(value.shape)
     }
 
 
@@ -139,7 +131,8 @@ def _saying(file: Path, what: str) -> Iterator[None]:
         raise
     except Exception as error:
         problem = first_line(error)
-        traceback.clear_frames(error.__traceback__)  # lets go of the half-opened file while nobody hears it
+        traceback.clear_frames(error.__traceback__)
+        gc.collect()  # lets go of the half-opened file while nobody hears it
     finally:
         sys.unraisablehook = hook
     if problem:
