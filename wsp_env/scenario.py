@@ -81,7 +81,7 @@ PINS = {
     "demand": "share of full brake pressure, 0 to 1 [-]",
     "gradient": "rise over distance, positive uphill [-]",
     "sensor_noise": "standard deviation of the measured wheel speeds [rad/s]",
-    "track": f"one of {', '.join(TRACKS)}",
+    "track": f"one of {', '.join(TRACKS)}, or relative mu_cd along it, a list of nodes {TRACK_STEP_M:g} m apart",
 }
 
 
@@ -158,10 +158,13 @@ def _log_uniform(rng: np.random.Generator, bounds: Range) -> float:
     return low * (high / low) ** share
 
 
-def _track(kind: str, scenario: Scenario, rng: np.random.Generator, nodes: int) -> tuple[np.ndarray, np.ndarray]:
+def _track(kind: Any, scenario: Scenario, rng: np.random.Generator, nodes: int) -> tuple[np.ndarray, np.ndarray]:
     """Return relative mu_cd and film coverage at the nodes, both (nodes,)."""
     profile: np.ndarray = np.ones(nodes)
     coverage: np.ndarray = np.ones(nodes)
+    if not isinstance(kind, str):
+        given = np.array([_number("track", value) for value in np.atleast_1d(kind)])
+        return given[np.minimum(np.arange(nodes), len(given) - 1)], coverage  # beyond the last node as there
     if kind == "varying":
         # First-order autoregression, stationary, its correlation falling to 1/e within the drawn length.
         keep = math.exp(-TRACK_STEP_M / rng.uniform(*scenario.variation_length))

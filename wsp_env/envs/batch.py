@@ -70,6 +70,11 @@ class BrakingBatch:
         classic = self.task.adhesion == "classic"
         for i in range(self.n) if mask is None else np.flatnonzero(mask).tolist():
             own = {name: values[i] for name, values in pins.items()}
+            if self.task.stops:
+                chosen = own.pop("condition", None)
+                drawn = int(generators[i].integers(len(self.task.stops)))
+                condition = self.task.condition(drawn if chosen is None else chosen)
+                own = {name: value for name, value in condition.items() if name != "name"} | own
             stop = draw(self.scenario, self.vehicle, generators[i], self.task.track_nodes, own, classic)
             self.plant.start(i, stop)
         observation = self.observer.reset(self.measurement(), None if self._fresh else mask)
@@ -79,8 +84,9 @@ class BrakingBatch:
     def _pins(self, options: Mapping[str, Any] | None) -> dict[str, list[Any]]:
         pins = {}
         for name, value in (options or {}).items():
-            if name not in PINS:
-                raise ParameterError(f"unknown reset option {name!r}; valid: {', '.join(PINS)}")
+            valid = (*PINS, "condition") if self.task.stops else PINS
+            if name not in valid:
+                raise ParameterError(f"unknown reset option {name!r}; valid: {', '.join(valid)}")
             if isinstance(value, str) or np.ndim(value) == 0:
                 pins[name] = [value] * self.n
             elif len(value) == self.n:

@@ -2,15 +2,17 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from wsp_env.parameters.quantity import ParameterError, replace
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import mechanisms
 from wsp_env.plant.plant import SUBSTEP_S
-from wsp_env.scenario import TRACK_STEP_M, Scenario
+from wsp_env.scenario import PINS, TRACK_STEP_M, Scenario
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,6 +45,9 @@ class Task:
     scenario : ranges that replace those of `Scenario`, {quantity: (lowest, highest)}
     reward : weights that replace those of `RewardWeights`, {term: weight}
     vehicle : values that replace the vehicle's, {field: value} of `Vehicle`
+    conditions : replayed stops, {"vehicle": {field: value}, "stops": [{"name": name, quantity: value}, ...]}, as
+        `wsp_env.recordings.conditions` makes them; each reset draws one of the stops, `reset(options={"condition": name})`
+        chooses; quantities are those of `wsp_env.scenario.PINS`, what a stop leaves out is drawn
     pressure_sensors : the vehicle measures its cylinder pressures
     slide_limit : creepage [-] beyond which a slide is too large (assumption: no standard number is public)
     slide_limit_speed_mps : running speed [m/s] below which larger creepage is of no concern (assumption)
@@ -58,6 +63,7 @@ class Task:
     scenario: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     reward: Mapping[str, float] = dataclasses.field(default_factory=dict)
     vehicle: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    conditions: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     pressure_sensors: bool = False
     slide_limit: float = 0.3
     slide_limit_speed_mps: float = 8.0
@@ -69,10 +75,15 @@ class Task:
         for name, choices in (("action", ("valve", "pressure")), ("adhesion", ("recovering", "classic"))):
             if getattr(self, name) not in choices:
                 raise ParameterError(f"{name} = {getattr(self, name)!r} is unknown; valid: {', '.join(choices)}")
-        for name in ("mechanisms", "scenario", "reward", "vehicle"):
+        for name in ("mechanisms", "scenario", "reward", "vehicle", "conditions"):
             if not isinstance(getattr(self, name), Mapping):
                 raise ParameterError(f"{name} = {getattr(self, name)!r} must be a dictionary, {{name: value}}")
         mechanisms.make(self.mechanisms)
+        if unknown := sorted(set(self.conditions) - {"vehicle", "stops"}):
+            raise ParameterError(f"conditions: unknown key {', '.join(unknown)}; valid: vehicle, stops")
+        for stop in self.stops:
+            if unknown := sorted(set(stop) - {"name", *PINS}):
+                raise ParameterError(f"conditions: unknown quantity {', '.join(unknown)}; valid: name, {', '.join(PINS)}")
         _ = self.distributions, self.weights
         for name in ("control_interval_s", "substep_s", "slide_limit", "time_limit_s", "track_limit_m"):
             value = getattr(self, name)
@@ -92,6 +103,22 @@ class Task:
         return weights
 
     @property
+    def stops(self) -> Sequence[Mapping[str, Any]]:
+        """The replayed stops, none without `conditions`."""
+        stops: Sequence[Mapping[str, Any]] = self.conditions.get("stops", ())
+        return stops
+
+    def condition(self, chosen: Any) -> Mapping[str, Any]:
+        """Return the replayed stop of a name or number."""
+        names = [stop.get("name", str(index)) for index, stop in enumerate(self.stops)]
+        if chosen in names:
+            return self.stops[names.index(chosen)]
+        if isinstance(chosen, int | np.integer) and 0 <= chosen < len(names):
+            return self.stops[int(chosen)]
+        valid = ", ".join(names) or "none, the environment was made without conditions"
+        raise ParameterError(f"unknown condition {chosen!r}; valid: {valid}")
+
+    @property
     def track_nodes(self) -> int:
         """Nodes that describe the track, up to its limit."""
         return math.ceil(self.track_limit_m / TRACK_STEP_M) + 1
@@ -100,7 +127,8 @@ class Task:
         """Return the vehicle of that name with the values that `vehicle` replaces."""
         if name not in VEHICLES:
             raise ParameterError(f"unknown vehicle {name!r}; valid: {', '.join(VEHICLES)}")
-        vehicle: Vehicle = replace(VEHICLES[name], dict(self.vehicle), "vehicle parameter")
+        replayed = replace(VEHICLES[name], dict(self.conditions.get("vehicle", {})), "conditions: vehicle parameter")
+        vehicle: Vehicle = replace(replayed, dict(self.vehicle), "vehicle parameter")
         return vehicle
 
 
