@@ -84,7 +84,7 @@ def plan(cases: int) -> list[Case]:
     if cases < len(SHARES):
         raise ValueError(f"a bank needs at least {len(SHARES)} cases, one of each class, got {cases}")
     numbers = {kind: max(1, math.floor(share * cases)) for kind, share in SHARES.items()}
-    numbers["null"] += cases - sum(numbers.values())
+    numbers["single"] += cases - sum(numbers.values())
     makers = {"null": _null, "single": _single, "pair": _pair, "confounded": _confounded, "foreign": _foreign}
     drafts = [makers[kind](i) for kind, number in numbers.items() for i in range(number)]
     # Neighbours in the bank should not be of one kind: a step prime to the number scatters them, the same way every time.

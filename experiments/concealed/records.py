@@ -91,6 +91,7 @@ class State(NamedTuple):
 
     wheel: np.ndarray  # [rad/s]
     adhesion: np.ndarray  # [-]
+    steep: np.ndarray  # [-] derivative of the equation solved for it, where it was last solved
     torque: np.ndarray  # [N m] true
     pressure: np.ndarray  # [N m] cylinder pressure times the nominal gain
     command: np.ndarray  # of the WSP: vent -1, hold 0, apply 1

@@ -83,7 +83,7 @@ def make_law(tau: float) -> Law:
 def make_brake(axles: int, wsp: bool = True) -> Brake:
     """Return the brake without variation; its times are assumptions."""
     dead = np.full(axles, 40, dtype=np.int64)
-    return Brake(np.ones(axles), np.full(axles, 0.15), np.full(axles, 0.12), dead, 0.4, float(wsp))
+    return Brake(np.ones(axles), np.full(axles, 0.3), np.full(axles, 0.22), dead, 0.4, float(wsp))
 
 
 def torque_for(adhesion: float, vehicle: Vehicle) -> float:
@@ -128,7 +128,7 @@ def draw(rng: np.random.Generator, axles: int, noise: float, measured_torque: bo
     for name in RUNS:
         mu_cd = believed * float(within(FRICTION_SPREAD, 1)[0])
         # One stop of each group brakes too gently to slide; the others ask for more than the contaminated rail gives.
-        demand = rng.uniform(1.1, 1.4) if name in ("A4", "B3") else rng.uniform(2.35, 3.1)
+        demand = rng.uniform(1.1, 1.4) if name in ("A4", "B3") else rng.uniform(2.4, 3.6)
         runs[name] = Run(
             speed=float(rng.uniform(24.0, 44.0)),
             end_speed=1.5,

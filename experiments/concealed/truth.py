@@ -91,20 +91,24 @@ def law_value(
 
 @kernel
 def solve(
-    b: float, slope: float, guess: float, speed: float, load: float, mu_cd: float, scale: float, share: float, stiffness: float,
-    law: Law, x: Effects,
-) -> float:  # fmt: skip
-    """Root f of f = law(s = b - slope f, f): secants from a guess, and where these fail the Illinois method in a bracket."""
+    b: float, slope: float, guess: float, steep: float, speed: float, load: float, mu_cd: float, scale: float, share: float,
+    stiffness: float, law: Law, x: Effects,
+) -> tuple[float, float]:  # fmt: skip
+    """Root f of f = law(s = b - slope f, f): secants from a guess, and where these fail the Illinois method in a bracket.
+
+    `steep` is a guess of the derivative of f - law by f; the one found is returned beside the root.
+    """
     f, g = guess, guess - law_value(guess, b - slope * guess, speed, load, mu_cd, scale, share, stiffness, law, x)
-    step = -g / (1.0 + slope)
+    step = -g / steep
     for _ in range(6):
+        if abs(step) < TOLERANCE:
+            return f + step, steep
         trial = f + step
         g_trial = trial - law_value(trial, b - slope * trial, speed, load, mu_cd, scale, share, stiffness, law, x)
-        if abs(g_trial) < TOLERANCE:
-            return trial
         if not abs(g_trial) < abs(g):
             break
-        step *= -g_trial / (g_trial - g)
+        steep = (g_trial - g) / step
+        step = -g_trial / steep
         f, g = trial, g_trial
     reach = 1e-3
     low, high = guess - reach, guess + reach
@@ -132,7 +136,7 @@ def solve(
             low, g_low = f, g
             g_high *= 0.5 if side == -1 else 1.0
             side = -1
-    return f
+    return f, 1.0
 
 
 @kernel
@@ -241,7 +245,7 @@ def turn(
     h, r, w, before = STEP_S, vehicle.radius[k], state.wheel[k], state.adhesion[k]
     stiffness = vehicle.stiffness[k]
     if w == 0.0:
-        f = solve(v, 0.0, before, v, load, mu_cd, scale, share, stiffness, law, x)
+        f, _ = solve(v, 0.0, before, 1.0, v, load, mu_cd, scale, share, stiffness, law, x)
         if 2.0 * r * load * f <= true:
             state.adhesion[k] = f
             return 0.0, 2.0 * load * f, True
@@ -249,10 +253,12 @@ def turn(
     slope = 2.0 * r * load * step
     middle, end = v - GAMMA * h * retarded, v - h * retarded
     half = state.torque[k] + GAMMA * (true - state.torque[k])
-    first = solve(middle - r * w + step * half, slope, before, middle, load, mu_cd, scale, share, stiffness, law, x)
+    b = middle - r * w + step * half
+    first, steep = solve(b, slope, before, state.steep[k], middle, load, mu_cd, scale, share, stiffness, law, x)
     reached = w + (1.0 - GAMMA) * h * (2.0 * r * load * first - half) / vehicle.inertia
-    f = solve(end - r * reached + step * true, slope, first, end, load, mu_cd, scale, share, stiffness, law, x)
-    state.adhesion[k] = f
+    b = end - r * reached + step * true
+    f, steep = solve(b, slope, first, steep, end, load, mu_cd, scale, share, stiffness, law, x)
+    state.adhesion[k], state.steep[k] = f, steep
     after = reached + GAMMA * h * (2.0 * r * load * f - true) / vehicle.inertia
     return max(after, 0.0), 2.0 * load * ((1.0 - GAMMA) * first + GAMMA * f), False
 
@@ -285,8 +291,8 @@ def fresh(run: Run, vehicle: Vehicle, cells: int, x: Effects) -> State:
     torque = np.zeros(n)
     torque[int(x.dragging_axle)] = x.dragging
     return State(
-        w, np.zeros(n), torque, np.zeros(n), np.ones(n), w.copy(), np.zeros(n), np.ones((64, n)), np.zeros(n), np.zeros(n),
-        np.zeros(n), np.zeros(n), np.ones(cells), np.zeros(cells), np.zeros(3),
+        w, np.zeros(n), np.ones(n), torque, np.zeros(n), np.ones(n), w.copy(), np.zeros(n), np.ones((64, n)), np.zeros(n),
+        np.zeros(n), np.zeros(n), np.zeros(n), np.ones(cells), np.zeros(cells), np.zeros(3),
     )  # fmt: skip
 
 
