@@ -166,8 +166,8 @@ def recorded_section(campaign: Campaign, tuning: Tuning) -> Section:
     low, high = tuning.interval95
     text = (
         f"{len(tuning.runs)} stops of a four-axle coach, recorded in an independent simulator, give "
-        f"tau = {tuning.tau_m_per_J:.3e} m/J (95 % interval {low:.3e} to {high:.3e}), tuned on {', '.join(campaign.tune)} and only scored on "
-        f"{', '.join(campaign.validate)}.",
+        f"tau = {tuning.tau_m_per_J:.3e} m/J (95 % interval {low:.3e} to {high:.3e}), tuned on {', '.join(campaign.tune)} "
+        f"and only scored on {', '.join(campaign.validate)}.",
     )
     table = Table(header, rows, "relative error of the adhesion coefficient per axle, as the seed paper's Table 4")
     return Section("Recorded stops, and the law tuned on them", text, (table, figure))
