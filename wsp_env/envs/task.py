@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from wsp_env.envs.model import read_model
 from wsp_env.parameters.quantity import ParameterError, replace
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
@@ -41,6 +42,7 @@ class Task:
         +1 the demanded one
     adhesion : "recovering" (the seed paper's law) or "classic" (lambda = 0)
     control_interval_s, substep_s : time between actions and longest substep of the integration [s]
+    model : path of a JSON file with a tuned law and mechanisms, see `wsp_env.envs.model`; options below go before it
     mechanisms : physics beyond the paper's model, {name: {parameter: value}}
     scenario : ranges that replace those of `Scenario`, {quantity: (lowest, highest)}
     reward : weights that replace those of `RewardWeights`, {term: weight}
@@ -59,6 +61,7 @@ class Task:
     adhesion: str = "recovering"
     control_interval_s: float = 0.02
     substep_s: float = SUBSTEP_S
+    model: str = ""
     mechanisms: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
     scenario: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     reward: Mapping[str, float] = dataclasses.field(default_factory=dict)
@@ -78,6 +81,8 @@ class Task:
         for name in ("mechanisms", "scenario", "reward", "vehicle", "conditions"):
             if not isinstance(getattr(self, name), Mapping):
                 raise ParameterError(f"{name} = {getattr(self, name)!r} must be a dictionary, {{name: value}}")
+        for name, modelled in (read_model(self.model) if self.model else {}).items():
+            object.__setattr__(self, name, {**modelled, **getattr(self, name)})
         mechanisms.make(self.mechanisms)
         if unknown := sorted(set(self.conditions) - {"vehicle", "stops"}):
             raise ParameterError(f"conditions: unknown key {', '.join(unknown)}; valid: vehicle, stops")
