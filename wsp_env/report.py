@@ -106,11 +106,12 @@ def _table(table: Table) -> str:
 
 def terminal_table(table: Table) -> Any:
     """Return the same table for the terminal (a `rich` table)."""
+    from rich.markup import escape  # a unit in brackets is no markup
     from rich.table import Table as Rich
 
     shown = Rich(title=None, caption=table.caption or None, caption_justify="left", header_style="bold")
     for index, name in enumerate(table.header):
-        shown.add_column(name, justify="left" if index == 0 else "right")
+        shown.add_column(escape(name), justify="left" if index == 0 else "right")
     for cells in table.rows:
-        shown.add_row(*map(str, cells))
+        shown.add_row(*(escape(str(cell)) for cell in cells))
     return shown

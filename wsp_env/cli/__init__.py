@@ -8,7 +8,10 @@ from typing import Any
 #: Subcommand -> what it does; the module of that name has the function `main`, whose arguments are the command line's.
 COMMANDS = {
     "demo": "see it work: recorded stops read, tau tuned on them, a bogie braking under the tuned law",
+    "compare": "the same stop with and without recovery of adhesion, over mu_cd and tau",
+    "evaluate": "put controllers through a test programme in the manner of EN 15595 and compare them",
     "tune": "tune tau and mu_cd on a campaign of recorded stops, score the held-out ones",
+    "validate": "tune, score and simulate recorded stops as the seed paper does; a page with its figures and tables",
 }
 
 #: Exit status of a command that the user interrupted (128 + SIGINT).

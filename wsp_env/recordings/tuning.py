@@ -56,6 +56,10 @@ class Tuning:
     interval95: tuple[float, float]
     runs: dict[str, RunScore]
 
+    def adhesion(self, campaign: Campaign, derived: Derived, mu_cd: float) -> np.ndarray:
+        """Adhesion coefficient f [-] (T, axles) of the tuned law at the measured slip and speed, eq. (10)."""
+        return _model(campaign, derived, self.tau_m_per_J, mu_cd)
+
 
 def tune(campaign: Campaign, smoothing: Smoothing = Smoothing(), tune_friction: bool = True) -> Tuning:
     """Tune tau (and mu_cd per run) on the tune group, score both groups.
@@ -92,6 +96,11 @@ def tune(campaign: Campaign, smoothing: Smoothing = Smoothing(), tune_friction: 
         error = _errors(campaign, derived[name], tau, mu_cd) if slides[name] else (None,) * campaign.vehicle.axles
         runs[name] = RunScore("tune" if name in campaign.tune else "validate", mu_cd, error)
     return Tuning(tau, interval, runs)
+
+
+def tune_classic(campaign: Campaign, name: str, derived: Derived) -> float:
+    """Return the mu_cd [-] with which the classic law (no recovery, tau = 0) fits a sliding run best."""
+    return _Problem(campaign, {name: derived}, True, 0.0).solve()[2][name]
 
 
 class _Problem:

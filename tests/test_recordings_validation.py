@@ -1,0 +1,117 @@
+"""Validation: simulated pieces agree with the plant's own physics, the figures of the paper with their definitions."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from synthetic_stops import stop, write_campaign
+
+from wsp_env.cli import main
+from wsp_env.recordings import CampaignError, Smoothing, demo_campaign, derive, read_campaign, replay, rolling_radii
+from wsp_env.recordings.validation import validate
+
+TAU, MU_CD = 2e-4, 0.06
+
+
+@pytest.fixture(scope="module")
+def exact(tmp_path_factory):
+    """A stop that the law itself made, without noise."""
+    campaign = read_campaign(write_campaign(tmp_path_factory.mktemp("exact"), {"A1": stop(TAU, MU_CD)}))
+    radii = rolling_radii(campaign)
+    return campaign, campaign.runs["A1"], derive(campaign, campaign.runs["A1"], radii), radii
+
+
+@pytest.fixture(scope="module")
+def demo():
+    return validate(read_campaign(demo_campaign()))
+
+
+def test_the_recorded_torque_gives_the_recorded_stop_under_its_own_law(exact):
+    campaign, run, derived, radii = exact
+    starts, samples = replay.windows(derived, campaign.sample_time_s, Smoothing())
+    assert len(starts) > 5
+    right = replay.window_error(derived, replay.simulate(campaign, run, derived, radii, starts, samples, MU_CD, TAU), starts)
+    classic = replay.window_error(derived, replay.simulate(campaign, run, derived, radii, starts, samples, MU_CD, 0.0), starts)
+    rolling = replay.window_error(derived, replay.without_slip(campaign, run, derived, radii, starts, samples), starts)
+    assert right < 0.05
+    assert classic > 10 * right
+    assert rolling > 10 * right
+
+
+def test_windows_lie_side_by_side_where_the_vehicle_is_fast(exact):
+    campaign, _, derived, _ = exact
+    starts, samples = replay.windows(derived, campaign.sample_time_s, Smoothing(least_speed_mps=28.0))
+    assert samples == 100
+    assert (np.diff(starts) >= samples).all()
+    assert derived.speed_mps[starts + samples - 1].min() > 28.0
+
+
+def test_without_slip_momentum_is_what_the_brakes_take(exact):
+    campaign, run, derived, radii = exact
+    n = len(run.time_s) - 1
+    rolled = replay.without_slip(campaign, run, derived, radii, np.array([0]), n)
+    mass = run.mass_kg + (campaign.vehicle.wheelset_inertia_kgm2 / radii**2).sum()
+    taken = np.trapezoid((run.brake_torque_nm[:n] / radii).sum(axis=1), dx=campaign.sample_time_s)
+    assert_allclose(mass * (rolled.speed_mps[0, 0] - rolled.speed_mps[0, -1]), taken, rtol=1e-9)
+
+
+def test_slide_statistics_are_those_of_the_paper(exact):
+    _, _, derived, _ = exact
+    n = 400
+    speed = derived.speed_mps[100 : 100 + n] + np.linspace(0.0, 0.5, n)
+    wheel = np.repeat((speed - 2.0)[:, None], 4, axis=1)
+    wheel[::2] -= 1.0
+    figures = replay.slide(derived, replay.Simulated(speed[None], wheel[None]), 100)
+    assert figures.speed_error_mps == pytest.approx(0.5)  # eq. (19)
+    assert_allclose(figures.simulated_mean_mps, 2.5)  # eqs. (20) and (21): s is 2 and 3 in turns
+    assert_allclose(figures.simulated_deviation_mps, 0.5)
+    assert_allclose(figures.recorded_mean_mps, derived.slip_speed_mps[100 : 100 + n].mean(axis=0))
+
+
+def test_vehicles_that_the_plant_does_not_have(exact):
+    campaign, run, derived, radii = exact
+    three = dataclasses.replace(campaign, vehicle=dataclasses.replace(campaign.vehicle, axles=3))
+    with pytest.raises(CampaignError, match="1, 2, 4 axles, not 3"):
+        replay.simulate(three, run, derived, radii, np.array([0]), 10, MU_CD, TAU)
+
+
+def test_the_demo_campaign_meets_the_papers_figures(demo):
+    assert demo.verdict.startswith("The law tuned on A1, A3, A5 meets all")
+    for found in demo.stops.values():
+        assert found.window_rms_mps["tuned"] < 0.1
+        assert found.window_rms_mps["tuned"] < min(found.window_rms_mps[rival] for rival in ("classic", "no_slip")) / 5
+        assert found.window_rms_mps["classic_refitted"] <= found.window_rms_mps["classic"]
+
+
+def test_a_wrong_law_is_said_to_do_worse(tmp_path):
+    runs = {"A1": stop(TAU, MU_CD), "B1": stop(8e-4, 0.03)}
+    found = validate(read_campaign(write_campaign(tmp_path, runs, ["A1"], ["B1"])))
+    assert "worse than the seed paper's own figures in: relative adhesion error" in found.verdict
+    assert not found.criteria[0].met
+
+
+def test_runs_that_roll_say_nothing(tmp_path):
+    runs = {"A1": stop(TAU, MU_CD), "B1": stop(TAU, MU_CD, peak=0.002)}
+    assert "say nothing" in validate(read_campaign(write_campaign(tmp_path, runs, ["A1"], ["B1"]))).verdict
+
+
+def test_command_prints_json(demo, capsys):
+    assert main(["validate", str(demo_campaign()), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads(json.dumps(demo.to_json()))
+    assert printed["criteria"][0]["met"] is True
+    assert set(printed["runs"]["A1"]) >= {"mu_cd", "error", "window_rms_mps", "speed_error_mps", "recorded_mean_mps"}
+
+
+def test_command_writes_a_page_that_stands_alone(demo, tmp_path, capsys):
+    page = tmp_path / "sub" / "validation.html"
+    assert main(["validate", str(demo_campaign()), "--out", str(page)]) == 0
+    printed = capsys.readouterr().out
+    assert demo.verdict[:40] in printed.replace("\n", " ")
+    text = page.read_text(encoding="utf-8")
+    assert "<script src=" not in text
+    assert "<link" not in text
+    for shown in ("energy W_sp [J", "adhesion coefficient [-]", "speed [m", "time [s]", "f_d, degraded", demo.verdict[:40]):
+        assert shown in text

@@ -1,0 +1,179 @@
+"""Recorded stops simulated with the recorded brake torque: what the law is worth in the vehicle's dynamics.
+
+Over windows of a second, each started from the recorded speeds: the controller that kept the recorded slide stable
+answered to the recorded speeds and not to the simulated, so that longer simulations may part from the recording however
+good the law is. Over the whole stop what the vehicle does as a whole, and statistics of the slide, are compared.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from wsp_env.parameters.vehicle import Brake, Vehicle
+from wsp_env.plant.plant import Plant
+from wsp_env.plant.state import Stop
+from wsp_env.recordings.campaign import Campaign
+from wsp_env.recordings.derive import Derived, Smoothing
+from wsp_env.recordings.recording import Recording
+from wsp_env.recordings.table import CampaignError
+
+#: Length [s] of the windows.
+WINDOW_S = 1.0
+
+_AT_ONCE_S = 1e-6  # time constants of a brake that follows its command
+_PRESSURE_BAR = 10.0  # stands for the largest recorded torque
+_AXLES = (1, 2, 4)  # what the plant has
+
+
+@dataclasses.dataclass(frozen=True)
+class Simulated:
+    """Speeds of N simulated pieces of a stop, each of T samples."""
+
+    speed_mps: np.ndarray  # (N, T) of the vehicle
+    circumferential_mps: np.ndarray  # (N, T, axles) r w
+
+
+@dataclasses.dataclass(frozen=True)
+class Slide:
+    """Eqs. (19) to (21) over one stop."""
+
+    speed_error_mps: float  # E, largest difference between recorded and simulated speed of the vehicle
+    recorded_mean_mps: tuple[float, ...]  # per axle
+    recorded_deviation_mps: tuple[float, ...]
+    simulated_mean_mps: tuple[float, ...]
+    simulated_deviation_mps: tuple[float, ...]
+
+
+def simulate(
+    campaign: Campaign,
+    run: Recording,
+    derived: Derived,
+    radii_m: np.ndarray,
+    starts: np.ndarray,
+    samples: int,
+    mu_cd: float,
+    tau: float,
+) -> Simulated:
+    """Simulate N pieces of a stop with the recorded torque.
+
+    Parameters
+    ----------
+    derived, radii_m : the stop's `Derived` and the radii (axles,) it was derived with: the pieces start from its speeds
+    starts : samples (N,) at which they start
+    samples : length T of each, the start included
+    mu_cd, tau : of the law [-], [m/J]; tau = 0 is the classic law
+
+    """
+    torque = run.brake_torque_nm
+    largest = float(np.abs(torque).max()) or 1.0
+    plant = Plant(
+        _vehicle(campaign, run, largest), len(starts), campaign.sample_time_s, mechanism_choice=None, pressure_control=True
+    )
+    for index, start in enumerate(starts):
+        _start(plant, index, run, derived, radii_m, int(start), torque[start] / largest, mu_cd, tau)
+    speed = np.empty((len(starts), samples))
+    wheel = np.empty((len(starts), samples, campaign.vehicle.axles))
+    for step in range(samples):
+        speed[:, step], wheel[:, step] = plant.state.speed, radii_m * plant.state.wheel_speed
+        at = np.minimum(starts + step, len(torque) - 2)
+        plant.step(0.5 * (torque[at] + torque[at + 1]) / largest)
+    return Simulated(speed, wheel)
+
+
+def without_slip(
+    campaign: Campaign, run: Recording, derived: Derived, radii_m: np.ndarray, starts: np.ndarray, n: int
+) -> Simulated:
+    """Simulate as `simulate` does, with wheels that roll however hard they are braked: M dv/dt = -sum C / r."""
+    vehicle = campaign.vehicle
+    mass = run.mass_kg + (vehicle.wheelset_inertia_kgm2 / radii_m**2).sum()
+    a, b, c = vehicle.resistance_n
+    brakes = (run.brake_torque_nm / radii_m).sum(axis=1) + run.mass_kg * vehicle.gravity_mps2 * run.gradient
+    speed = np.empty((len(starts), n))
+    speed[:, 0] = derived.speed_mps[starts]
+    for step in range(n - 1):
+        v = speed[:, step]
+        at = np.minimum(starts + step, len(brakes) - 2)
+        force = 0.5 * (brakes[at] + brakes[at + 1]) + a + b * v + c * v**2
+        speed[:, step + 1] = np.maximum(v - campaign.sample_time_s * force / mass, 0.0)
+    return Simulated(speed, np.repeat(speed[:, :, None], vehicle.axles, axis=2))
+
+
+def windows(derived: Derived, sample_time_s: float, smoothing: Smoothing) -> tuple[np.ndarray, int]:
+    """Return the starts (N,) of the stop's windows and their length in samples: fast enough throughout."""
+    samples = max(round(WINDOW_S / sample_time_s), 2)
+    fast = derived.speed_mps > smoothing.least_speed_mps
+    starts = np.arange(0, len(fast) - samples, samples)
+    return starts[[bool(fast[start : start + samples].all()) for start in starts]], samples
+
+
+def window_error(derived: Derived, simulated: Simulated, starts: np.ndarray) -> float:
+    """Return the root mean square [m/s] of simulated minus recorded r w over all windows and axles."""
+    n = simulated.speed_mps.shape[1]
+    at = starts[:, None] + np.arange(n)
+    recorded = derived.speed_mps[at][:, :, None] - derived.slip_speed_mps[at]
+    return float(np.sqrt(np.mean((simulated.circumferential_mps - recorded) ** 2)))
+
+
+def slide(derived: Derived, simulated: Simulated, start: int) -> Slide:
+    """Compare one whole stop from sample `start` on by eqs. (19) to (21); `simulated` holds that piece alone."""
+    n = simulated.speed_mps.shape[1]
+    part = slice(start, start + n)
+    recorded = derived.slip_speed_mps[part]
+    computed = simulated.speed_mps[0][:, None] - simulated.circumferential_mps[0]
+    return Slide(
+        speed_error_mps=float(np.abs(derived.speed_mps[part] - simulated.speed_mps[0]).max()),
+        recorded_mean_mps=tuple(map(float, recorded.mean(axis=0))),
+        recorded_deviation_mps=tuple(map(float, recorded.std(axis=0))),
+        simulated_mean_mps=tuple(map(float, computed.mean(axis=0))),
+        simulated_deviation_mps=tuple(map(float, computed.std(axis=0))),
+    )
+
+
+def _vehicle(campaign: Campaign, run: Recording, largest_nm: float) -> Vehicle:
+    """Return the campaign's vehicle with a brake whose torque is what is asked for, at once."""
+    described = campaign.vehicle
+    if described.axles not in _AXLES:
+        raise CampaignError(
+            f"campaign {campaign.name}: stops are simulated for vehicles of "
+            f"{', '.join(map(str, _AXLES))} axles, not {described.axles}"
+        )
+    a, b, c = described.resistance_n
+    return Vehicle(
+        name=campaign.name,
+        axle_positions_m=described.axle_positions_m or tuple(2.5 * k for k in range(described.axles)),  # no law here has places
+        mass_kg=run.mass_kg,
+        wheelset_inertia_kgm2=described.wheelset_inertia_kgm2,
+        wheel_radius_m=described.wheel_radius_m,
+        gravity_mps2=described.gravity_mps2,
+        resistance_a_n=a,
+        resistance_b_ns_per_m=b,
+        resistance_c_ns2_per_m2=c,
+        contact=campaign.contact,
+        brake=Brake(
+            full_pressure_bar=_PRESSURE_BAR,
+            torque_per_bar_nm=largest_nm / _PRESSURE_BAR,
+            demand_rise_s=_AT_ONCE_S,
+            fill_time_constant_s=_AT_ONCE_S,
+            vent_time_constant_s=_AT_ONCE_S,
+            dead_time_s=0.0,
+        ),
+    )
+
+
+def _start(
+    plant: Plant,
+    index: int,
+    run: Recording,
+    derived: Derived,
+    radii_m: np.ndarray,
+    sample: int,
+    torque: np.ndarray,
+    mu_cd: float,
+    tau: float,
+) -> None:
+    nodes = np.ones(1)
+    speed = float(derived.speed_mps[sample])
+    plant.start(index, Stop(mu_cd, tau, speed, run.mass_kg, 1.0, run.gradient, 0.0, 0, radii_m, profile=nodes, coverage=nodes))
+    plant.state.wheel_speed[index] = np.maximum((speed - derived.slip_speed_mps[sample]) / radii_m, 0.0)
+    plant.state.pressure[index] = torque * _PRESSURE_BAR
+    plant.state.supply[index] = _PRESSURE_BAR

@@ -1,0 +1,160 @@
+"""Validation as in the seed paper's sections 4 and 5: the law against recordings it was not tuned on, and in the vehicle."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from wsp_env.parameters import velim
+from wsp_env.recordings import replay
+from wsp_env.recordings.campaign import Campaign
+from wsp_env.recordings.derive import Derived, Smoothing, derive, rolling_radii
+from wsp_env.recordings.recording import Recording
+from wsp_env.recordings.replay import Simulated, Slide
+from wsp_env.recordings.tuning import Tuning, tune, tune_classic
+
+#: What windows of a second are simulated with, and what that is.
+RIVALS = {
+    "tuned": "tuned law",
+    "classic": "no recovery",  # tau = 0, with the tuned law's mu_cd
+    "classic_refitted": "no recovery, refitted",  # tau = 0, with the mu_cd that fits best without recovery
+    "no_slip": "no slip",  # wheels that roll however hard they are braked
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Stop:
+    """One run: what was derived from it, and how it was simulated."""
+
+    run: Recording
+    derived: Derived
+    window_rms_mps: dict[str, float]  # rival -> RMS error of r w over windows of 1 s [m/s]
+    slide: Slide
+    simulated: Simulated  # the whole stop, from its first sample until it is slow
+    samples: int  # of it
+
+
+@dataclasses.dataclass(frozen=True)
+class Criterion:
+    """One of the paper's figures: what was reached, and its worst."""
+
+    name: str
+    value: float
+    limit: float
+    unit: str
+
+    @property
+    def met(self) -> bool:
+        """Whether this campaign does at least as well as the paper."""
+        return self.value <= self.limit
+
+
+@dataclasses.dataclass(frozen=True)
+class Validation:
+    """A campaign tuned, scored and simulated."""
+
+    campaign: Campaign
+    tuning: Tuning
+    stops: dict[str, Stop]
+
+    @property
+    def criteria(self) -> list[Criterion]:
+        """The paper's own figures, over the sliding runs of the validate group (of both where none is named)."""
+        names = [name for name in self.campaign.validate or self.campaign.tune if self.tuning.runs[name].slides]
+        if not names:
+            return []
+        errors = [error for name in names for error in self.tuning.runs[name].error if error is not None]
+        slides = [self.stops[name].slide for name in names]
+        means = [(a, b) for s in slides for a, b in zip(s.recorded_mean_mps, s.simulated_mean_mps, strict=True)]
+        deviations = [(a, b) for s in slides for a, b in zip(s.recorded_deviation_mps, s.simulated_deviation_mps, strict=True)]
+        return [
+            Criterion("relative adhesion error e_j, Table 4", max(errors), max(velim.ADHESION_ERRORS.values()), ""),
+            Criterion(
+                "speed error E, eq. (19), Table 7",
+                max(s.speed_error_mps for s in slides),
+                max(velim.SPEED_ERRORS_MPS.values()),
+                "m/s",
+            ),
+            Criterion("mean slide apart, Table 7", _apart(means), _apart(list(velim.MEAN_SLIDES_MPS.values())), "m/s"),
+            Criterion(
+                "deviation of slide apart, Table 7",
+                _apart(deviations),
+                _apart(list(velim.SLIDE_DEVIATIONS_MPS.values())),
+                "m/s",
+            ),
+        ]
+
+    @property
+    def verdict(self) -> str:
+        """One plain sentence."""
+        criteria = self.criteria
+        if not criteria:
+            return "No run to validate slides: these recordings say nothing on the law."
+        missed = [c for c in criteria if not c.met]
+        if not missed:
+            tuned = ", ".join(self.campaign.tune)
+            return f"The law tuned on {tuned} meets all the seed paper's own figures on the runs that were only scored."
+        parts = ", ".join(f"{c.name} ({c.value:.3g} {c.unit} against {c.limit:.3g})".replace(" )", ")") for c in missed)
+        return f"The tuned law does worse than the seed paper's own figures in: {parts}."
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the validation as plain data."""
+        runs = {
+            name: {
+                "group": score.group,
+                "mu_cd": score.mu_cd,
+                "error": list(score.error),
+                "window_rms_mps": self.stops[name].window_rms_mps,
+                **dataclasses.asdict(self.stops[name].slide),
+                "warnings": list(self.stops[name].run.warnings),
+            }
+            for name, score in self.tuning.runs.items()
+        }
+        return {
+            "tau_m_per_J": self.tuning.tau_m_per_J,
+            "interval95": list(self.tuning.interval95),
+            "verdict": self.verdict,
+            "criteria": [dataclasses.asdict(c) | {"met": c.met} for c in self.criteria],
+            "runs": runs,
+        }
+
+
+def validate(campaign: Campaign, smoothing: Smoothing = Smoothing(), tune_friction: bool = True) -> Validation:
+    """Tune on the tune group, score both groups, simulate every stop with its recorded brake torque.
+
+    Raises
+    ------
+    CampaignError
+        when no run to tune on slides, or the vehicle cannot be simulated
+
+    """
+    tuning = tune(campaign, smoothing, tune_friction)
+    radii = rolling_radii(campaign, smoothing)
+    stops = {}
+    for name in tuning.runs:
+        run = campaign.runs[name]
+        derived = derive(campaign, run, radii, smoothing)
+        stops[name] = _simulated(campaign, run, derived, radii, smoothing, tuning)
+    return Validation(campaign, tuning, stops)
+
+
+def _simulated(
+    campaign: Campaign, run: Recording, derived: Derived, radii: np.ndarray, smoothing: Smoothing, tuning: Tuning
+) -> Stop:
+    score = tuning.runs[run.name]
+    starts, length = replay.windows(derived, campaign.sample_time_s, smoothing)
+    classic = tune_classic(campaign, run.name, derived) if score.slides else score.mu_cd
+    laws = {"tuned": (score.mu_cd, tuning.tau_m_per_J), "classic": (score.mu_cd, 0.0), "classic_refitted": (classic, 0.0)}
+    errors = {}
+    if len(starts):
+        pieces = {rival: replay.simulate(campaign, run, derived, radii, starts, length, *law) for rival, law in laws.items()}
+        pieces["no_slip"] = replay.without_slip(campaign, run, derived, radii, starts, length)
+        errors = {rival: replay.window_error(derived, piece, starts) for rival, piece in pieces.items()}
+    slow = derived.speed_mps <= smoothing.least_speed_mps
+    samples = max(int(np.argmax(slow)) if slow.any() else len(slow) - 1, 2)
+    whole = replay.simulate(campaign, run, derived, radii, np.array([0]), samples, *laws["tuned"])
+    return Stop(run, derived, errors, replay.slide(derived, whole, 0), whole, samples)
+
+
+def _apart(pairs: list[tuple[float, float]]) -> float:
+    return max(abs(a - b) for a, b in pairs)
