@@ -4,10 +4,11 @@ A controller is any object with `reset` and `act`; it needs nothing from this pa
 measurements only, so that the same object runs in an environment, on replayed conditions or in anybody's own simulator.
 """
 
+import ast
 import dataclasses
 import importlib
 import importlib.util
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -71,6 +72,26 @@ def load(name: str, parameters: Mapping[str, Any] | None = None) -> Controller:
         changed = replace(controller.parameters, dict(parameters), f"parameter of {name}")  # type: ignore[attr-defined]
         controller = _made(name, made, changed)
     return controller
+
+
+def read_settings(controllers: Sequence[str], settings: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return the parameters to set of every controller, from texts such as "rule-based.slip_base_mps=0.4".
+
+    `ParameterError` for a text that is not of this form or names another controller.
+    """
+    chosen: dict[str, dict[str, Any]] = {name: {} for name in controllers}
+    for setting in settings:
+        target, equals, text = setting.partition("=")
+        name, _, parameter = target.rpartition(".")
+        if not equals or name not in chosen:
+            raise ParameterError(
+                f"setting {setting!r}: write CONTROLLER.PARAMETER=VALUE with a controller from {', '.join(controllers)}"
+            )
+        try:
+            chosen[name][parameter] = ast.literal_eval(text)
+        except (ValueError, SyntaxError):  # a word
+            chosen[name][parameter] = text
+    return chosen
 
 
 def _made(name: str, made: Any, *parameters: Any) -> Any:

@@ -1,6 +1,7 @@
 """One case's results on disk: written whole or not at all, named by a hash of everything that determines them."""
 
 import dataclasses
+import functools
 import hashlib
 import importlib.util
 import json
@@ -8,7 +9,7 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -63,11 +64,7 @@ def _plain(value: Any) -> Any:
 
 def code_digest(controller: str | None) -> str:
     """Return a hash of this package's sources, of the versions it runs on and, if any, of the controller's sources."""
-    digest = hashlib.sha256(" ".join([sys.version, *(version(name) for name in ("numpy", "scipy", "numba"))]).encode())
-    package = Path(__file__).parents[1]
-    files = [
-        file for kind in ("*.py", "*.toml") for file in package.rglob(kind) if "cli" not in file.relative_to(package).parts
-    ]
+    files: list[Path] = []
     place = SHORT_NAMES.get(controller or "", controller or "").partition(":")[0]
     if Path(place).suffix == ".py" and Path(place).is_file():
         files.append(Path(place))
@@ -75,6 +72,20 @@ def code_digest(controller: str | None) -> str:
         files += [file for file in Path(place).rglob("*") if file.is_file()]
     elif place:
         files += _module_files(place)
+    return _digest(_package_digest(), files)
+
+
+@functools.cache  # what this process runs is what it has imported, whatever happens to the files meanwhile
+def _package_digest() -> str:
+    package = Path(__file__).parents[1]
+    files = [
+        file for kind in ("*.py", "*.toml") for file in package.rglob(kind) if "cli" not in file.relative_to(package).parts
+    ]
+    return _digest(" ".join([sys.version, *(version(name) for name in ("numpy", "scipy", "numba"))]), files)
+
+
+def _digest(start: str, files: Iterable[Path]) -> str:
+    digest = hashlib.sha256(start.encode())
     for file in sorted(files):
         digest.update(file.name.encode() + file.read_bytes())
     return digest.hexdigest()
@@ -95,7 +106,8 @@ def write(path: Path, arrays: Mapping[str, Any]) -> None:
     try:
         with os.fdopen(handle, "wb") as file:
             np.savez_compressed(file, **arrays)
-        os.replace(temporary, path)
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(path)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise

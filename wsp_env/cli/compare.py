@@ -1,0 +1,137 @@
+"""`wsp compare`: the same stop with and without recovery of adhesion."""
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from wsp_env.evaluation.compare import PARTED_MPS, Comparison, compare
+from wsp_env.evaluation.controller import load as load_controller
+from wsp_env.evaluation.controller import read_settings
+from wsp_env.evaluation.runner import ControllerFailure
+from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.uic_z1 import VEHICLES
+from wsp_env.parameters.velim import TAU_M_PER_J, TEST_SPEEDS_MPS
+from wsp_env.report import COLOURS, Section, Table, axes, plotly, terminal_table, write_page
+
+
+def main(
+    controller: str = "rule-based",
+    vehicle: str = "coach",
+    mu_cd: tuple[float, ...] = (0.02, 0.03, 0.04, 0.06),
+    tau: tuple[float, ...] = (0.95e-4, TAU_M_PER_J, 3.8e-4),
+    speed: float = TEST_SPEEDS_MPS["A1"],
+    demand: float = 1.0,
+    load: float = 0.0,
+    set: tuple[str, ...] = (),
+    out: Path = Path("out/compare.html"),
+    json_: Annotated[bool, tyro.conf.arg(name="json")] = False,
+) -> None:
+    """Brake the same stop under the classic and the recovering law (the seed paper's Fig. 16), over mu_cd and tau.
+
+    Prints where the two part and the distance gained; writes a page.
+
+    Parameters
+    ----------
+    controller : as for `wsp evaluate`
+    vehicle : wheelset, bogie or coach
+    mu_cd : kinetic friction coefficients of the contaminated rail [-]
+    tau : recovery rates [m/J], above 0
+    speed : initial speed [m/s]
+    demand : share of full brake pressure
+    load : share of the payload
+    set : parameters of the controller, as rule-based.slip_base_mps=0.4
+    out : the page
+    json_ : print the table as JSON
+
+    """
+    if vehicle not in VEHICLES:
+        raise ParameterError(f"unknown vehicle {vehicle!r}; valid: {', '.join(VEHICLES)}")
+    if not mu_cd or not tau or min(tau) <= 0.0:
+        raise ParameterError("give at least one --mu-cd and one --tau, each tau above 0: the classic law is run anyway")
+    chosen = load_controller(controller, read_settings((controller,), set)[controller])
+    try:
+        result = compare(chosen, VEHICLES[vehicle], mu_cd, tau, speed, demand, load)
+    except ControllerFailure as failure:
+        raise ParameterError(str(failure)) from None
+    title = f"{controller} on the {vehicle} from {speed:g} m/s, demand {demand:g}"
+    table = _table(result)
+    written = True
+    try:
+        _page(out, title, result, table)
+    except ModuleNotFoundError as missing:  # the table does without
+        Console(stderr=True).print(f"no page: {missing}", markup=False)
+        written = False
+    if json_:
+        pairs = [{k: v if math.isfinite(v) else None for k, v in vars(pair).items()} for pair in result.pairs]
+        print(json.dumps({"stop": title, "parted_mps": PARTED_MPS, "pairs": pairs}, indent=2))
+        return
+    console = Console()
+    (console if console.is_terminal else Console(width=150)).print(title, terminal_table(table), markup=False)
+    if written:
+        print(f"\n{out}")
+
+
+def _table(result: Comparison) -> Table:
+    header = (
+        "mu_cd [-]", "tau [1e-4 m/J]", "classic [m]", "recovering [m]", "gained [m]", "gained [%]", "parted at [m/s]",
+        "after [s]", "largest gap [m/s]", "mean slip classic [m/s]", "recovering [m/s]",
+    )  # fmt: skip
+    rows = []
+    for pair in result.pairs:
+        percent = dataclasses.replace(pair, gained_share=100.0 * pair.gained_share)
+        numbers = dataclasses.astuple(percent)[2:]
+        rows.append((f"{pair.mu_cd:g}", f"{1e4 * pair.tau:.3g}", *map(_cell, numbers, (0, 0, 0, 1, 1, 1, 2, 2, 2))))
+    return Table(header, rows, f"parted: the speeds at the same time differ by more than {PARTED_MPS:g} m/s")
+
+
+def _cell(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if math.isfinite(value) else "-"
+
+
+def _page(path: Path, title: str, result: Comparison, table: Table) -> None:
+    objects, subplots = plotly()
+    rates = list(dict.fromkeys(pair.tau for pair in result.pairs))
+    frictions = list(result.classic)
+    speeds = subplots.make_subplots(
+        rows=len(frictions),
+        cols=1,
+        shared_xaxes=True,
+        vertical_spacing=0.05,
+        subplot_titles=[f"mu_cd {f:g}" for f in frictions],
+    )
+    for number, friction in enumerate(frictions, start=1):
+        curves = [("classic", result.classic[friction], "black")]
+        curves += [(f"tau {1e4 * t:.3g}e-4 m/J", result.recovering[friction, t], COLOURS[i]) for i, t in enumerate(rates)]
+        for name, speed, colour in curves:
+            line = {"color": colour, "width": 1.8}
+            end = int((speed > 0.0).sum()) + 1
+            trace = objects.Scatter(
+                x=result.time[:end:10], y=speed[:end:10], name=name, legendgroup=name, showlegend=number == 1, line=line
+            )
+            speeds.add_trace(trace, row=number, col=1)
+    axes(speeds, "", "speed [m/s]", height=120 + 230 * len(frictions))
+    speeds.update_xaxes(title_text="time [s]", row=len(frictions))
+    gained = objects.Figure()
+    for i, rate in enumerate(rates):
+        own = [pair for pair in result.pairs if pair.tau == rate]
+        line = {"color": COLOURS[i]}
+        gained.add_scatter(
+            x=[p.mu_cd for p in own],
+            y=[p.gained_m for p in own],
+            mode="lines+markers",
+            name=f"tau {1e4 * rate:.3g}e-4 m/J",
+            line=line,
+        )
+    axes(gained, "mu_cd [-]", "distance gained by recovery [m]", height=420)
+    sections = [
+        Section("Distances", (), [table]),
+        Section("Running speed under both laws", ("The paper's Fig. 16, over the grid.",), [speeds]),
+        Section("Distance gained", (), [gained]),
+    ]
+    lead = "The same stop with and without the recovery of adhesion that sliding brings: all else is equal."
+    write_page(path, title, lead, sections, "Written by wsp compare.")

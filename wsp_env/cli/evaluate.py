@@ -1,0 +1,201 @@
+"""`wsp evaluate`: controllers through the test programme, side by side."""
+
+import dataclasses
+import json
+import math
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import polars
+import tyro
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from wsp_env.evaluation.controller import read_settings
+from wsp_env.evaluation.evaluate import BOUND, Evaluation, evaluate
+from wsp_env.evaluation.figures import FIGURES
+from wsp_env.evaluation.programme import STANDARD, read_programme, select_cases
+from wsp_env.evaluation.report import write_report
+from wsp_env.evaluation.runner import Conduct
+from wsp_env.evaluation.summary import Verdict, judge, summarise
+from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.uic_z1 import VEHICLES
+
+#: Columns of the printed table: figure, heading, digits.
+_COLUMNS = (
+    ("distance_m", "distance\n[m]", 0),
+    ("ratio_dry", "/ dry", 2),
+    ("ratio_bound", "/ bound", 2),
+    ("mean_slip_mps", "mean slip\n[m/s]", 2),
+    ("slip_deviation_mps", "deviation\n[m/s]", 2),
+    ("largest_creepage", "largest\ncreepage", 2),
+    ("beyond_limit_s", "beyond\nlimit [s]", 1),
+    ("locked_s", "locked\n[s]", 1),
+    ("utilisation", "utili-\nsation", 2),
+    ("air_nl", "air\n[Nl]", 0),
+    ("contact_energy_mj", "energy\n[MJ]", 2),
+)
+
+
+def main(
+    controllers: tuple[str, ...] = ("none", "rule-based"),
+    vehicle: str = "coach",
+    cases: tuple[str, ...] = (),
+    draws: int = 5,
+    seed: int = 0,
+    jobs: int = 0,
+    set: tuple[str, ...] = (),
+    programme: Path = STANDARD,
+    pressure_sensors: bool = False,
+    out: Path = Path("out/evaluate"),
+    json_: Annotated[bool, tyro.conf.arg(name="json")] = False,
+) -> None:
+    """Put controllers through the test programme and compare them.
+
+    Writes stops.csv, stops.parquet, summary.csv and report.html. What was computed before is kept in the folder: an
+    interrupted evaluation goes on where it stopped.
+
+    Parameters
+    ----------
+    controllers : short names (none, rule-based, slip, extremum), package.module:Class or path.py:Class; such code is run
+    vehicle : wheelset, bogie or coach
+    cases : names of the programme's cases; none: all that the vehicle is fast enough for
+    draws : stops of each case under each law
+    seed : of the draws
+    jobs : processes; 0: one per processor
+    set : parameters of controllers, as rule-based.slip_base_mps=0.4
+    programme : file with cases and requirements in place of the standard one
+    pressure_sensors : the vehicle measures its cylinder pressures
+    out : folder of the results
+    json_ : print summary, verdicts and failures as JSON
+
+    """
+    if vehicle not in VEHICLES:
+        raise ParameterError(f"unknown vehicle {vehicle!r}; valid: {', '.join(VEHICLES)}")
+    if draws < 1 or jobs < 0 or seed < 0:
+        raise ParameterError(f"draws = {draws}, jobs = {jobs}, seed = {seed}: at least 1, 0 and 0")
+    if repeated := {name for name in controllers if controllers.count(name) > 1}:
+        raise ParameterError(f"controller {', '.join(sorted(repeated))} is named twice")
+    chosen = read_settings(controllers, set)
+    table = read_programme(programme)
+    wanted = select_cases(table, VEHICLES[vehicle], cases)
+    out.mkdir(parents=True, exist_ok=True)
+    errors = Console(stderr=True)
+    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=errors, transient=True) as progress:
+        bar = progress.add_task("", total=len(wanted) * (len(chosen) + 1))
+        result = evaluate(
+            chosen,
+            table,
+            wanted,
+            VEHICLES[vehicle],
+            out / "cases",
+            draws=draws,
+            seed=seed,
+            jobs=jobs or os.cpu_count() or 1,
+            conduct=Conduct(pressure_sensors=pressure_sensors),
+            done=lambda what: progress.update(bar, advance=1, description=what),
+        )
+    for failure in result.failures:
+        errors.print(f"{failure.controller} failed in {failure.case}: {failure.message}", soft_wrap=True, markup=False)
+    summary, verdicts = summarise(result.stops), judge(result.stops, table.requirements)
+    _write(out, result, summary)
+    labels = _labels(controllers)
+    shown = summary.with_columns(polars.col("controller").replace(labels))
+    judged = tuple(dataclasses.replace(v, controller=labels.get(v.controller, v.controller)) for v in verdicts)
+    traces = tuple(dataclasses.replace(t, controller=labels.get(t.controller, t.controller)) for t in result.traces)
+    try:
+        pictured = dataclasses.replace(result, traces=traces)
+        write_report(out / "report.html", pictured, shown, judged, f"{table.name}, {vehicle}, {draws} draws")
+        written = ", report.html"
+    except ModuleNotFoundError as missing:  # the tables do without
+        errors.print(f"no report.html: {missing}")
+        written = ""
+    if json_:
+        print(json.dumps(_plain(result, summary, verdicts), indent=2))
+    else:
+        _print(shown, judged, draws)
+        print(f"\n{out}/: stops.csv, stops.parquet, summary.csv" + written)
+    if result.failures:
+        sys.exit(1)
+
+
+def _labels(controllers: tuple[str, ...]) -> dict[str, str]:
+    """Return what to call each controller in tables: a file without its folders, where that leaves it unique."""
+    short = {name: name.rstrip("/").rpartition("/")[2] for name in controllers}
+    return {name: label if list(short.values()).count(label) == 1 else name for name, label in short.items()}
+
+
+def _write(out: Path, result: Evaluation, summary: polars.DataFrame) -> None:
+    result.stops.write_csv(out / "stops.csv")
+    result.stops.write_parquet(out / "stops.parquet")
+    summary.write_csv(out / "summary.csv")
+
+
+def _plain(result: Evaluation, summary: polars.DataFrame, verdicts: tuple[Verdict, ...]) -> dict[str, Any]:
+    """Return what `--json` prints; a number that is not finite becomes null."""
+    document = {
+        "figures": {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in FIGURES.items()},
+        "summary": summary.to_dicts(),
+        "verdicts": [vars(verdict) for verdict in verdicts],
+        "failures": [vars(failure) for failure in result.failures],
+    }
+    return dict(_finite(document))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _print(summary: polars.DataFrame, verdicts: tuple[Verdict, ...], draws: int) -> None:
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=170)
+    table = Table(title=f"Means of {draws} draws; distances with 95 % confidence intervals")
+    for heading in ("case", "law", "controller"):
+        table.add_column(heading, no_wrap=True)
+    for _, heading, _ in _COLUMNS:
+        table.add_column(escape(heading), justify="right", no_wrap=True)
+    rows = summary.to_dicts()
+    seen = list(dict.fromkeys((row["case"], row["law"]) for row in rows if row["controller"] == BOUND))
+    for case, law in seen:
+        group = [row for row in rows if (row["case"], row["law"]) == (case, law)]
+        for i, row in enumerate(group):
+            cells = [_cell(row, figure, digits) for figure, _, digits in _COLUMNS]
+            if row["stopped"] < row["draws"]:
+                cells[0] += f" ({row['draws'] - row['stopped']} ran on)"
+            first = (case, law) if i == 0 else ("", "")
+            table.add_row(*first, row["controller"], *cells, end_section=i == len(group) - 1)
+    console.print(table)
+    if verdicts:
+        console.print(_verdict_table(verdicts))
+
+
+def _cell(row: dict[str, Any], figure: str, digits: int) -> str:
+    value = row[figure]
+    if value is None or not math.isfinite(value):
+        return "" if value is None else "-"
+    half = row[f"{figure}_ci"]
+    spread = f" ±{half:.{digits}f}" if figure == "distance_m" and math.isfinite(half) else ""
+    return f"{value:.{digits}f}{spread}"
+
+
+def _verdict_table(verdicts: tuple[Verdict, ...]) -> Table:
+    table = Table(title="Requirements (worst stop)")
+    for heading in ("requirement", "controller", "", "worst", "at most", "where"):
+        table.add_column(heading, no_wrap=True, justify="right" if heading in ("worst", "at most") else "left")
+    previous = ""
+    for verdict in verdicts:
+        mark = "[green]pass[/green]" if verdict.passed else "[red]FAIL[/red]"
+        name = "" if verdict.requirement == previous else verdict.requirement
+        table.add_row(name, verdict.controller, mark, f"{verdict.worst:.4g}", f"{verdict.at_most:.4g}", verdict.where)
+        previous = verdict.requirement
+    return table

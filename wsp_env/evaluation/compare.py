@@ -1,0 +1,111 @@
+"""The same stop under the classic and under the recovering law: what the recovery of adhesion is worth (seed paper, Fig. 16).
+
+One stop without recovery for every mu_cd and one with recovery for every mu_cd and tau, all else equal.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from wsp_env.evaluation.controller import Controller
+from wsp_env.evaluation.programme import TRACK_LENGTH_M
+from wsp_env.evaluation.runner import Conduct, Run, run
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.state import Stop
+from wsp_env.scenario import TRACK_STEP_M, Scenario, draw
+
+#: The two stops have parted once their speeds differ by this much [m/s] (assumption: visible in a diagram such as Fig. 16).
+PARTED_MPS = 0.5
+
+_CONDUCT = Conduct()
+
+
+@dataclasses.dataclass(frozen=True)
+class Pair:
+    """The stop under both laws at one point of the grid; a stop given up at the time limit has the distance inf."""
+
+    mu_cd: float  # [-]
+    tau: float  # [m/J]
+    classic_m: float  # stopping distance [m]
+    recovering_m: float  # [m]
+    gained_m: float  # how much shorter with recovery [m]
+    gained_share: float  # of the classic distance [-]
+    parted_mps: float  # speed with recovery at which the two have parted [m/s]; nan if they never do
+    parted_s: float  # when [s]; nan likewise
+    largest_gap_mps: float  # largest difference of the speeds at the same time [m/s], as the paper's eq. (19)
+    classic_slip_mps: float  # mean slip speed, eq. (21), mean of the axles [m/s]
+    recovering_slip_mps: float  # [m/s]
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """All pairs, mu_cd by mu_cd, and the speeds (T,) [m/s] over time (T,) [s] to draw."""
+
+    pairs: tuple[Pair, ...]
+    time: np.ndarray
+    classic: dict[float, np.ndarray]  # mu_cd -> speed
+    recovering: dict[tuple[float, float], np.ndarray]  # mu_cd, tau -> speed
+
+
+def compare(
+    controller: Controller,
+    vehicle: Vehicle,
+    mu_cd: Sequence[float],
+    tau: Sequence[float],
+    initial_speed_mps: float,
+    demand: float = 1.0,
+    load: float = 0.0,
+    seed: int = 0,
+    conduct: Conduct = _CONDUCT,
+) -> Comparison:
+    """Brake the same stop under both laws over the grid of mu_cd [-] and tau [m/J].
+
+    Raises `ParameterError` for conditions that cannot be and `ControllerFailure` for a controller that fails.
+    """
+    grid = [(friction, rate) for friction in mu_cd for rate in (0.0, *tau)]
+    stops = [_stop(vehicle, friction, rate, initial_speed_mps, demand, load, seed) for friction, rate in grid]
+    result = run(controller, vehicle, stops, conduct)
+    row = {point: i for i, point in enumerate(grid)}
+    pairs = [_pair(result, friction, rate, row[friction, 0.0], row[friction, rate]) for friction in mu_cd for rate in tau]
+    speed = result.speed.astype(np.float64)
+    return Comparison(
+        tuple(pairs),
+        result.time,
+        {friction: speed[:, row[friction, 0.0]] for friction in mu_cd},
+        {(friction, rate): speed[:, row[friction, rate]] for friction in mu_cd for rate in tau},
+    )
+
+
+def _stop(vehicle: Vehicle, mu_cd: float, tau: float, speed: float, demand: float, load: float, seed: int) -> Stop:
+    pins: dict[str, Any] = {
+        "mu_cd": mu_cd, "tau": tau, "initial_speed": speed, "demand": demand, "load": load, "gradient": 0.0,
+        "sensor_noise": 0.0, "track": "constant",
+    }  # fmt: skip
+    return draw(Scenario(), vehicle, np.random.default_rng(seed), int(TRACK_LENGTH_M / TRACK_STEP_M) + 1, pins)
+
+
+def _pair(result: Run, mu_cd: float, tau: float, classic: int, recovering: int) -> Pair:
+    gap = np.abs(result.speed[:, classic].astype(np.float64) - result.speed[:, recovering])
+    apart = np.flatnonzero(gap > PARTED_MPS)
+    reached = np.where(result.stopped, result.distance, np.inf)
+    long, short = float(reached[classic]), float(reached[recovering])
+    gained = long - short if np.isfinite(short) else np.nan
+    return Pair(
+        mu_cd=mu_cd,
+        tau=tau,
+        classic_m=long,
+        recovering_m=short,
+        gained_m=gained,
+        gained_share=gained / long if np.isfinite(long) else np.nan,
+        parted_mps=float(result.speed[apart[0], recovering]) if apart.size else np.nan,
+        parted_s=float(result.time[apart[0]]) if apart.size else np.nan,
+        largest_gap_mps=float(gap.max()),
+        classic_slip_mps=_mean_slip(result, classic),
+        recovering_slip_mps=_mean_slip(result, recovering),
+    )
+
+
+def _mean_slip(result: Run, row: int) -> float:
+    return float(result.slip[1 : result.steps[row] + 1, row].mean())
