@@ -10,6 +10,7 @@ COMMANDS = {
     "demo": "see it work: recorded stops read, tau tuned on them, a bogie braking under the tuned law",
     "compare": "the same stop with and without recovery of adhesion, over mu_cd and tau",
     "evaluate": "put controllers through a test programme in the manner of EN 15595 and compare them",
+    "inspect": "list the channels of a recorded file of any logger and draft a campaign.toml for it",
     "tune": "tune tau and mu_cd on a campaign of recorded stops, score the held-out ones",
     "validate": "tune, score and simulate recorded stops as the seed paper does; a page with its figures and tables",
 }

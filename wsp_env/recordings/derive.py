@@ -21,6 +21,7 @@ from wsp_env.recordings.table import CampaignError
 
 _ORDER = 2
 _ROLLING_TORQUE = 0.05  # share of a run's largest torque below which a wheel counts as rolling freely
+_STANDSTILL_MPS = 0.3  # below, speed sensors say nothing
 _ROLLING_TIME_S = 0.5  # shorter pieces of free rolling say little about the radius
 _RADIUS_TOLERANCE = 0.1  # a larger deviation from the believed radius is a wrong unit, not a worn wheel
 
@@ -75,9 +76,9 @@ def rolling_radii(campaign: Campaign, smoothing: Smoothing = Smoothing()) -> np.
     ww = np.zeros(campaign.vehicle.axles)
     for name in campaign.tune:
         run = campaign.runs[name]
-        torque = np.abs(_smooth(run, run.brake_torque_nm, smoothing.wheel_window_s, campaign.sample_time_s))
-        braking = (torque > _ROLLING_TORQUE * torque.max()).any(axis=1)
-        end = int(np.argmax(braking)) if braking.any() else 0
+        end, stopped = braking(run, campaign.sample_time_s, smoothing)
+        if end == stopped:
+            continue
         if end * campaign.sample_time_s > _ROLLING_TIME_S and run.vehicle_speed_mps[:end].min() > smoothing.least_speed_mps:
             speed, wheel = run.vehicle_speed_mps[:end].mean(), run.wheel_speed_radps[:end].mean(axis=0)
             vw += end * speed * wheel
@@ -92,6 +93,18 @@ def rolling_radii(campaign: Campaign, smoothing: Smoothing = Smoothing()) -> np.
             "check the units of vehicle_speed_mps and axle*_wheel_speed_radps"
         )
     return radii
+
+
+def braking(run: Recording, sample_time_s: float, smoothing: Smoothing = Smoothing()) -> tuple[int, int]:
+    """Return the first sample of braking and the first after it (the same for a run without).
+
+    Braking is from the first to the last sample at which some torque exceeds a twentieth of the run's largest and the vehicle
+    still moves.
+    """
+    torque = np.abs(_smooth(run, run.brake_torque_nm, smoothing.wheel_window_s, sample_time_s))
+    on = (torque > _ROLLING_TORQUE * torque.max()).any(axis=1) & (run.vehicle_speed_mps > _STANDSTILL_MPS)
+    samples = np.flatnonzero(on)
+    return (int(samples[0]), int(samples[-1]) + 1) if samples.size else (0, 0)
 
 
 def derive(

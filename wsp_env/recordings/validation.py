@@ -8,7 +8,7 @@ import numpy as np
 from wsp_env.parameters import velim
 from wsp_env.recordings import replay
 from wsp_env.recordings.campaign import Campaign
-from wsp_env.recordings.derive import Derived, Smoothing, derive, rolling_radii
+from wsp_env.recordings.derive import Derived, Smoothing, braking, derive, rolling_radii
 from wsp_env.recordings.recording import Recording
 from wsp_env.recordings.replay import Simulated, Slide
 from wsp_env.recordings.tuning import Tuning, tune, tune_classic
@@ -30,8 +30,8 @@ class Stop:
     derived: Derived
     window_rms_mps: dict[str, float]  # rival -> RMS error of r w over windows of 1 s [m/s]
     slide: Slide
-    simulated: Simulated  # the whole stop, from its first sample until it is slow
-    samples: int  # of it
+    simulated: Simulated  # the whole stop, from the start of braking until it is slow
+    start: int  # its first sample
 
 
 @dataclasses.dataclass(frozen=True)
@@ -150,10 +150,10 @@ def _simulated(
         pieces = {rival: replay.simulate(campaign, run, derived, radii, starts, length, *law) for rival, law in laws.items()}
         pieces["no_slip"] = replay.without_slip(campaign, run, derived, radii, starts, length)
         errors = {rival: replay.window_error(derived, piece, starts) for rival, piece in pieces.items()}
-    slow = derived.speed_mps <= smoothing.least_speed_mps
-    samples = max(int(np.argmax(slow)) if slow.any() else len(slow) - 1, 2)
-    whole = replay.simulate(campaign, run, derived, radii, np.array([0]), samples, *laws["tuned"])
-    return Stop(run, derived, errors, replay.slide(derived, whole, 0), whole, samples)
+    start, end = braking(run, campaign.sample_time_s, smoothing)
+    end = min(end, int(np.flatnonzero(derived.speed_mps > smoothing.least_speed_mps)[-1]) + 1)
+    whole = replay.simulate(campaign, run, derived, radii, np.array([start]), max(end - start, 2), *laws["tuned"])
+    return Stop(run, derived, errors, replay.slide(derived, whole, start), whole, start)
 
 
 def _apart(pairs: list[tuple[float, float]]) -> float:

@@ -157,11 +157,12 @@ def _speeds(validation: Validation, name: str) -> Any:
     figure = objects.Figure()
     stop = validation.stops[name]
     derived, whole = stop.derived, stop.simulated
-    part = _thin(stop.samples)
-    time = derived.time_s[: stop.samples]
-    recorded = (derived.speed_mps[:, None] - derived.slip_speed_mps)[: stop.samples, 0]
+    samples = whole.speed_mps.shape[1]
+    part, span = _thin(samples), slice(stop.start, stop.start + samples)
+    time = derived.time_s[span]
+    recorded = derived.speed_mps[span] - derived.slip_speed_mps[span, 0]
     lines = (
-        ("vehicle, recorded", derived.speed_mps[: stop.samples], COLOURS[6], "solid"),
+        ("vehicle, recorded", derived.speed_mps[span], COLOURS[6], "solid"),
         ("vehicle, simulated", whole.speed_mps[0], COLOURS[6], "dot"),
         ("first axle r w, recorded", recorded, COLOURS[5], "solid"),
         ("first axle r w, simulated", whole.circumferential_mps[0][:, 0], COLOURS[0], "solid"),

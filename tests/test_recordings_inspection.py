@@ -1,0 +1,102 @@
+"""From a stranger's file to a tuned law without writing code: inspect, edit the draft, tune."""
+
+import tomllib
+
+import numpy as np
+import polars as pl
+import pytest
+from synthetic_stops import AXLES, INERTIA_KGM2, MASS_KG, RADIUS_M, stop
+
+from wsp_env.cli import main
+from wsp_env.recordings import CampaignError, inspection, read_campaign, tune
+from wsp_env.recordings.table import open_table
+
+TAU, MU_CD, NM_PER_BAR = 2e-4, 0.06, 2000.0
+
+
+@pytest.fixture(scope="module")
+def stranger(tmp_path_factory):
+    columns = stop(TAU, MU_CD, noise=1.0)
+    table = {"Time [ms]": 1e3 * columns["time_s"], "FS_SPEED_KPH": 3.6 * columns["vehicle_speed_mps"]}
+    for k in range(1, AXLES + 1):
+        table[f"WHEEL{k}_SPEED_KPH"] = 3.6 * RADIUS_M * columns[f"axle{k}_wheel_speed_radps"]
+        table[f"BCP_M_AXLE{k}_IN_BAR"] = columns[f"axle{k}_brake_torque_nm"] / NM_PER_BAR
+    table["Ambient Temp [degC]"] = np.full_like(columns["time_s"], 12.0)
+    file = tmp_path_factory.mktemp("stranger") / "stop 1.csv"
+    pl.DataFrame(table).write_csv(file)
+    return file
+
+
+def test_channels_are_described(stranger):
+    found = {channel.name: channel for channel in inspection.inspect(stranger)}
+    assert set(found) == set(open_table(stranger).units)
+    speed = found["FS_SPEED_KPH"]
+    assert (speed.guess, speed.guessed_unit, speed.samples, speed.missing) == ("vehicle_speed", "km/h", 1200, 0)
+    assert speed.rate_hz == pytest.approx(100.0)
+    assert speed.quality.noise == pytest.approx(3.6 * 0.01, rel=0.2)
+    assert found["BCP_M_AXLE3_IN_BAR"].guess == "axle3_cylinder_pressure"
+    assert found["WHEEL2_SPEED_KPH"].guess == "axle2_wheel_speed"
+    assert found["Time [ms]"].guess == "time"
+    assert found["Ambient Temp [degC]"].guess == ""
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "channel"),
+    [
+        ("axle3_brake_torque_nm", "", "axle3_brake_torque"),
+        ("vehicle_speed_mps", "", "vehicle_speed"),
+        ("Wheelset 2 speed", "rpm", "axle2_wheel_speed"),
+        ("TorqueAxle4", "kNm", "axle4_brake_torque"),
+        ("Drehzahl_Achse1", "1/min", ""),
+        ("Drehzahl_Achse1", "rpm", "axle1_wheel_speed"),
+        ("TrainSpeed", "km/h", "vehicle_speed"),
+        ("t", "s", "time"),
+        ("Axle1 pressure", "degC", ""),
+        ("comment", "", ""),
+    ],
+)
+def test_names_and_units_are_understood(column, unit, channel):
+    assert inspection._named(column, unit) == channel
+
+
+def test_a_draft_asks_for_what_only_a_person_knows(stranger, tmp_path, capsys):
+    out = tmp_path / "campaign.toml"
+    assert main(["inspect", str(stranger), "--out", str(out)]) == 0
+    assert "FS_SPEED_KPH" in capsys.readouterr().out
+    drafted = tomllib.loads(out.read_text(encoding="utf-8"))
+    assert "mass_kg" not in drafted["vehicle"]
+    assert drafted["channels"]["axle4_cylinder_pressure"] == {"column": "BCP_M_AXLE4_IN_BAR", "unit": "bar"}
+    assert main(["inspect", str(stranger), "--out", str(out)]) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_from_a_strangers_file_to_a_tuned_law(stranger, tmp_path):
+    folder = tmp_path / "campaign"
+    folder.mkdir()
+    (folder / stranger.name).write_bytes(stranger.read_bytes())
+    assert main(["inspect", str(folder / stranger.name), "--out", str(folder / "campaign.toml")]) == 0
+    with pytest.raises(CampaignError, match="lacks mass_kg, wheelset_inertia_kgm2, wheel_radius_m"):
+        read_campaign(folder)
+    text = (folder / "campaign.toml").read_text()
+    known = {
+        "mass_kg": MASS_KG,
+        "wheelset_inertia_kgm2": INERTIA_KGM2,
+        "wheel_radius_m": RADIUS_M,
+        "torque_per_bar_nm": NM_PER_BAR,
+    }
+    for name, value in known.items():
+        assert f"# {name} = ..." in text
+        text = text.replace(f"# {name} = ...", f"{name} = {value} #")
+    (folder / "campaign.toml").write_text(text)
+    tuning = tune(read_campaign(folder))
+    assert tuning.tau_m_per_J == pytest.approx(TAU, rel=0.03)
+    assert tuning.runs["stop 1"].mu_cd == pytest.approx(MU_CD, rel=0.05)
+
+
+def test_files_that_cannot_be_inspected(tmp_path, capsys):
+    (tmp_path / "nothing.csv").write_text("")
+    assert main(["inspect", str(tmp_path / "nothing.csv")]) == 2
+    assert main(["inspect", str(tmp_path / "nowhere.mf4")]) == 2
+    printed = capsys.readouterr().err
+    assert "nothing.csv is empty" in printed
+    assert "nowhere.mf4 cannot be opened" in printed

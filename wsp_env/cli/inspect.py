@@ -1,0 +1,57 @@
+"""`wsp inspect`: what is in a stranger's file, and a campaign.toml to start from."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from wsp_env.recordings import CampaignError
+from wsp_env.recordings.inspection import Found, draft, inspect
+
+_WIDTH = 160  # of the table in a file or a pipe
+
+
+def main(
+    file: tyro.conf.Positional[Path],
+    /,
+    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+) -> None:
+    """List a recording's channels with units, rates, range, noise and what they may be; draft a campaign.toml.
+
+    Parameters
+    ----------
+    file
+        CSV, Parquet, MDF4 (.mf4) or MAT file.
+    out
+        Where to write the draft of campaign.toml; not written over what is there.
+
+    """
+    from rich.console import Console
+
+    from wsp_env.report import Table, terminal_table
+
+    found = inspect(file)
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
+    header = ("channel", "unit", "samples", "missing", "rate [Hz]", "lowest", "highest", "noise", "resolution", "may be")
+    console.print(
+        terminal_table(Table(header, [_row(channel) for channel in found], "noise and resolution in the channel's unit"))
+    )
+    text = draft(file, found)
+    if out is None:
+        console.print("Draft of campaign.toml (--out FILE writes it):\n")
+        console.print(text, markup=False, soft_wrap=True)
+        return
+    if out.exists():
+        raise CampaignError(f"{out} exists already; name another file or remove it")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(text, encoding="utf-8")
+    console.print(f"Draft written: [bold]{out}[/bold]")
+
+
+def _row(channel: Found) -> tuple[str, ...]:
+    q = channel.quality
+    rate = "?" if channel.rate_hz is None else f"{channel.rate_hz:.4g}"
+    guessed = f"{channel.guess} [{channel.guessed_unit}]" if channel.guess else ""
+    numbers = (f"{value:.4g}" for value in (q.lowest, q.highest, q.noise, q.resolution))
+    return (channel.name, channel.unit, str(channel.samples), str(channel.missing), rate, *numbers, guessed)

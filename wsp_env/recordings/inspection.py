@@ -1,0 +1,199 @@
+"""What is in a stranger's file: its channels, what they may be, and a campaign.toml to start from.
+
+Guesses are for a person to confirm: they are only ever written into a commented draft, never used to read.
+"""
+
+import dataclasses
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+
+from wsp_env.recordings import channels, clock, quality
+from wsp_env.recordings.channels import CHANNELS, Source
+from wsp_env.recordings.quality import Quality
+from wsp_env.recordings.table import CampaignError, Table, open_table
+
+#: Words (beginnings of words) in names that speak for a channel, and the unit it has where none is stated.
+_WORDS = {
+    "wheel_speed": (("speed", "vel", "omega", "rpm", "drehz", "wheel"), "rad/s"),
+    "brake_torque": (("torq", "moment", "mbr"), "N*m"),
+    "cylinder_pressure": (("press", "bcp", "cyl", "druck", "pbr"), "bar"),
+    "wheel_load": (("load", "vertical", "last"), "N"),
+    "valve_command": (("valve", "cmd", "command", "ventil", "dump"), ""),
+    "vehicle_speed": (("speed", "vel", "geschw"), "m/s"),
+    "position": (("pos", "dist", "chain", "weg"), "m"),
+    "time": (("time", "zeit", "timestamp"), "s"),
+}
+
+# Endings of names that are units; longer ones first.
+_ENDINGS = {
+    "radps": "rad/s", "rads": "rad/s", "kmph": "km/h", "kmh": "km/h", "kph": "km/h", "mph": "mph", "mps": "m/s", "rpm": "rpm",
+    "mbar": "mbar", "bar": "bar", "kpa": "kPa", "psi": "psi", "knm": "kN*m", "nm": "N*m", "kn": "kN", "n": "N", "km": "km",
+    "m": "m", "ms": "ms", "s": "s",
+}  # fmt: skip
+
+_AXLE = re.compile(r"(?:axle|axl|ax|wheelset|wheel|ws|achse|w|a)[ _.-]?(\d{1,2})(?!\d)", re.IGNORECASE)
+_FASTEST_MPS = 60.0  # a vehicle speed without unit above this is taken for km/h
+
+
+@dataclasses.dataclass(frozen=True)
+class Found:
+    """One channel of a file."""
+
+    name: str
+    unit: str  # as the file states it
+    samples: int
+    missing: int  # of them without a number
+    rate_hz: float | None  # None where its clock is not known
+    quality: Quality
+    guess: str  # channel it may be, "" for none
+    guessed_unit: str
+
+
+def inspect(file: Path) -> list[Found]:
+    """List the channels of a file of any known format, each with what it may be.
+
+    Raises
+    ------
+    CampaignError
+        when the file cannot be opened
+
+    """
+    table = open_table(file)
+    raw: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
+    for name in table.units:  # one by one: one that cannot be read leaves the others
+        try:
+            samples = table.read([name])[name]
+        except CampaignError:
+            continue
+        raw[name] = (samples.values, samples.time_s)
+    if not raw:
+        raise CampaignError(f"{file}: none of its channels can be read: {', '.join(table.units)}")
+    guesses = guess(table, {name: _highest(values) for name, (values, _) in raw.items()})
+    by_name = {source.column: (channel, source.unit or "") for channel, source in guesses.items()}
+    time = guesses.get("time")
+    found = []
+    for name, (values, own) in raw.items():
+        shared = _seconds(raw[time.column][0], time) if time and time.column in raw else None
+        rate = _rate(own if own is not None else shared, len(values))
+        missing = int((~np.isfinite(values)).sum())
+        channel, unit = by_name.get(name, ("", ""))
+        described = quality.describe(values) if missing < len(values) else Quality(np.nan, 0.0, np.nan, np.nan)
+        found.append(Found(name, table.units[name], len(values), missing, rate, described, channel, unit))
+    return found
+
+
+def guess(table: Table, highest: dict[str, float]) -> dict[str, Source]:
+    """Guess which column is which channel, from native and common names and the units in them; the first that fits is taken."""
+    guessed: dict[str, Source] = {}
+    for column, stated in table.units.items():
+        if column not in highest:
+            continue
+        unit = stated or _ending(column)
+        name = _named(column, unit)
+        if not name or name in guessed:
+            continue
+        kind = name.split("_", 1)[1] if name.startswith("axle") else name
+        if not unit:
+            unit = _WORDS[kind][1]
+            if name == "vehicle_speed" and highest[column] > _FASTEST_MPS:
+                unit = "km/h"
+        guessed[name] = Source(column, unit)
+    return guessed
+
+
+def draft(file: Path, found: list[Found]) -> str:
+    """Return a campaign.toml to edit: what is known is filled in, what only a person can know is left out and asked for."""
+    guesses = {channel.guess: channel for channel in found if channel.guess}
+    axles = max((int(match[1]) for name in guesses if (match := re.match(r"axle(\d+)_", name))), default=4)
+    rates = [channel.rate_hz for channel in found if channel.rate_hz and channel.guess]
+    step = 1.0 / max(rates) if rates and max(rates) < 100.0 else 0.01
+    clocked = all(channel.rate_hz for channel in found)  # every channel brings its clock
+    lines = [
+        f"# Draft by `wsp inspect` from {file.name}. Lines with EDIT need you; check every guess.",
+        "[campaign]",
+        f"name = {json.dumps(file.stem)}",
+        f"tune = [{json.dumps(file.stem)}]      # EDIT: runs to tune on",
+        "validate = []             # EDIT: runs that are only scored",
+        f"sample_time_s = {step:.4g}      # all channels are brought to this clock",
+        "",
+        "[vehicle]",
+        f"axles = {axles}",
+        "# axle_positions_m = [0.0, ...]     # behind the leading axle",
+        "# mass_kg = ...                     # EDIT: required",
+        "# wheelset_inertia_kgm2 = ...       # EDIT: required; 160 for a coach's wheelset with discs",
+        "# wheel_radius_m = ...              # EDIT: required",
+        "# torque_per_bar_nm = ...           # for files with cylinder pressures but no torques",
+        'brake_torque_source = "measured"    # or "cylinder pressure times the nominal gain"',
+        "",
+        "[contact]",
+        'set = "velim"                       # the seed paper\'s Table 2; single values may be given instead',
+        "",
+        "[channels]",
+    ]
+    for name in channels.names(axles):
+        kind = channels.channel(name)
+        if name in guesses:
+            entry = f"{{column = {json.dumps(guesses[name].name)}, unit = {json.dumps(guesses[name].guessed_unit)}}}"
+            lines.append(f"{name} = {entry}   # guessed")
+        elif kind.required and not (name == "time" and clocked):
+            example = f'{{column = "...", unit = "{kind.unit}"}}'
+            unless = ", or torque_per_bar_nm" if name.endswith("brake_torque") else ""
+            lines.append(f"# {name} = {example}   # EDIT: required{unless}; none found")
+    lines += ["", f"[runs.{json.dumps(file.stem)}]", f"file = {json.dumps(file.name)}", "start_position_m = 0.0"]
+    return "\n".join(lines) + "\n"
+
+
+def _named(column: str, unit: str) -> str:
+    """Name the channel that a column may be, "" for none."""
+    for name, kind in CHANNELS.items():
+        pattern = re.escape(kind.column).replace(r"\{k\}", r"(\d+)")
+        if match := re.fullmatch(pattern, column):
+            return name.replace("{k}", match[1]) if match.groups() else name
+    words = [word.lower() for word in re.findall(r"[A-Za-z]+?(?=[A-Z][a-z]|\d|[^A-Za-z]|$)", column)]
+    axle = _AXLE.search(column)
+    for kind_name, (beginnings, _) in _WORDS.items():
+        name = f"axle{axle[1]}_{kind_name}" if axle and f"axle{{k}}_{kind_name}" in CHANNELS else kind_name
+        if name not in CHANNELS and not name.startswith("axle"):
+            continue
+        if axle and not name.startswith("axle"):
+            continue
+        spoken = any(word.startswith(beginnings) for word in words) or (kind_name == "time" and words[:1] == ["t"])
+        if spoken and _fits(unit, name):
+            return name
+    return ""
+
+
+def _fits(unit: str, name: str) -> bool:
+    if not unit:
+        return True
+    try:
+        channels.factor(unit, name, 1.0, "")
+    except CampaignError:
+        return False
+    return True
+
+
+def _ending(column: str) -> str:
+    last = re.split(r"[ _.\-]", column.lower())[-1]
+    return _ENDINGS.get(last, "")
+
+
+def _highest(values: np.ndarray) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.max()) if finite.size else 0.0
+
+
+def _seconds(time: np.ndarray, source: Source) -> np.ndarray:
+    return time * channels.factor(source.unit or "s", "time", 1.0, source.column)
+
+
+def _rate(time: np.ndarray | None, samples: int) -> float | None:
+    if time is None or len(time) != samples or samples < 3:
+        return None
+    try:
+        return 1.0 / clock.mend(time, "")[0].step_s
+    except CampaignError:
+        return None
