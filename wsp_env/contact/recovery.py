@@ -13,14 +13,15 @@ def kept_by_shape(rest: float, gap: float, a: float, offset: float, exponent: fl
 
     Return exp(-u^n) [-] and n u^(n - 1), its relative rate. A wheel comes from low slip, so of several roots (n > 1) it is on
     the lowest. The right side is convex in f up to u^n = (n - 1) / n and concave beyond: Newton's method runs up to the root
-    in the convex part, and if there is none, down to the only one in the concave part, monotonically in both.
+    in the convex part, and if there is none, down to the only one in the concave part, monotonically in both. A negative gap
+    (more friction with the contaminant than without) has one root only.
     """
     low = rest - gap
-    if gap <= 0.0 or a * low <= offset:  # a rail drier than dry recovers nothing; the threshold is not reached
+    if a * low <= offset and gap >= 0.0:  # the threshold is not reached
         return 1.0, 0.0
     f = rest
     bend = ((exponent - 1.0) / exponent) ** (1.0 / exponent) if exponent > 1.0 else 0.0
-    if a * low - offset < bend:
+    if a * low - offset < bend and gap > 0.0:
         f = low
         for _ in range(60):
             u = max(a * f - offset, _WORK_FLOOR)
@@ -39,7 +40,7 @@ def kept_by_shape(rest: float, gap: float, a: float, offset: float, exponent: fl
             kept = math.exp(-(u**exponent))
             step = (f - rest + gap * kept) / (1.0 - gap * kept * exponent * u ** (exponent - 1.0) * a)
             f -= step
-            if step <= 1e-15:
+            if abs(step) <= 1e-15:
                 break
     u = max(a * f - offset, _WORK_FLOOR)
     return math.exp(-(u**exponent)), exponent * u ** (exponent - 1.0)
