@@ -5,11 +5,13 @@ import json
 
 import numpy as np
 import pytest
+from browser import BROWSER, open_page
 from numpy.testing import assert_allclose
 from synthetic_stops import stop, write_campaign
 
 from wsp_env.cli import main
 from wsp_env.recordings import CampaignError, Smoothing, demo_campaign, derive, read_campaign, replay, rolling_radii
+from wsp_env.recordings import validation_report as report
 from wsp_env.recordings.validation import validate
 
 TAU, MU_CD = 2e-4, 0.06
@@ -115,3 +117,14 @@ def test_command_writes_a_page_that_stands_alone(demo, tmp_path, capsys):
     assert "<link" not in text
     for shown in ("energy W_sp [J", "adhesion coefficient [-]", "speed [m", "time [s]", "f_d, degraded", demo.verdict[:40]):
         assert shown in text
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium installed")
+def test_the_page_opens_without_a_network_and_all_axes_have_units(demo, tmp_path):
+    report.write(tmp_path / "validation.html", demo)
+    said, plots, titles = open_page(tmp_path / "validation.html", tmp_path / "profile")
+    assert said == []
+    assert plots == 2 + 2 * len(demo.stops)
+    assert len(titles) == 2 * plots
+    assert all(title.endswith("]") for title in titles), titles

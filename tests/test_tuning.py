@@ -118,7 +118,7 @@ def test_exact_recordings_give_the_truth_back(exact):
     assert [score.group for score in tuning.runs.values()] == ["tune", "tune", "validate"]
 
 
-@settings(max_examples=10)
+@settings(max_examples=6)
 @given(tau=st.floats(0.8e-4, 4e-4), mu_cd=st.floats(0.03, 0.09), noise=st.floats(0.0, 2.0), seed=st.integers(0, 2**31))
 def test_any_truth_is_found_through_sensor_noise(tmp_path_factory, tau, mu_cd, noise, seed):
     runs = {"A1": stop(tau, mu_cd, noise=noise, seed=seed), "A2": stop(tau, 1.1 * mu_cd, noise=noise, seed=seed + 1)}
@@ -193,7 +193,7 @@ def test_command_prints_json(demo, capsys):
 def test_command_prints_a_table(capsys):
     assert main(["tune", str(demo_campaign()), "--fixed-mu-cd"]) == 0
     printed = capsys.readouterr().out
-    for expected in ("tau =", "e_4 [%]", "validate", "0.0587*"):
+    for expected in ("tau =", "e_4 [%]", "validate", "0.0587 (believed)"):
         assert expected in printed
 
 

@@ -35,7 +35,7 @@ def main(
     if as_json:
         print(json.dumps(to_json(tuning)))
     else:
-        print_table(tuning, fixed_mu_cd)
+        print_table(tuning)
 
 
 def to_json(tuning: Tuning) -> dict[str, Any]:
@@ -44,25 +44,14 @@ def to_json(tuning: Tuning) -> dict[str, Any]:
     return {"tau_m_per_J": tuning.tau_m_per_J, "interval95": list(tuning.interval95), "runs": runs}
 
 
-def print_table(tuning: Tuning, fixed_mu_cd: bool = False) -> None:
-    """Print the relative errors e_j as the seed paper's Table 4, with every run's mu_cd."""
+def print_table(tuning: Tuning) -> None:
+    """Print tau and the relative errors e_j as the seed paper's Table 4, with every run's mu_cd."""
     from rich.console import Console
-    from rich.table import Table
+
+    from wsp_env.recordings.validation_report import adhesion_table
+    from wsp_env.report import terminal_table
 
     low, high = tuning.interval95
-    console = Console()
-    console.print(f"tau = {tuning.tau_m_per_J:.3e} m/J, 95 % interval {low:.3e} to {high:.3e} m/J", highlight=False)
-    table = Table(title="Relative errors e_j of the adhesion coefficient", title_justify="left")
-    table.add_column("Run")
-    table.add_column("Group")
-    table.add_column("mu_cd [-]", justify="right")
-    axles = len(next(iter(tuning.runs.values())).error)
-    for axle in range(1, axles + 1):
-        table.add_column(f"e_{axle} [%]", justify="right")
-    for name, score in tuning.runs.items():
-        mark = "" if score.slides and not fixed_mu_cd else "*"
-        errors = ("-" if error is None else f"{100 * error:.1f}" for error in score.error)
-        table.add_row(name, score.group, f"{score.mu_cd:.4f}{mark}", *errors)
-    console.print(table)
-    if fixed_mu_cd or not all(score.slides for score in tuning.runs.values()):
-        console.print("* as campaign.toml has it, not tuned;  - no sliding, nothing to compare", highlight=False)
+    console = Console(highlight=False)
+    console.print(f"tau = {tuning.tau_m_per_J:.3e} m/J, 95 % interval {low:.3e} to {high:.3e} m/J")
+    console.print(terminal_table(adhesion_table(tuning)))

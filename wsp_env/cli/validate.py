@@ -48,7 +48,8 @@ def main(
     validation = validate(read_campaign(campaign), smoothing, not fixed_mu_cd)
     low, high = validation.tuning.interval95
     console.print(f"tau = {validation.tuning.tau_m_per_J:.3e} m/J, 95 % interval {low:.3e} to {high:.3e} m/J")
-    for table in (report.adhesion_table, report.slide_table, report.window_table, report.criteria_table):
+    console.print(terminal_table(report.adhesion_table(validation.tuning)))
+    for table in (report.slide_table, report.window_table, report.criteria_table):
         console.print(terminal_table(table(validation)))
     console.print(f"[bold]{validation.verdict}[/bold]")
     report.write(out, validation)

@@ -39,7 +39,8 @@ class RunScore:
     """How the tuned law fits one run."""
 
     group: str  # "tune" or "validate"
-    mu_cd: float  # [-] fitted, or the believed one
+    mu_cd: float  # [-]
+    mu_cd_tuned: bool  # or the believed one
     error: tuple[float | None, ...]  # e_j = ||f_sp - f|| / ||f_sp|| [-] per axle; None where an axle never slides
 
     @property
@@ -92,9 +93,9 @@ def tune(campaign: Campaign, smoothing: Smoothing = Smoothing(), tune_friction: 
         believed = campaign.runs[name].kinetic_friction_d
         if tune_friction and slides[name] and name not in frictions:
             frictions |= _Problem(campaign, {name: derived[name]}, True, tau).solve()[2]
-        mu_cd = frictions.get(name, believed)
+        mu_cd = frictions.get(name, believed) if tune_friction else believed
         error = _errors(campaign, derived[name], tau, mu_cd) if slides[name] else (None,) * campaign.vehicle.axles
-        runs[name] = RunScore("tune" if name in campaign.tune else "validate", mu_cd, error)
+        runs[name] = RunScore("tune" if name in campaign.tune else "validate", mu_cd, tune_friction and slides[name], error)
     return Tuning(tau, interval, runs)
 
 

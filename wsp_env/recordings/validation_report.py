@@ -7,28 +7,23 @@ import numpy as np
 
 from wsp_env.recordings.derive import limits, transition
 from wsp_env.recordings.replay import WINDOW_S
+from wsp_env.recordings.tuning import Tuning
 from wsp_env.recordings.validation import RIVALS, Validation
 from wsp_env.report import COLOURS, Section, Table, axes, plotly, write_page
 
 _POINTS = 1500  # of a line or cloud: more cannot be told apart on a screen
 
 
-def adhesion_table(validation: Validation) -> Table:
+def adhesion_table(tuning: Tuning) -> Table:
     """Table 4: e_j per axle and run."""
-    axles = validation.campaign.vehicle.axles
+    axles = len(next(iter(tuning.runs.values())).error)
     header = ("run", "group", "mu_cd [-]", *(f"e_{k} [%]" for k in range(1, axles + 1)))
-    rows = [
-        (
-            name,
-            s.group,
-            f"{s.mu_cd:.4f}{'' if s.slides else ' (believed)'}",
-            *("-" if e is None else f"{100 * e:.1f}" for e in s.error),
-        )
-        for name, s in validation.tuning.runs.items()
-    ]
-    return Table(
-        header, rows, "relative error of the adhesion coefficient, as the seed paper's Table 4; -: the axle never slides"
-    )
+    rows = []
+    for name, score in tuning.runs.items():
+        mark = "" if score.mu_cd_tuned else " (believed)"
+        errors = ("-" if error is None else f"{100 * error:.1f}" for error in score.error)
+        rows.append((name, score.group, f"{score.mu_cd:.4f}{mark}", *errors))
+    return Table(header, rows, "relative errors e_j of the adhesion coefficient, as the seed paper's Table 4; -: never slides")
 
 
 def slide_table(validation: Validation) -> Table:
@@ -79,7 +74,11 @@ def write(path: Path, validation: Validation) -> None:
         f"tuned on {', '.join(campaign.tune)}."
     )
     sections = [
-        Section("The seed paper's own figures", (), (criteria_table(validation), adhesion_table(validation))),
+        Section(
+            "The seed paper's own figures",
+            (),
+            (criteria_table(validation), adhesion_table(validation.tuning), _errors(validation)),
+        ),
         Section(
             "Transition from degraded to recovered adhesion",
             ("Each point is one sample of one sliding wheel: lambda by eq. (3) over the energy spent; the curve is eq. (4).",),
@@ -130,6 +129,16 @@ def _transition(validation: Validation) -> Any:
     figure.add_scatter(x=grid, y=curve, mode="lines", name="1 - exp(-tau W_sp)", line=line)
     figure.update_layout(legend_itemsizing="constant")
     return axes(figure, "specific dissipated energy W_sp [J/m]", "transition function lambda [-]", height=480)
+
+
+def _errors(validation: Validation) -> Any:
+    objects, _ = plotly()
+    figure = objects.Figure()
+    for axle in range(validation.campaign.vehicle.axles):
+        sliding = {name: score.error[axle] for name, score in validation.tuning.runs.items() if score.error[axle] is not None}
+        percent = [100.0 * error for error in sliding.values() if error is not None]
+        figure.add_bar(x=list(sliding), y=percent, name=f"axle {axle + 1}", marker_color=COLOURS[axle % len(COLOURS)])
+    return axes(figure, "run [-]", "relative adhesion error e_j [%]", height=320)
 
 
 def _adhesion(validation: Validation, name: str) -> Any:
