@@ -121,7 +121,10 @@ def study(name: str, count: int, seed: int) -> Iterator[Row]:
     sliding = [draw(SLIDING, vehicle, rng, TRACK_NODES) for _ in range(count)]
     shape = (count, vehicle.axles)
     valves = _random_valves(rng, shape)
-    everything: dict[str, Any] = {mechanism: {} for mechanism in ALL}
+    everything = {
+        mechanism.name: {"axle": 1.0} if any(p.name == "axle" for p in mechanism.parameters) else {}
+        for mechanism in ALL.values()
+    }
     manoeuvres: tuple[tuple[str, list[Stop], Commands, dict[str, Any] | None], ...] = (
         ("no slide", gripping, _applied(shape), None),
         ("full braking", sliding, _applied(shape), None),
