@@ -57,7 +57,7 @@ def best_adhesion(
     of the curve's branches; a golden section sharpens it.
     """
     arguments = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (speed, largest_slip, load, mu_cd, tau, film)))
-    v, top, n, friction, rate, covered = (a[..., None] for a in arguments)
+    v, top, n, friction, rate, covered = (a[..., None].copy() for a in arguments)
     slips = top * np.geomspace(1e-4, 1.0, _SCAN)
 
     def f(slip: np.ndarray) -> np.ndarray:

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wsp_env.contact.degraded import adhesion_slope
 from wsp_env.evaluation.bound import Ceiling
 from wsp_env.evaluation.runner import Conduct, Run, make_plant, record
 from wsp_env.parameters.vehicle import Vehicle
@@ -25,6 +24,8 @@ MARGIN = 0.95
 
 #: Below this speed [m/s] the brake is simply applied: slip has little meaning at standstill.
 END_MPS = 1.0
+
+_LEAST_SLIP_MPS = 1e-3
 
 
 def clean_rail(vehicle: Vehicle, stops: Sequence[Stop], conduct: Conduct) -> Run:
@@ -56,11 +57,9 @@ def _commands(plant: Plant, ceiling: Ceiling) -> np.ndarray:
     slip = plant.slip_speed
     force = 2.0 * load[:, None] * state.adhesion
     torque = p.torque_per_bar * 0.5 * (state.pressure + pressure)
-    slope = 2.0 * load[:, None] * adhesion_slope(
-        slip, state.speed[:, None], load[:, None], np.minimum(c.mu_cd, p.law.mu_cr)[:, None], c.tau[:, None], p.law
-    )  # fmt: skip
+    slope = np.where(slip < target, force / np.maximum(slip, _LEAST_SLIP_MPS), 0.0)  # a secant; past the peak next to none
     rate = c.radius * (torque - c.radius * force) / p.inertia - deceleration
-    relaxed = 1.0 / (1.0 + np.maximum(c.radius**2 * slope / p.inertia, 0.0) * ahead)  # grip holds the slip
+    relaxed = 1.0 / (1.0 + c.radius**2 * slope / p.inertia * ahead)  # grip holds the slip
     slip = np.clip(slip + ahead * rate * relaxed, 0.0, state.speed[:, None])
     wanted_rate = (target - slip) / SETTLING_S + deceleration
     wanted = (c.radius * force + p.inertia / c.radius * wanted_rate) / p.torque_per_bar
