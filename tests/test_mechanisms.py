@@ -235,7 +235,7 @@ def test_smallest_effect_is_just_of_interest(name, size, plain):
     def moved(value):
         return effect(reference_stops(COACH, {name: rest | {size.name: value}}), plain, COACH.wheel_radius_m)
 
-    assert 1.0 <= moved(value) < 1.15
+    assert moved(size.null + 1.1 * (value - size.null)) > 1.0
     assert moved(size.null + 0.9 * (value - size.null)) < 1.0
 
 

@@ -2,7 +2,7 @@
 
 Three stops from 40 m/s: one that slides under an ideal slip control, whose wanted creepage swings as a WSP's does; one on a
 clean rail at full brake; and one on a contaminated rail just below its adhesion, without any control. None depends on
-thresholds, so small causes have small effects and bisection is sound.
+thresholds, so small causes have small effects.
 """
 
 import dataclasses
@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.optimize import brentq
 
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import COACH
@@ -31,6 +32,7 @@ _DEMAND = (1.0, 1.0, 0.9)
 _INITIAL_SPEED_MPS = 40.0
 _TAU = 1.9e-4  # [m/J], tuned in the seed paper
 _TIME_LIMIT_S = 120.0
+_TOLERANCE = 0.01  # of a smallest effect, relative [-]
 _COUNTED_ABOVE_MPS = 5.0  # creepage and slip say little below
 
 # The sliding stop's wanted creepage, mean and swing [-] and period [s] (assumption: as rule-based WSPs swing), and the gain of
@@ -60,7 +62,7 @@ class ReferenceStops:
 
 
 def reference_stops(
-    vehicle: Vehicle, choice: Mapping[str, Mapping[str, float]] | None = None, interval_s: float = 0.05
+    vehicle: Vehicle, choice: Mapping[str, Mapping[str, float]] | None = None, interval_s: float = 0.1
 ) -> ReferenceStops:
     """Brake a vehicle through the reference stops with the mechanisms of `choice`."""
     plant = Plant(vehicle, len(NAMES), interval_s, mechanism_choice=choice, pressure_control=True)
@@ -120,7 +122,7 @@ def _without(vehicle: Vehicle) -> ReferenceStops:
 
 @functools.lru_cache(maxsize=256)
 def smallest_effect(mechanism: str, parameter: str, vehicle: Vehicle = COACH) -> float:
-    """Return the value of a size parameter from which on it is of interest, found by bisection on the reference stops.
+    """Return the value of a size parameter from which on it is of interest, found by a root-finder on the reference stops.
 
     The value moves a reference stop by `DISTANCE_SHARE` of its distance or a measured slip by `SLIP_MPS` (root mean square over
     a stop), in the direction of the typical value, the mechanism's other sizes null and its shapes typical. Infinite
@@ -144,8 +146,6 @@ def smallest_effect(mechanism: str, parameter: str, vehicle: Vehicle = COACH) ->
 
     if interest(1.0) < 1.0:
         return math.copysign(math.inf, bound - one.null)
-    low, high = -20.0, 0.0  # of the share's logarithm: an effect of exp(-20) of the bound is none
-    while high - low > 0.01:
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if interest(math.exp(middle)) >= 1.0 else (middle, high)
-    return one.null + math.exp(high) * (bound - one.null)
+    # Brent's method on logarithms, as an effect is nearly a power of its size; exp(-20) of the bound has none.
+    share = brentq(lambda x: math.log(max(interest(math.exp(x)), 1e-9)), -20.0, 0.0, xtol=_TOLERANCE)
+    return one.null + math.exp(share) * (bound - one.null)

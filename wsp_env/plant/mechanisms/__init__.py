@@ -31,7 +31,9 @@ from wsp_env.plant.mechanisms import (
     wheel_radius,
     wheel_speed_lag,
 )
-from wsp_env.plant.mechanisms.mechanism import Mechanism
+from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+
+__all__ = ["ALL", "NULL", "Mechanism", "Mechanisms", "Parameter", "check_axles", "make"]
 
 
 class Mechanisms(NamedTuple):
