@@ -10,7 +10,16 @@ from numpy.testing import assert_allclose
 from synthetic_stops import stop, write_campaign
 
 from wsp_env.cli import main
-from wsp_env.recordings import CampaignError, Smoothing, demo_campaign, derive, read_campaign, replay, rolling_radii
+from wsp_env.recordings import (
+    CampaignError,
+    CampaignWarning,
+    Smoothing,
+    demo_campaign,
+    derive,
+    read_campaign,
+    replay,
+    rolling_radii,
+)
 from wsp_env.recordings import validation_report as report
 from wsp_env.recordings.validation import validate
 
@@ -97,6 +106,19 @@ def test_a_wrong_law_is_said_to_do_worse(tmp_path):
 def test_runs_that_roll_say_nothing(tmp_path):
     runs = {"A1": stop(TAU, MU_CD), "B1": stop(TAU, MU_CD, peak=0.002)}
     assert "say nothing" in validate(read_campaign(write_campaign(tmp_path, runs, ["A1"], ["B1"]))).verdict
+
+
+def test_runs_without_braking_or_speed_are_no_trouble(tmp_path):
+    coasting = stop(TAU, MU_CD, noise=1.0)
+    coasting = {name: values * (0.0 if "torque" in name else 1.0) for name, values in coasting.items()}
+    coasting |= {name: values[:90] for name, values in coasting.items()}
+    crawling = stop(TAU, MU_CD, speed_mps=4.0, duration_s=2.0, noise=1.0)
+    folder = write_campaign(tmp_path, {"A1": stop(TAU, MU_CD), "B1": coasting, "B2": crawling}, ["A1"], ["B1", "B2"])
+    with pytest.warns(CampaignWarning, match=r"never changes|never faster"):
+        found = validate(read_campaign(folder))
+    assert found.stops["B2"].window_rms_mps == {}
+    report.write(tmp_path / "page.html", found)
+    assert (tmp_path / "page.html").exists()
 
 
 def test_command_prints_json(demo, capsys):

@@ -84,6 +84,8 @@ def mend(time_s: np.ndarray, where: str) -> tuple[Clock, list[str]]:
     rows = len(time_s)
     notes: list[str] = []
     known = np.isfinite(time_s)
+    if not known.any():
+        raise CampaignError(f"{where}: no row has a number for its time; export it in seconds, or map another column to time")
     kept = np.flatnonzero(known & ~_out_of_line(time_s)) if known.sum() > 1 else np.zeros(0, dtype=int)
     if len(kept) < max((1.0 - MOST_MENDED) * rows, 3):
         raise CampaignError(f"{where}: only {len(kept)} of {rows} rows have a time that fits their neighbours'")

@@ -125,7 +125,7 @@ def _swapped(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
     """Tie each torque to a wheel: C + J dw/dt = 2 r T_c changes smoothly only if both belong to one axle."""
     step = float(run.time_s[-1] - run.time_s[0]) / (len(run.time_s) - 1)
     width = max(round(_CHANGE_S / step), 1)
-    if vehicle.axles < 2 or len(run.time_s) < 8 * width:
+    if vehicle.axles < 2 or len(run.time_s) < 8 * width or (np.ptp(run.brake_torque_nm, axis=0) == 0.0).any():
         return []
     turning = (run.wheel_speed_radps[2 * width :] - run.wheel_speed_radps[: -2 * width]) / (2 * width * step)
     force = run.brake_torque_nm[width:-width, :, None] + vehicle.wheelset_inertia_kgm2 * turning[:, None, :]

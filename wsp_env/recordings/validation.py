@@ -151,7 +151,8 @@ def _simulated(
         pieces["no_slip"] = replay.without_slip(campaign, run, derived, radii, starts, length)
         errors = {rival: replay.window_error(derived, piece, starts) for rival, piece in pieces.items()}
     start, end = braking(run, campaign.sample_time_s, smoothing)
-    end = min(end, int(np.flatnonzero(derived.speed_mps > smoothing.least_speed_mps)[-1]) + 1)
+    fast = np.flatnonzero(derived.speed_mps > smoothing.least_speed_mps)
+    end = min(end, int(fast[-1]) + 1) if fast.size else start
     whole = replay.simulate(campaign, run, derived, radii, np.array([start]), max(end - start, 2), *laws["tuned"])
     return Stop(run, derived, errors, replay.slide(derived, whole, start), whole, start)
 
