@@ -179,12 +179,15 @@ def resample(time_s: np.ndarray, values: np.ndarray, targets_s: np.ndarray, hold
     padded = np.concatenate([2 * values[0] - values[ahead:0:-1], values, 2 * values[-1] - values[-2:behind:-1]])
     lobes = np.arange(_HALF_WIDTH * _TABLE + 2) / _TABLE
     table = np.sinc(lobes) * np.where(lobes < _HALF_WIDTH, np.cos(0.5 * np.pi * lobes / _HALF_WIDTH) ** 2, 0.0)
-    return _filtered(time, padded, targets_s, width, table)
+    shares = np.gradient(time)  # rows that lie closer together count less
+    return _filtered(time, padded * shares, shares, targets_s, width, table)
 
 
 @kernel
-def _filtered(time: np.ndarray, values: np.ndarray, targets: np.ndarray, width: float, table: np.ndarray) -> np.ndarray:
-    """Weighted means of the values about each target; the weights are `table` over the distance in `width`."""
+def _filtered(
+    time: np.ndarray, values: np.ndarray, shares: np.ndarray, targets: np.ndarray, width: float, table: np.ndarray
+) -> np.ndarray:
+    """Means of the values (times their shares) about each target, weighted by `table` over the distance in `width`."""
     result = np.empty(len(targets))
     reach = _HALF_WIDTH * width
     scale = _TABLE / width
@@ -200,9 +203,8 @@ def _filtered(time: np.ndarray, values: np.ndarray, targets: np.ndarray, width: 
             x = abs(time[i] - target) * scale
             k = int(x)
             weight = table[k] + (x - k) * (table[k + 1] - table[k])
-            weight *= time[min(i + 1, len(time) - 1)] - time[max(i - 1, 0)]
             total += weight * values[i]
-            weights += weight
+            weights += weight * shares[i]
             i += 1
         result[j] = total / weights
     return result
