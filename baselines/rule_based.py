@@ -40,6 +40,7 @@ class RuleBasedParameters(ReferenceParameters):
     calm_s: float = quantity(3.0, "s", _TUNED + "; all axles applied for so long: the slide is over", 0.0, 60.0)
     safety_timer_s: float = quantity(10.0, "s", "assumption: EN 15595, venting at most 10 s", 0.1, 60.0)
     safety_rest_s: float = quantity(1.0, "s", "assumption: then the brake stays applied for so long", 0.0, 60.0)
+    blind_rest_s: float = quantity(0.3, "s", _TUNED + "; the same for an axle without sensor: too short to lock", 0.0, 60.0)
     cut_out_mps: float = quantity(1.4, "m/s", "assumption: EN 15595, no WSP below 3 to 5 km/h", 0.0, 10.0)
 
 
@@ -65,6 +66,7 @@ class RuleBasedWSP:
         self._rest = np.zeros(shape)  # the safety timer keeps the axle applied for so long [s]
         self._calm = np.full(n, np.inf)  # all axles applied for so long [s]
         self._command = np.ones(shape)
+        self._blind = np.zeros(shape, dtype=bool)  # released, as its sensor failed and the rail is slippery
 
     def act(self, measurement: Measurement) -> np.ndarray:
         """Return the commands (N, A): -1 vent, 0 hold, +1 apply."""
@@ -95,11 +97,15 @@ class RuleBasedWSP:
         after[self.wheels.released] = VENT
         self._since = np.where(after == state, self._since + step[:, None], 0.0)
         self._state = after
-        braking = (after == APPLY) | (after == PULSE)
-        self._calm = np.where((after == APPLY).all(axis=1), self._calm + step, 0.0)
+        failed = self.wheels.failed
+        self._calm = np.where(((after == APPLY) | failed).all(axis=1), self._calm + step, 0.0)
+        # Degraded mode: an axle that cannot be watched is not braked while others slide; with no sensor left all are.
+        self._blind = failed & ~failed.all(axis=1, keepdims=True) & (self._calm <= p.calm_s)[:, None]
+        braking = ((after == APPLY) | (after == PULSE)) & ~self._blind
         self._unbraked = np.where(braking, 0.0, self._unbraked + step[:, None])
         expired = self._unbraked > p.safety_timer_s
-        self._rest = np.where(expired, p.safety_rest_s, np.maximum(self._rest - step[:, None], 0.0))
+        rest = np.where(failed, p.blind_rest_s, p.safety_rest_s)
+        self._rest = np.where(expired, rest, np.maximum(self._rest - step[:, None], 0.0))
         self._unbraked[expired] = 0.0
 
     def _commands(self) -> np.ndarray:
@@ -110,10 +116,8 @@ class RuleBasedWSP:
         command[state == HOLD] = 0.0
         period = p.pulse_on_s + p.pulse_off_s
         command[(state == PULSE) & (np.mod(self._since, period) >= p.pulse_on_s - 1e-9)] = 0.0
+        command[failed] = 1.0
+        command[self._blind] = -1.0
         command[self._rest > 0.0] = 1.0
-        if failed.any():  # degraded mode: an axle without sensor does what its neighbour in the bogie does
-            for k in range(state.shape[1]):
-                neighbour = k ^ 1 if (k ^ 1) < state.shape[1] else k
-                command[failed[:, k], k] = np.where(failed[:, neighbour], 1.0, command[:, neighbour])[failed[:, k]]
         command[self.wheels.reference < p.cut_out_mps] = 1.0
         return command

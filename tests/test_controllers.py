@@ -96,7 +96,7 @@ def test_a_control_interval_half_as_long_changes_little(make):
 
 
 @pytest.mark.parametrize("make", PROTECTING)
-def test_a_failed_sensor_is_reported_and_its_axle_does_as_its_neighbour(make):
+def test_a_failed_sensor_is_reported_and_the_sound_axle_protected(make):
     def fail(measurement):
         speeds = measurement.wheel_speed.copy()
         speeds[measurement.time > 3.0, 0] = np.nan
