@@ -1,6 +1,7 @@
 """Campaigns of recorded stops: read, check, derive quantities, tune, validate."""
 
 from wsp_env.recordings.campaign import Campaign, demo_campaign, read_campaign
+from wsp_env.recordings.conditions import conditions, vehicle_name
 from wsp_env.recordings.derive import Derived, Smoothing, derive, limits, rolling_radii, transition
 from wsp_env.recordings.recording import Recording
 from wsp_env.recordings.table import CampaignError, CampaignWarning
@@ -17,6 +18,7 @@ __all__ = [
     "RunScore",
     "Smoothing",
     "Tuning",
+    "conditions",
     "demo_campaign",
     "derive",
     "limits",
@@ -24,4 +26,5 @@ __all__ = [
     "rolling_radii",
     "transition",
     "tune",
+    "vehicle_name",
 ]

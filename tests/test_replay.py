@@ -1,0 +1,84 @@
+"""Recorded stops as conditions, and controllers under them."""
+
+import json
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import wsp_env  # noqa: F401  # registers the environments
+from wsp_env.cli import main
+from wsp_env.evaluation.replay import RECORDED, SIMULATED, replay
+from wsp_env.recordings import conditions, demo_campaign, read_campaign, tune
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    return read_campaign(demo_campaign())
+
+
+@pytest.fixture(scope="module")
+def replayed(campaign):
+    return replay(campaign, {"none": {}, "rule-based": {}})
+
+
+def test_conditions_are_the_recorded_ones_and_plain_data(campaign):
+    tuning = tune(campaign)
+    given = json.loads(json.dumps(conditions(campaign, tuning)))
+    assert [stop["name"] for stop in given["stops"]] == list(tuning.runs)
+    for stop in given["stops"]:
+        run = campaign.runs[stop["name"]]
+        assert stop["initial_speed"] == pytest.approx(run.vehicle_speed_mps[0], rel=0.01)
+        assert stop["mu_cd"] == tuning.runs[run.name].mu_cd
+        assert 0.02 < stop["sensor_noise"] < 0.03  # the recordings' noise is 0.025 rad/s
+    assert max(stop["demand"] for stop in given["stops"]) == 1.0
+    full = given["vehicle"]["brake"]["torque_per_bar_nm"] * 3.8
+    assert full == pytest.approx(max(run.brake_torque_nm.max() for run in campaign.runs.values()), rel=0.02)
+
+
+def test_mu_cd_along_the_track_stays_near_the_run_s_own(campaign):
+    for stop in conditions(campaign, along_track=True)["stops"]:
+        track = np.array(stop["track"])
+        assert np.abs(track - 1.0).max() < 0.1  # the truth varies by 2 %
+        assert track.std() > 0.0
+
+
+def test_environments_take_them(campaign):
+    given = conditions(campaign)
+    vector = gym.make_vec("wsp_env/Coach-v0", num_envs=2, conditions=given)
+    _, info = vector.reset(seed=0, options={"condition": ["A5", "B1"]})
+    assert info["speed_mps"].tolist() == [given["stops"][2]["initial_speed"], given["stops"][3]["initial_speed"]]
+    assert info["mass_kg"].tolist() == [43_000.0, 43_000.0]
+
+
+@pytest.mark.slow
+def test_the_replay_can_be_trusted_where_no_controller_acted(replayed):
+    figures = {(course.stop, course.who): course.figures for course in replayed.courses}
+    for stop in ("A1", "A3", "B1", "B2"):
+        recorded = figures[stop, RECORDED]["distance_m"]
+        assert figures[stop, SIMULATED]["distance_m"] == pytest.approx(recorded, rel=0.01)
+        assert figures[stop, "none"]["distance_m"] == pytest.approx(recorded, rel=0.03)  # its WSP had nothing to do there
+    deep = figures["A5", RECORDED]
+    assert figures["A5", SIMULATED]["mean_slip_mps"] == pytest.approx(deep["mean_slip_mps"], rel=0.03)
+    assert figures["A5", "rule-based"]["mean_slip_mps"] < deep["mean_slip_mps"]
+    assert not any(course.figures["locked_s"] for course in replayed.courses)
+
+
+@pytest.mark.slow
+def test_a_controller_that_fails_is_reported_and_the_others_replayed(campaign, tmp_path):
+    bad = tmp_path / "bad.py"
+    act = "    def act(self, measurement): return measurement.wheel_speed * float('nan')"
+    bad.write_text(f"class Bad:\n    def reset(self, n, vehicle): ...\n{act}\n", encoding="utf-8")
+    result = replay(campaign, {str(bad): {}, "none": {}})
+    assert "returned nan" in result.failures[str(bad)]
+    assert {course.who for course in result.courses} == {RECORDED, SIMULATED, "none"}
+
+
+@pytest.mark.slow
+def test_the_command_prints_json_and_writes_a_page(tmp_path, capsys):
+    assert main(["replay", str(demo_campaign()), "--controllers", "none", "--out", str(tmp_path), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert {row["stop"] for row in printed["stops"]} == {"A1", "A3", "A5", "B1", "B2"}
+    assert (tmp_path / "replay.html").read_text(encoding="utf-8").count("plotly-graph-div") == 6
+    assert main(["replay", str(demo_campaign()), "--controllers", "nobody"]) == 2
+    assert "nobody" in capsys.readouterr().err

@@ -1,0 +1,152 @@
+"""How would a controller have done in that test: controllers brake under the conditions of recorded stops."""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from wsp_env.envs.batch import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
+from wsp_env.envs.task import Task
+from wsp_env.evaluation.bound import SlideLimit
+from wsp_env.evaluation.controller import load
+from wsp_env.evaluation.runner import Conduct, ControllerFailure, run
+from wsp_env.recordings import Campaign, Smoothing, conditions, derive, rolling_radii, tune, vehicle_name
+from wsp_env.recordings import replay as recorded_torque
+from wsp_env.recordings.derive import braking
+from wsp_env.scenario import Scenario, draw
+
+#: Rows of the table that are no controllers: the stop as recorded, and simulated with the torque as recorded.
+RECORDED, SIMULATED = "recorded", "recorded torque, simulated"
+
+#: Figure of a replayed stop -> unit and meaning; all from the start of braking to the last speed that was recorded.
+FIGURES = {
+    "distance_m": ("m", "distance run"),
+    "time_s": ("s", "time taken"),
+    "mean_slip_mps": ("m/s", "mean slip speed, eq. (21) of the seed paper, mean of the axles"),
+    "slip_deviation_mps": ("m/s", "standard deviation of the slip speed, eq. (21), mean of the axles"),
+    "largest_creepage": ("-", "largest creepage of any axle where the slide limit holds"),
+    "beyond_limit_s": ("s", "time beyond the slide limit, worst axle"),
+    "locked_s": ("s", "time locked above 5 km/h, worst axle"),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Course:
+    """One stop: T samples from the start of braking on."""
+
+    stop: str
+    who: str
+    time_s: np.ndarray  # (T,)
+    speed_mps: np.ndarray  # (T,)
+    slip_mps: np.ndarray  # (T, A)
+    figures: Mapping[str, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class Replay:
+    """The courses of all stops by all controllers, and the controllers that failed."""
+
+    campaign: str
+    tau_m_per_j: float
+    courses: tuple[Course, ...]
+    failures: Mapping[str, str]  # controller -> message
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the figures as plain data."""
+        rows = [{"stop": course.stop, "controller": course.who, **course.figures} for course in self.courses]
+        figures = {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in FIGURES.items()}
+        return {
+            "campaign": self.campaign,
+            "tau_m_per_J": self.tau_m_per_j,
+            "figures": figures,
+            "stops": rows,
+            "failures": dict(self.failures),
+        }
+
+
+def replay(
+    campaign: Campaign,
+    controllers: Mapping[str, Mapping[str, Any]],
+    *,
+    along_track: bool = False,
+    mechanisms: Mapping[str, Mapping[str, float]] | None = None,
+    smoothing: Smoothing = Smoothing(),
+    done: Callable[[str], None] = lambda what: None,
+) -> Replay:
+    """Tune the law on the campaign and let every controller brake under the conditions of each of its stops.
+
+    Parameters
+    ----------
+    controllers : names, see `load`, with the parameters that are set
+    along_track : mu_cd varies along the track as estimated from the recordings
+    mechanisms : physics beyond the paper's model, as a diagnosis found it
+    done : called with the name of what has been computed
+
+    Raises
+    ------
+    CampaignError, ParameterError
+        for a campaign or a controller's name that cannot be used
+
+    """
+    loaded = {name: load(name, parameters) for name, parameters in controllers.items()}
+    tuning = tune(campaign, smoothing)
+    replayed = conditions(campaign, tuning, along_track, smoothing)
+    courses = [course for name in tuning.runs for course in _recorded(campaign, name, tuning, smoothing)]
+    last = {course.stop: float(course.speed_mps[-1]) for course in courses if course.who == RECORDED}
+    done(RECORDED)
+    task = Task(conditions=replayed)
+    vehicle = task.make_vehicle(vehicle_name(campaign))
+    generator = np.random.default_rng(0)
+    pins = [{key: value for key, value in stop.items() if key != "name"} for stop in task.stops]
+    stops = [draw(Scenario(), vehicle, generator, task.track_nodes, pin) for pin in pins]
+    failures = {}
+    for name, controller in loaded.items():
+        try:
+            result = run(controller, vehicle, stops, Conduct(mechanisms=mechanisms or {}))
+        except ControllerFailure as failure:
+            failures[name] = str(failure)
+            continue
+        for index, stop in enumerate(task.stops):
+            part = slice(0, int(np.argmax(result.speed[:, index] <= last[stop["name"]])) + 1 or None)
+            position = result.position[part, index]
+            speed, slip = result.speed[part, index], result.slip[part, index]
+            courses.append(_course(stop["name"], name, result.time[part], speed, slip, float(position[-1])))
+        done(name)
+    order = list(tuning.runs)
+    return Replay(campaign.name, tuning.tau_m_per_J, tuple(sorted(courses, key=lambda c: order.index(c.stop))), failures)
+
+
+def _recorded(campaign: Campaign, name: str, tuning: Any, smoothing: Smoothing) -> tuple[Course, Course]:
+    """Return a stop as recorded, and simulated with its recorded torque."""
+    recording = campaign.runs[name]
+    radii = rolling_radii(campaign, smoothing)
+    derived = derive(campaign, recording, radii, smoothing)
+    start, end = braking(recording, campaign.sample_time_s, smoothing)
+    time = derived.time_s[start:end] - derived.time_s[start]
+    speed = derived.speed_mps[start:end]
+    way = float(np.trapezoid(speed, time))
+    as_recorded = _course(name, RECORDED, time, speed, derived.slip_speed_mps[start:end], way)
+    law = (tuning.runs[name].mu_cd, tuning.tau_m_per_J)
+    whole = recorded_torque.simulate(campaign, recording, derived, radii, np.array([start]), end - start, *law)
+    own = whole.speed_mps[0]
+    slip = own[:, None] - whole.circumferential_mps[0]
+    return as_recorded, _course(name, SIMULATED, time, own, slip, float(np.trapezoid(own, time)))
+
+
+def _course(stop: str, who: str, time: np.ndarray, speed: np.ndarray, slip: np.ndarray, distance: float) -> Course:
+    limit = SlideLimit()
+    interval = float(time[1] - time[0]) if len(time) > 1 else 0.0
+    creepage = slip / np.maximum(speed, 1e-3)[:, None]
+    counted = (speed > limit.above_mps)[:, None]
+    locked = (speed[:, None] - slip < LOCKED_WHEEL_MPS) & (speed > LOCKED_RUNNING_MPS)[:, None]
+    figures = {
+        "distance_m": distance,
+        "time_s": float(time[-1]),
+        "mean_slip_mps": float(slip.mean()),
+        "slip_deviation_mps": float(slip.std(axis=0).mean()),
+        "largest_creepage": float(np.where(counted, creepage, 0.0).max()),
+        "beyond_limit_s": interval * float((counted & (creepage > limit.creepage)).sum(axis=0).max()),
+        "locked_s": interval * float(locked.sum(axis=0).max()),
+    }
+    return Course(stop, who, time, speed, slip, figures)

@@ -1,0 +1,143 @@
+"""Recorded stops as conditions that an environment or a controller can brake under again."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from wsp_env.parameters.uic_z1 import VEHICLES
+from wsp_env.recordings.campaign import Campaign
+from wsp_env.recordings.derive import Derived, Smoothing, braking, derive, rolling_radii
+from wsp_env.recordings.recording import Recording
+from wsp_env.recordings.table import CampaignError
+from wsp_env.recordings.tuning import Tuning, tune
+from wsp_env.scenario import TRACK_STEP_M
+
+#: Share of the largest torque that counts as full [-]: a quantile, against noise and spikes.
+FULL_TORQUE_QUANTILE = 0.99
+
+#: mu_cd along the track is estimated in stretches of this length [m]...
+STRETCH_M = 20.0
+
+#: ... each as if it held this many samples without deviation, so that few samples say little (assumption).
+PRIOR_SAMPLES = 50.0
+
+_STEP = 0.02  # relative step of mu_cd for the derivative of f
+
+
+def vehicle_name(campaign: Campaign) -> str:
+    """Return which vehicle of the environments has the campaign's number of axles; `CampaignError` if none has."""
+    names = {vehicle.axles: name for name, vehicle in VEHICLES.items()}
+    if campaign.vehicle.axles not in names:
+        raise CampaignError(
+            f"campaign {campaign.name}: stops are replayed on vehicles of {', '.join(map(str, sorted(names)))} axles, "
+            f"not {campaign.vehicle.axles}"
+        )
+    return names[campaign.vehicle.axles]
+
+
+def conditions(
+    campaign: Campaign, tuning: Tuning | None = None, along_track: bool = False, smoothing: Smoothing = Smoothing()
+) -> dict[str, Any]:
+    """Return the campaign's stops as `gym.make("wsp_env/Coach-v0", conditions=...)` takes them; plain data, fit for JSON.
+
+    The environment must have the campaign's number of axles (`vehicle_name`). The vehicle gets the campaign's masses, wheels,
+    contact and resistances, and a brake whose full torque is the largest recorded and builds up as fast as there. Each stop
+    gets the speed at which its braking began, its demand (its own largest torque over the full one), mass and gradient, the
+    tuned tau and its own mu_cd.
+
+    Parameters
+    ----------
+    tuning : of `tune`; without one it is done here
+    along_track : mu_cd along the track as estimated from the recording, instead of one value per stop
+
+    Raises
+    ------
+    CampaignError
+        when no run to tune on slides, or no vehicle has so many axles
+
+    """
+    name = vehicle_name(campaign)
+    tuning = tuning or tune(campaign, smoothing)
+    radii = rolling_radii(campaign, smoothing)
+    runs = {run: campaign.runs[run] for run in tuning.runs}
+    torques = {run: float(np.quantile(recording.brake_torque_nm, FULL_TORQUE_QUANTILE)) for run, recording in runs.items()}
+    full = max(torques.values())
+    masses = [recording.mass_kg for recording in runs.values()]
+    lightest, spread = min(masses), max(masses) - min(masses)
+    lag = VEHICLES[name].brake.fill_time_constant_s
+    rises = [_build_up(campaign, run, smoothing) / (torques[run.name] / full) for run in runs.values()]
+    brake = {
+        "torque_per_bar_nm": full / VEHICLES[name].brake.full_pressure_bar,
+        "demand_rise_s": max(float(np.median(rises)) - lag, 0.1),
+    }
+    stops = []
+    for run, recording in runs.items():
+        derived = derive(campaign, recording, radii, smoothing)
+        start, _ = braking(recording, campaign.sample_time_s, smoothing)
+        stop: dict[str, Any] = {
+            "name": run,
+            "mu_cd": tuning.runs[run].mu_cd,
+            "tau": tuning.tau_m_per_J,
+            "initial_speed": float(derived.speed_mps[start]),
+            "demand": min(torques[run] / full, 1.0),
+            "load": (recording.mass_kg - lightest) / spread if spread > 0.0 else 0.0,
+            "gradient": recording.gradient,
+            "sensor_noise": _noise(recording),
+            "track": _profile(campaign, derived, start, tuning, run) if along_track else "constant",
+        }
+        stops.append(stop)
+    return {"vehicle": _vehicle(campaign, brake, lightest, spread), "stops": stops}
+
+
+def _build_up(campaign: Campaign, run: Recording, smoothing: Smoothing) -> float:
+    """Time [s] in which the torque of the axle that fills first would rise to the run's largest, from its first 90 %."""
+    start, _ = braking(run, campaign.sample_time_s, smoothing)
+    enough = run.brake_torque_nm[start:] > 0.9 * np.quantile(run.brake_torque_nm, FULL_TORQUE_QUANTILE)
+    return float(np.argmax(enough.any(axis=1))) * campaign.sample_time_s / 0.9
+
+
+def _vehicle(campaign: Campaign, brake: Mapping[str, float], mass_kg: float, payload_kg: float) -> Mapping[str, Any]:
+    described = campaign.vehicle
+    a, b, c = described.resistance_n
+    options: dict[str, Any] = {
+        "mass_kg": mass_kg,
+        "payload_kg": payload_kg,
+        "wheelset_inertia_kgm2": described.wheelset_inertia_kgm2,
+        "wheel_radius_m": described.wheel_radius_m,
+        "gravity_mps2": described.gravity_mps2,
+        "resistance_a_n": a,
+        "resistance_b_ns_per_m": b,
+        "resistance_c_ns2_per_m2": c,
+        "contact": dataclasses.asdict(campaign.contact),
+        "brake": dict(brake),
+    }
+    if described.axle_positions_m:
+        options["axle_positions_m"] = list(described.axle_positions_m)
+    return options
+
+
+def _noise(recording: Recording) -> float:
+    """Return the standard deviation [rad/s] of the wheel speeds' white noise, from their second differences, robustly."""
+    second = np.diff(recording.wheel_speed_radps, 2, axis=0)
+    return float(np.median(np.abs(second)) / (0.6745 * np.sqrt(6.0)))
+
+
+def _profile(campaign: Campaign, derived: Derived, start: int, tuning: Tuning, run: str) -> list[float]:
+    """Return mu_cd relative to the run's own at nodes `TRACK_STEP_M` apart, from where braking began, by least squares."""
+    mu_cd = tuning.runs[run].mu_cd
+    missed = derived.adhesion - tuning.adhesion(campaign, derived, mu_cd)
+    slope = (tuning.adhesion(campaign, derived, mu_cd * (1.0 + _STEP)) - tuning.adhesion(campaign, derived, mu_cd)) / _STEP
+    travelled = np.cumsum(derived.speed_mps) * campaign.sample_time_s
+    behind = np.array(campaign.vehicle.axle_positions_m or (0.0,) * campaign.vehicle.axles)
+    place = (travelled - travelled[start])[:, None] - behind
+    stretch = np.maximum(place // STRETCH_M, 0).astype(int)
+    used, count = derived.usable, int(stretch.max()) + 1
+    top = np.bincount(stretch[used], (missed * slope)[used], count)
+    bottom = np.bincount(stretch[used], (slope**2)[used], count)
+    prior = PRIOR_SAMPLES * float(np.mean(slope[used] ** 2)) if used.any() else 1.0
+    relative = np.clip(1.0 + top / (bottom + prior), 0.5, 2.0)
+    nodes = np.arange(int(travelled[-1] - travelled[start]) // int(TRACK_STEP_M) + 2) * TRACK_STEP_M
+    middles = (np.arange(count) + 0.5) * STRETCH_M
+    return [round(float(value), 4) for value in np.interp(nodes, middles, relative)]
