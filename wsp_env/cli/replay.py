@@ -109,22 +109,26 @@ def _write_page(path: Path, result: Replay) -> None:
     objects, _ = plotly()
     names = list(dict.fromkeys(course.who for course in result.courses))
     colour = {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}
+    recorded = {course.stop: course.figures["distance_m"] for course in result.courses if course.who == RECORDED}
     front = objects.Figure()
     for name in names:
         own = [course for course in result.courses if course.who == name]
         front.add_scatter(
             x=[course.figures["mean_slip_mps"] for course in own],
-            y=[course.figures["distance_m"] for course in own],
+            y=[course.figures["distance_m"] / recorded[course.stop] for course in own],
             text=[course.stop for course in own],
-            mode="markers+text",
-            textposition="top center",
+            mode="markers",
             name=name,
             marker={"color": colour[name], "size": 9},
         )
-    axes(front, "mean slip speed [m/s]", "distance [m]", height=480)
+    axes(front, "mean slip speed [m/s]", "distance over the recorded stop's [-]", height=480)
     sections = [
         Section("Figures", _trust(result.courses), (_table(result),)),
-        Section("Distance against slip", ("Further down stops shorter, further left slides less.",), (front,)),
+        Section(
+            "Distance against slip",
+            ("Further down stops shorter, further left slides less; point at a mark for its stop.",),
+            (front,),
+        ),
     ]
     for stop in dict.fromkeys(course.stop for course in result.courses):
         sections.append(Section(f"Stop {stop}", (), (_speeds([c for c in result.courses if c.stop == stop], colour),)))
