@@ -7,7 +7,8 @@ of 0.3 ms. Manoeuvres: a stop without slide; full braking whatever the wheels do
 rule-based controller worked them in the reference (replayed: in the loop it answers a change of rounding with another valve
 cycle); and random valves once more with every mechanism on.
 
-The longest substep with every stopping distance within 0.1 % is what `wsp_env.plant.plant.SUBSTEP_S` may be at most.
+The longest substep with every stopping distance of the paper's model within 0.1 % is what `wsp_env.plant.plant.SUBSTEP_S` may
+be at most.
 """
 
 import dataclasses
@@ -177,9 +178,11 @@ def main(
 
     """
     rows = [row for name in VEHICLES for row in study(name, stops, seed)]
-    longest = longest_substep(rows)
+    longest = longest_substep([row for row in rows if not row.manoeuvre.endswith("mechanisms")])
+    extended = longest_substep([row for row in rows if row.manoeuvre.endswith("mechanisms")])
     if as_json:
-        result = {"goal": GOAL, "longest_substep_s": longest, "chosen_substep_s": SUBSTEP_S}
+        chosen = {"longest_substep_s": longest, "longest_substep_with_mechanisms_s": extended, "chosen_substep_s": SUBSTEP_S}
+        result = {"goal": GOAL} | chosen
         print(json.dumps(result | {"rows": [dataclasses.asdict(row) for row in rows]}))
         return
     table = Table(title=f"Error of the stopping distance, of {stops} stops each", title_justify="left")
@@ -195,8 +198,11 @@ def main(
         table.add_row(row.vehicle, row.manoeuvre, f"{1e3 * row.substep_s:g}", *errors, order, heat, end_section=last)
     console = Console(width=110)
     console.print(table)
-    found = "none of them" if longest is None else f"{1e3 * longest:g} ms"
-    console.print(f"Longest substep with every error within {100 * GOAL:g} %: {found}; the plant takes {1e3 * SUBSTEP_S:g} ms.")
+    found, with_mechanisms = ("none of them" if step is None else f"{1e3 * step:g} ms" for step in (longest, extended))
+    console.print(
+        f"Longest substep with every stopping distance within {100 * GOAL:g} %: {found} for the paper's model, {with_mechanisms} "
+        f"with every mechanism on at once; the plant takes {1e3 * SUBSTEP_S:g} ms."
+    )
 
 
 if __name__ == "__main__":
