@@ -15,6 +15,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from wsp_env.envs.observation import Measurement
+from wsp_env.evaluation.policy import load_policy
 from wsp_env.parameters.quantity import ParameterError, replace
 from wsp_env.parameters.vehicle import Vehicle
 
@@ -45,10 +46,15 @@ class Controller(Protocol):
 def load(name: str, parameters: Mapping[str, Any] | None = None) -> Controller:
     """Return the controller of a name, with `parameters` replacing fields of its `parameters` dataclass.
 
-    `name` is one of `SHORT_NAMES`, an import path `package.module:Class` or a file `path/to/file.py:Class` (the class may be
-    left out where the file holds one only). `ParameterError` says what could not be found. A file is run as Python: load only
-    controllers that you trust; policies of others come as folders without code.
+    `name` is one of `SHORT_NAMES`, a policy's folder (see `wsp_env.evaluation.policy`), an import path `package.module:Class`
+    or a file `path/to/file.py:Class` (the class may be left out where the file holds one only). `ParameterError` says what
+    could not be found. A file is run as Python: load only controllers that you trust; policies of others come as folders
+    without code.
     """
+    if name not in SHORT_NAMES and Path(name).is_dir():
+        if parameters:
+            raise ParameterError(f"controller {name!r} is a policy: it has no parameters to set")
+        return load_policy(name)
     place, _, attribute = SHORT_NAMES.get(name, name).partition(":")
     module = _module(name, place)
     if attribute:
@@ -119,5 +125,6 @@ def _module(name: str, place: str) -> Any:
         return importlib.import_module(place)
     except ImportError as error:
         raise ParameterError(
-            f"controller {name!r} was not found ({error}); valid: {', '.join(SHORT_NAMES)}, package.module:Class, file.py:Class"
+            f"controller {name!r} was not found ({error}); valid: {', '.join(SHORT_NAMES)}, package.module:Class, "
+            "file.py:Class, the folder of a policy"
         ) from None

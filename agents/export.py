@@ -1,0 +1,148 @@
+"""From a training's checkpoint to a policy folder that anybody can run: `python -m agents.export --run out/agents/bogie`."""
+
+import dataclasses
+import hashlib
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.vec_env import VecNormalize
+
+import wsp_env
+from wsp_env.envs.task import Task
+from wsp_env.evaluation.policy import (
+    CONTRACT,
+    CONTRACT_VERSION,
+    INPUT,
+    NETWORK,
+    OUTPUTS,
+    Contract,
+    describe_observation,
+    observer_constants,
+)
+from wsp_env.parameters.uic_z1 import VEHICLES
+
+#: Largest difference of the exported network from the trained one over random observations [-].
+AGREEMENT = 1e-5
+
+
+class Actor(torch.nn.Module):
+    """What is exported: normalisation, clipping, the policy's network and the choice of the command."""
+
+    mean: torch.Tensor
+    deviation: torch.Tensor
+
+    def __init__(self, policy: ActorCriticPolicy, normalisation: VecNormalize) -> None:
+        super().__init__()
+        statistics: Any = normalisation.obs_rms
+        self.register_buffer("mean", torch.tensor(statistics.mean, dtype=torch.float32))
+        self.register_buffer("deviation", torch.tensor(np.sqrt(statistics.var + normalisation.epsilon), dtype=torch.float32))
+        self.bound = float(normalisation.clip_obs)
+        self.valve = isinstance(policy.action_space, spaces.MultiDiscrete)
+        self.mlp_extractor = policy.mlp_extractor
+        self.action_net = policy.action_net
+
+    def forward(self, observation: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return commands (N, axles) and the last layer from observations (N, size)."""
+        normal = torch.clamp((observation - self.mean) / self.deviation, -self.bound, self.bound)
+        raw = self.action_net(self.mlp_extractor.forward_actor(normal))
+        if self.valve:
+            return torch.argmax(raw.reshape(raw.shape[0], -1, 3), dim=2).to(torch.float32) - 1.0, raw
+        return torch.clamp(raw, -1.0, 1.0), raw
+
+    def infer(self, observation: np.ndarray) -> np.ndarray:
+        """Return the commands as the exported network would."""
+        with torch.no_grad():
+            return self(torch.as_tensor(observation))[0].numpy()
+
+
+def disagreement(policy: ActorCriticPolicy, normalisation: VecNormalize, observation: np.ndarray, raw: np.ndarray) -> float:
+    """Return the largest difference of SB3's own distribution of actions from an exported last layer (N, L).
+
+    Of valves the log-probabilities are compared (logits have a free constant), of pressures the means.
+    """
+    with torch.no_grad():
+        own: Any = policy.get_distribution(torch.as_tensor(normalisation.normalize_obs(observation))).distribution
+    if not isinstance(own, list):
+        return float(np.abs(own.mean.numpy() - raw).max())
+    logits = np.concatenate([axle.logits.numpy() for axle in own], axis=1)
+    exported = torch.log_softmax(torch.as_tensor(raw).reshape(len(raw), -1, 3), dim=2).reshape(raw.shape)
+    return float(np.abs(logits - exported.numpy()).max())
+
+
+def describe(
+    vehicle: str, task: Task, limits: dict[str, Any] | None = None, training: dict[str, Any] | None = None, sha256: str = ""
+) -> Contract:
+    """Return the contract of a policy trained for a task."""
+    axles = VEHICLES[vehicle].axles
+    measurement = [
+        {"name": "time", "unit": "s", "shape": "(N,)", "meaning": "since the start of the stop"},
+        {"name": "wheel_speed", "unit": "rad/s", "shape": f"(N, {axles})", "meaning": "measured, axle by axle from the front"},
+        {"name": "demand", "unit": "1", "shape": "(N,)", "meaning": "brake demand, share of full pressure"},
+    ]
+    if task.pressure_sensors:
+        measurement.append({"name": "pressure", "unit": "bar", "shape": f"(N, {axles})", "meaning": "in the cylinders"})
+    return Contract(
+        contract=CONTRACT_VERSION,
+        wsp_env=wsp_env.__version__,
+        vehicle=vehicle,
+        axles=axles,
+        control_interval_s=task.control_interval_s,
+        action=task.action,
+        pressure_sensors=task.pressure_sensors,
+        measurement=measurement,
+        observation=describe_observation(axles, task.pressure_sensors),
+        observer=observer_constants(),
+        output=OUTPUTS,
+        limits=limits or {},
+        training=training or {},
+        sha256=sha256,
+    )
+
+
+def export(
+    policy: ActorCriticPolicy,
+    normalisation: VecNormalize,
+    vehicle: str,
+    task: Task,
+    folder: Path,
+    training: dict[str, Any],
+) -> float:
+    """Write network and contract; return the largest difference from the trained policy over random observations.
+
+    `RuntimeError` if they differ by more than `AGREEMENT`: nothing is written then.
+    """
+    import onnxruntime
+
+    actor = Actor(policy, normalisation).eval()
+    size = len(describe_observation(VEHICLES[vehicle].axles, task.pressure_sensors))
+    with tempfile.TemporaryDirectory() as temporary:
+        path = Path(temporary) / NETWORK
+        torch.onnx.export(
+            actor,
+            (torch.zeros(2, size),),
+            path,
+            input_names=[INPUT],
+            output_names=list(OUTPUTS),
+            dynamic_shapes=({0: torch.export.Dim("N")},),
+            dynamo=True,
+            external_data=False,
+            verbose=False,
+        )
+        content = path.read_bytes()
+    session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
+    observation = np.random.default_rng(0).normal(0.0, 1.0, (1000, size)).astype(np.float32)
+    difference = disagreement(policy, normalisation, observation, session.run(["raw"], {INPUT: observation})[0])
+    if difference > AGREEMENT:
+        raise RuntimeError(f"the exported network differs from the trained one by {difference:.2g}")
+    scenario = dataclasses.asdict(task.distributions)
+    contract = describe(vehicle, task, scenario, training, hashlib.sha256(content).hexdigest())
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / NETWORK).write_bytes(content)
+    (folder / CONTRACT).write_text(json.dumps(dataclasses.asdict(contract), indent=2) + "\n", encoding="utf-8")
+    return difference

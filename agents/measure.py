@@ -1,0 +1,80 @@
+"""The conditions by which learned controllers are measured, and the figures of any controller under them."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from wsp_env.evaluation.bound import Ceiling, ceiling
+from wsp_env.evaluation.controller import Controller
+from wsp_env.evaluation.figures import figures
+from wsp_env.evaluation.programme import friction_for
+from wsp_env.evaluation.runner import Conduct, run
+from wsp_env.parameters.uic_z1 import VEHICLES
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.state import Stop
+from wsp_env.scenario import TRACK_STEP_M, Scenario, draw
+
+#: Low adhesion in the sense of the test programme: peak of the contaminated rail's adhesion at the initial speed [-].
+INITIAL_ADHESION = (0.05, 0.08)
+
+#: Initial speed [m/s]: 80 to 160 km/h.
+INITIAL_SPEED_MPS = (22.0, 44.5)
+
+#: Recovery rate [m/J] as in the test programme (assumption: around the seed paper's 1.9e-4).
+RECOVERY_M_PER_J = (1.2e-4, 3.0e-4)
+
+#: Seeds of the conditions: watched while training, and held out of it. Training itself draws from other streams.
+WATCHED, HELD_OUT = 1_000_001, 2_000_003
+
+#: Described track [m].
+_TRACK_M = 8000.0
+
+_CONDUCT = Conduct()
+
+#: Figures that a policy must not have larger than the rules'.
+COMPARED = (
+    "distance_m", "mean_slip_mps", "slip_deviation_mps", "contact_energy_mj", "largest_creepage", "beyond_limit_s",
+    "locked_s", "air_nl", "utilisation",
+)  # fmt: skip
+
+
+def low_adhesion(vehicle: Vehicle, law: str, count: int, seed: int) -> list[Stop]:
+    """Draw full-brake stops on contaminated rail under "recovering" or "classic" law; the same stops for both."""
+    stops = []
+    scenario = Scenario(tau=RECOVERY_M_PER_J)
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        speed, load = rng.uniform(*INITIAL_SPEED_MPS), rng.uniform()
+        friction = friction_for(rng.uniform(*INITIAL_ADHESION), speed, vehicle.mass_kg + load * vehicle.payload_kg, vehicle)
+        pins = {"mu_cd": friction, "initial_speed": speed, "load": load, "demand": 1.0, "track": "constant"}
+        stops.append(draw(scenario, vehicle, rng, int(_TRACK_M / TRACK_STEP_M) + 1, pins, classic=law == "classic"))
+    return stops
+
+
+class Yardstick:
+    """The same stops for every controller that is measured.
+
+    Parameters
+    ----------
+    vehicle : wheelset, bogie or coach
+    law : "recovering" or "classic"
+    count, seed : of the stops
+    conduct : sensors and mechanisms
+
+    """
+
+    def __init__(self, vehicle: str, law: str, count: int, seed: int, conduct: Conduct = _CONDUCT) -> None:
+        self.vehicle: Vehicle = VEHICLES[vehicle]
+        self.stops: Sequence[Stop] = low_adhesion(self.vehicle, law, count, seed)
+        self.top: Ceiling = ceiling(self.vehicle, self.stops)
+        self.conduct = conduct
+
+    def figures(self, controller: Controller) -> dict[str, np.ndarray]:
+        """Return the figures of all stops, (count,) each."""
+        return figures(run(controller, self.vehicle, self.stops, self.conduct), self.top)
+
+    def means(self, controller: Controller) -> dict[str, float]:
+        """Return the means over the stops of the compared figures."""
+        found: Mapping[str, Any] = self.figures(controller)
+        return {name: float(np.mean(found[name])) for name in COMPARED}

@@ -1,0 +1,230 @@
+"""Train a wheel slide protection with PPO: `python -m agents.train --vehicle bogie --seed 1`; again to go on after a kill.
+
+The training is cut into segments. Each begins with new stops and with random numbers that follow from the seed and the
+segment's number alone, and ends with a checkpoint: a run that was killed and started again ends with the weights of one that
+was not.
+"""
+
+import csv
+import dataclasses
+import json
+import time
+from collections import deque
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+import tyro
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import configure
+from stable_baselines3.common.utils import set_random_seed
+from stable_baselines3.common.vec_env import VecNormalize
+
+from agents import checkpoint
+from agents.export import Actor, describe, export
+from agents.measure import WATCHED, Yardstick
+from agents.worlds import Joined, Shaped, Stopped
+from wsp_env.envs.sb3 import BrakingVecEnv
+from wsp_env.envs.task import make_task
+from wsp_env.evaluation.controller import load
+from wsp_env.evaluation.policy import Policy
+from wsp_env.evaluation.runner import Conduct
+
+
+@dataclasses.dataclass(frozen=True)
+class Arguments:
+    """What a training is made of."""
+
+    vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
+    seed: int = 1
+    steps: int = 6_000_000  # decisions in all
+    out: Path = Path("out/agents/bogie")  # folder of the run
+    envs: int = 256  # stops at once
+    classic_share: float = 0.25  # of them under the classic law
+    rollout: int = 64  # decisions of each stop between two updates
+    batch: int = 4096
+    epochs: int = 5  # passes over each rollout
+    segment: int = 20  # updates between two checkpoints
+    learning_rate: float = 1e-3  # falls linearly to zero
+    gamma: float = 0.995  # a time constant of 4 s at 50 decisions a second
+    gae_lambda: float = 0.95
+    clip: float = 0.2
+    entropy: float = 0.002
+    hidden: tuple[int, ...] = (64, 64)
+    slide_price: float = 3.0  # metres travelled that a metre of sliding is worth, see `Shaped`
+    action: Literal["valve", "pressure"] = "valve"
+    pressure_sensors: bool = False
+    reward: str = '{"air": 0.0003}'  # JSON, see `wsp_env.envs.task.RewardWeights`
+    scenario: str = "{}"  # JSON, see `wsp_env.scenario.Scenario`
+    mechanisms: str = "{}"  # JSON, {name: {parameter: value}}
+    watched: int = 8  # stops under each law by which learning is watched
+
+
+#: A stop that is watched ends after so long [s]: what a beginner needs minutes for is bad enough.
+GIVEN_UP = Conduct(time_limit_s=120.0)
+
+
+class Told(BaseCallback):
+    """TensorBoard: what the stops that ended in a rollout were like, in physical units."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stops: deque[Stopped] = deque(maxlen=100)
+
+    def _on_step(self) -> bool:
+        self.stops.extend(info["stopped"] for info in self.locals["infos"] if info)
+        return True
+
+    def _on_rollout_end(self) -> None:
+        if self.stops:
+            for field in dataclasses.fields(Stopped):
+                self.logger.record(f"stop/{field.name}", float(np.mean([getattr(stop, field.name) for stop in self.stops])))
+
+
+def make_world(arguments: Arguments) -> VecNormalize:
+    """Return the environments: some under the classic law, the others under the recovering one; normalised."""
+    options = task_options(arguments)
+    classic = round(arguments.classic_share * arguments.envs)
+    parts = []
+    for law, count in (("recovering", arguments.envs - classic), ("classic", classic)):
+        if count:
+            env = BrakingVecEnv(f"wsp_env/{arguments.vehicle.title()}-v0", count, adhesion=law, **options)
+            parts.append(Shaped(env, arguments.slide_price))
+    return VecNormalize(Joined(parts), gamma=arguments.gamma)
+
+
+def task_options(arguments: Arguments) -> dict[str, Any]:
+    """Return the options of the environments."""
+    texts = {name: json.loads(getattr(arguments, name)) for name in ("reward", "scenario", "mechanisms")}
+    return texts | {"action": arguments.action, "pressure_sensors": arguments.pressure_sensors}
+
+
+def segment_seed(seed: int, segment: int) -> int:
+    """Return the seed of everything random in a segment."""
+    return int(np.random.SeedSequence([seed, segment]).generate_state(1)[0] >> 1)
+
+
+def train(arguments: Arguments) -> tuple[PPO, VecNormalize]:
+    """Train, from the folder's last checkpoint if it has one; return model and normalisation."""
+    torch.set_num_threads(1)  # the networks are too small for more; and sums in one order give the same weights again
+    torch.distributions.Distribution.set_default_validate_args(False)  # twice as fast with small networks
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    _same_arguments(arguments)
+    set_random_seed(segment_seed(arguments.seed, 0))
+    world = make_world(arguments)
+    model = PPO(
+        "MlpPolicy",
+        world,
+        n_steps=arguments.rollout,
+        batch_size=arguments.batch,
+        n_epochs=arguments.epochs,
+        gamma=arguments.gamma,
+        gae_lambda=arguments.gae_lambda,
+        clip_range=arguments.clip,
+        ent_coef=arguments.entropy,
+        policy_kwargs={"net_arch": list(arguments.hidden)},
+        device="cpu",
+    )
+    model.lr_schedule = lambda _: arguments.learning_rate * max(0.0, 1.0 - model.num_timesteps / arguments.steps)
+    model.set_logger(configure(str(arguments.out), ["tensorboard"]))
+    done, curve = checkpoint.load(arguments.out, model, world)
+    update = arguments.envs * arguments.rollout
+    segments = max(1, round(arguments.steps / (update * arguments.segment)))
+    watch = Watch(arguments)
+    columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns) as progress:
+        bar = progress.add_task(watch.told(curve), total=segments, completed=done)
+        for segment in range(done, segments):
+            begun = time.perf_counter()
+            seed = segment_seed(arguments.seed, segment + 1)
+            set_random_seed(seed)
+            world.seed(seed)
+            model._last_obs = None  # `learn` then begins new stops
+            model.learn(update * arguments.segment, callback=Told(), reset_num_timesteps=False)
+            rate = update * arguments.segment / (time.perf_counter() - begun)
+            curve.append({"steps": float(model.num_timesteps)} | watch.look(model, world))
+            for name, value in curve[-1].items():
+                model.logger.record(f"watched/{name}", value)
+            model.logger.record("time/steps_per_second", rate)
+            model.logger.dump(model.num_timesteps)
+            checkpoint.save(arguments.out, model, world, segment + 1, curve)
+            progress.update(bar, advance=1, description=watch.told(curve))
+            print(f"{model.num_timesteps} steps, {rate:.0f} a second: {watch.told(curve)}", flush=True)
+    _write_curve(arguments.out / "curve.csv", curve)
+    return model, world
+
+
+class Watch:
+    """Compares the policy with the rule-based WSP on a few stops as it learns."""
+
+    def __init__(self, arguments: Arguments) -> None:
+        self.vehicle, self.task = arguments.vehicle, make_task(task_options(arguments))
+        self.yardsticks = {
+            law: Yardstick(self.vehicle, law, arguments.watched, WATCHED, GIVEN_UP) for law in ("recovering", "classic")
+        }
+        rules = load("rule-based")
+        self.rules = {law: yardstick.means(rules) for law, yardstick in self.yardsticks.items()}
+
+    def look(self, model: PPO, world: VecNormalize) -> dict[str, float]:
+        """Return the policy's figures over those of the rules, by law."""
+        policy = Policy(describe(self.vehicle, self.task), Actor(model.policy, world).infer)
+        found = {}
+        for law, yardstick in self.yardsticks.items():
+            means = yardstick.means(policy)
+            for name in ("distance_m", "mean_slip_mps", "slip_deviation_mps", "contact_energy_mj", "air_nl"):
+                found[f"{law}_{name}_ratio"] = means[name] / self.rules[law][name]
+            found[f"{law}_locked_s"] = means["locked_s"]
+        return found
+
+    def told(self, curve: list[dict[str, float]]) -> str:
+        """Return the last row of a curve in words."""
+        if not curve:
+            return "no checkpoint yet"
+        row = curve[-1]
+        laws = (
+            f"{law}: distance x{row[f'{law}_distance_m_ratio']:.3f}, slip x{row[f'{law}_mean_slip_mps_ratio']:.2f}, "
+            f"energy x{row[f'{law}_contact_energy_mj_ratio']:.2f}, locked {row[f'{law}_locked_s']:.1f} s"
+            for law in self.rules
+        )
+        return "of the rules' " + "; ".join(laws)
+
+
+def _same_arguments(arguments: Arguments) -> None:
+    """Refuse to go on with a run that was begun with other arguments."""
+    path = arguments.out / "arguments.json"
+    given = record(arguments)
+    if path.exists() and (begun := json.loads(path.read_text(encoding="utf-8"))) != given:
+        other = ", ".join(name for name in given if begun.get(name) != given[name])
+        raise SystemExit(f"{arguments.out} holds a run with another {other}: choose another --out, or remove the folder")
+    path.write_text(json.dumps(given, indent=2) + "\n", encoding="utf-8")
+
+
+def record(arguments: Arguments) -> dict[str, Any]:
+    """Return the arguments without the folder, as JSON has them."""
+    values = dataclasses.asdict(arguments)
+    del values["out"]
+    return dict(json.loads(json.dumps(values)))
+
+
+def _write_curve(path: Path, curve: list[dict[str, float]]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(curve[0]))
+        writer.writeheader()
+        writer.writerows({name: f"{value:.6g}" for name, value in row.items()} for row in curve)
+
+
+def main(arguments: Arguments) -> None:
+    """Train and export to `policy/` in the run's folder."""
+    model, world = train(arguments)
+    training = {"arguments": record(arguments), "steps": model.num_timesteps, "torch": torch.__version__.partition("+")[0]}
+    difference = export(
+        model.policy, world, arguments.vehicle, make_task(task_options(arguments)), arguments.out / "policy", training
+    )
+    print(f"{arguments.out / 'policy'}: the ONNX network agrees with the trained one to {difference:.1g}")
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Arguments))

@@ -1,0 +1,139 @@
+"""What the learner brakes in: batches of different worlds joined to one, with a reward that is quick to learn from."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+
+from wsp_env.envs.sb3 import BrakingVecEnv
+
+#: Deceleration [m/s2] by which the rest of a stop is reckoned (assumption: what low adhesion of 0.05 to 0.1 allows). It only
+#: moves reward between steps: the sum over a stop is the same but for a constant.
+USUAL_DECELERATION_MPS2 = 0.7
+
+
+@dataclasses.dataclass(frozen=True)
+class Stopped:
+    """What is told about a stop that has ended, in physical units."""
+
+    stopping_distance_m: float
+    slide_distance_m: float  # integral of the slip speed over time, mean of the axles
+    beyond_limit_s: float  # time beyond the slide limit, mean of the axles
+    locked_s: float  # time locked, mean of the axles
+    air_nl: float
+    contact_energy_mj: float  # worst wheelset
+    reward: float
+
+
+class Shaped(VecEnvWrapper):
+    """The environment's reward, given earlier, less the metres that the wheels slide.
+
+    r = r_env + w (v^2 - v'^2) / (2 a) - w c s dt
+
+    with w the environment's weight of a metre travelled. The first addition is a potential (Ng, Harada, Russell 1999, without
+    the discount): its sum over a stop depends on the initial speed alone, but what the brake does now is rewarded now and not
+    half a minute later. The second is the price of sliding: a metre by which the wheels slide (mean of the axles) counts as
+    c metres travelled; heat in the contact, wear and the deviation of the slip speed fall with it.
+
+    Parameters
+    ----------
+    venv : environments to wrap
+    slide_price : c [-]
+
+    """
+
+    venv: BrakingVecEnv
+
+    def __init__(self, venv: BrakingVecEnv, slide_price: float) -> None:
+        super().__init__(venv)
+        self.batch = venv.env.batch
+        self.slide_price = slide_price
+        self._sums = np.zeros((4, self.num_envs))  # of the stops under way: slide, beyond, locked, reward
+
+    def reset(self) -> np.ndarray:
+        """Begin new stops."""
+        observation = self.venv.reset()
+        self._speed = self.batch.plant.state.speed.copy()
+        self._sums[:] = 0.0
+        return np.asarray(observation)
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Advance; `infos[i]["stopped"]` holds a `Stopped` when stop i has ended."""
+        observation, reward, done, infos = self.venv.step_wait()
+        task, weight = self.batch.task, self.batch.weights.stopping_distance
+        speed, slip, locked = self.batch.plant.state.speed.copy(), self.batch.plant.slip_speed.copy(), self.batch.locked.copy()
+        ended = np.flatnonzero(done)
+        for i in ended:  # the batch holds the next stop already
+            speed[i], slip[i], locked[i] = infos[i]["speed_mps"], infos[i]["slip_speed_mps"], infos[i]["locked"]
+        gained = (self._speed**2 - speed**2) / (2.0 * USUAL_DECELERATION_MPS2)
+        slid = slip.mean(axis=1) * task.control_interval_s
+        reward = reward + weight * (gained - self.slide_price * slid)
+        fast = speed > task.slide_limit_speed_mps
+        beyond = (slip > task.slide_limit * speed[:, None]).mean(axis=1) * fast
+        interval = task.control_interval_s
+        self._sums += [slid, beyond * interval, locked.mean(axis=1) * interval, reward]
+        for i in ended:
+            end, (slide, limit, lock, total) = infos[i], self._sums[:, i]
+            work = 1e-6 * float(np.max(end["contact_energy_j"]))
+            distance, air = float(end["position_m"]), float(end["air_nl"])
+            infos[i]["stopped"] = Stopped(distance, slide, limit, lock, air, work, total)
+        self._sums[:, ended] = 0.0
+        self._speed = self.batch.plant.state.speed.copy()
+        return observation, reward.astype(np.float32), done, infos
+
+
+class Joined(VecEnv):
+    """Several vector environments with the same spaces, one after another, as one; for worlds of different physics.
+
+    `seed(s)` seeds the stops with s, s + 1, ... through all of them.
+    """
+
+    def __init__(self, parts: Sequence[VecEnv]) -> None:
+        self.parts = list(parts)
+        self._ends = np.cumsum([part.num_envs for part in parts])
+        self.render_mode = None
+        super().__init__(int(self._ends[-1]), parts[0].observation_space, parts[0].action_space)
+
+    def reset(self) -> np.ndarray:
+        """Begin new stops."""
+        if self._seeds[0] is not None:
+            for part, end in zip(self.parts, self._ends, strict=True):
+                part.seed(self._seeds[end - part.num_envs])
+        self._reset_seeds()
+        self.reset_infos = [{} for _ in range(self.num_envs)]
+        return np.concatenate([part.reset() for part in self.parts])
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Take the actions (N, A)."""
+        for part, own in zip(self.parts, np.split(actions, self._ends[:-1]), strict=True):
+            part.step_async(own)
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Advance all."""
+        observation, reward, done, infos = zip(*(part.step_wait() for part in self.parts), strict=True)
+        return np.concatenate(observation), np.concatenate(reward), np.concatenate(done), [i for own in infos for i in own]
+
+    def close(self) -> None:
+        """Close all."""
+        for part in self.parts:
+            part.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """Return an attribute of every stop's environment."""
+        values = [value for part in self.parts for value in part.get_attr(attr_name)]
+        return [values[i] for i in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Refuse, as the parts do."""
+        raise AttributeError(f"cannot set {attr_name} of single stops")
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Call a method once in every part."""
+        values = [value for part in self.parts for value in part.env_method(method_name, *args, **kwargs)]
+        return [values[i] for i in self._get_indices(indices)]
+
+    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+        """Return whether the parts are wrapped so."""
+        return [isinstance(part, wrapper_class) for part in self.parts for _ in range(part.num_envs)]

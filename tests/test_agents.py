@@ -1,0 +1,198 @@
+"""Training: exact resume, the shaped reward, joined worlds, export that agrees with SB3."""
+
+import copy
+import dataclasses
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import onnxruntime
+import pytest
+import torch
+from numpy.testing import assert_allclose, assert_array_equal
+
+import agents.export
+import agents.train
+from agents import checkpoint
+from agents.export import AGREEMENT, Actor, disagreement, export
+from agents.measure import HELD_OUT, WATCHED, Yardstick, low_adhesion
+from agents.train import Arguments, make_world, segment_seed, task_options, train
+from agents.worlds import USUAL_DECELERATION_MPS2, Joined, Shaped
+from wsp_env.envs.sb3 import BrakingVecEnv
+from wsp_env.envs.task import make_task
+from wsp_env.evaluation.controller import load
+from wsp_env.evaluation.runner import Conduct
+from wsp_env.parameters.uic_z1 import BOGIE
+
+TINY = Arguments(
+    envs=4, rollout=16, batch=32, epochs=2, segment=2, steps=4 * 16 * 2 * 3, watched=1, hidden=(8,),
+    scenario='{"initial_speed": [3.0, 4.0]}',
+)  # fmt: skip
+
+
+def arrays(folder):
+    with np.load(folder / checkpoint.CHECKPOINT) as file:
+        return {name: file[name] for name in file.files}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _short_looks():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(agents.train, "GIVEN_UP", Conduct(time_limit_s=1.0))
+        yield
+
+
+def die_half_way(file, **_):
+    file.write(b"half")
+    raise KeyboardInterrupt
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    arguments = dataclasses.replace(TINY, out=tmp_path_factory.mktemp("run"))
+    return arguments, *train(arguments)
+
+
+@pytest.mark.parametrize("killed", ["while learning", "while writing"])
+def test_killed_and_resumed_ends_with_the_same_weights(trained, tmp_path, monkeypatch, killed):
+    whole, _, _ = trained
+    arguments = dataclasses.replace(whole, out=tmp_path)
+    with monkeypatch.context() as patch:
+        real_save, real_learn = checkpoint.save, torch.optim.Adam.step
+        calls = {"save": 0, "step": 0}
+
+        def save(*given):
+            calls["save"] += 1
+            if calls["save"] == 2 and killed == "while writing":
+                patch.setattr(np, "savez", die_half_way)
+            real_save(*given)
+
+        def step(*given, **named):
+            calls["step"] += 1
+            if calls["step"] == 14 and killed == "while learning":
+                raise KeyboardInterrupt
+            return real_learn(*given, **named)
+
+        patch.setattr(checkpoint, "save", save)
+        patch.setattr(torch.optim.Adam, "step", step)
+        with pytest.raises(KeyboardInterrupt):
+            train(arguments)
+    assert arrays(tmp_path)["segment"] == 1
+    assert [file.suffix for file in tmp_path.iterdir() if file.suffix == ".part"] == []
+    train(arguments)
+    expected, found = arrays(whole.out), arrays(tmp_path)
+    assert set(expected) == set(found)
+    for name, value in expected.items():
+        assert_array_equal(found[name], value, err_msg=name)
+
+
+def test_another_seed_gives_other_weights_and_the_same_folder_refuses_it(trained, tmp_path):
+    whole, model, _ = trained
+    other, _ = train(dataclasses.replace(whole, out=tmp_path, seed=2))
+    first, second = model.policy.state_dict(), other.policy.state_dict()
+    assert any(not torch.equal(first[name], second[name]) for name in first)
+    with pytest.raises(SystemExit, match="another seed"):
+        train(dataclasses.replace(whole, seed=2))
+
+
+def test_segments_have_their_own_random_numbers():
+    assert len({segment_seed(seed, segment) for seed in range(5) for segment in range(20)}) == 100
+
+
+@pytest.mark.parametrize("action", ["valve", "pressure"])
+def test_onnx_and_sb3_agree(tmp_path, action):
+    arguments = dataclasses.replace(TINY, out=tmp_path, action=action, steps=128, hidden=(64, 64))
+    model, world = train(arguments)
+    task = make_task(task_options(arguments))
+    assert export(model.policy, world, "bogie", task, tmp_path / "policy", {"seed": 1}) <= AGREEMENT
+    rng = np.random.default_rng(8)
+    observation = rng.uniform(-3.0, 3.0, (2000, model.observation_space.shape[0])).astype(np.float32)
+    session = onnxruntime.InferenceSession(tmp_path / "policy" / "policy.onnx", providers=["CPUExecutionProvider"])
+    command, raw = session.run(["command", "raw"], {"observation": observation})
+    assert disagreement(model.policy, world, observation, raw) <= AGREEMENT
+    chosen, _ = model.predict(world.normalize_obs(observation), deterministic=True)
+    if action == "pressure":
+        assert_allclose(command, chosen, atol=AGREEMENT)
+    else:
+        two = np.sort(raw.reshape(len(raw), -1, 3), axis=2)
+        clear = two[..., 2] - two[..., 1] > AGREEMENT
+        assert clear.mean() > 0.99
+        assert_array_equal(command[clear], chosen[clear] - 1.0)
+    policy = load(str(tmp_path / "policy"))
+    assert policy.action == action
+    assert policy.contract.limits["mu_cd"] == [0.02, 0.09]
+    assert json.loads((tmp_path / "policy" / "contract.json").read_text())["training"] == {"seed": 1}
+    yardstick = Yardstick("bogie", "recovering", 1, WATCHED)
+    assert np.isfinite(yardstick.means(policy)["distance_m"])
+
+
+def test_what_differs_is_not_exported(tmp_path, trained, monkeypatch):
+    arguments, model, world = trained
+    other = copy.deepcopy(world.obs_rms)
+    other.mean += 1.0  # the network would see something else than in training
+    monkeypatch.setattr(
+        agents.export, "Actor", lambda policy, _: Actor(policy, SimpleNamespace(**vars(world) | {"obs_rms": other}))
+    )
+    with pytest.raises(RuntimeError, match="differs"):
+        export(model.policy, world, "bogie", make_task(task_options(arguments)), tmp_path / "policy", {})
+    assert not (tmp_path / "policy").exists()
+
+
+def test_shaping_adds_what_depends_on_the_start_and_the_slide_alone():
+    """Over a stop: sum of r - sum of r_env = w (v0^2 - v_end^2) / (2 a) - w c times the metres slid."""
+    options = {"scenario": {"initial_speed": (4.0, 6.0)}}
+    plain, priced = (Shaped(BrakingVecEnv("wsp_env/Bogie-v0", 3, **options), price) for price in (0.0, 5.0))
+    bare = BrakingVecEnv("wsp_env/Bogie-v0", 3, **options)
+    for env in (plain, priced, bare):
+        env.seed(5)
+        env.reset()
+    start = plain.batch.plant.state.speed.copy()
+    sums = {"plain": np.zeros(3), "bare": np.zeros(3), "priced": np.zeros(3)}
+    open_stops = np.ones(3, dtype=bool)
+    rng = np.random.default_rng(0)
+    while open_stops.any():
+        action = rng.integers(0, 3, (3, 2))
+        outcome = {"plain": plain.step(action), "bare": bare.step(action), "priced": priced.step(action)}
+        for name, (_, reward, _, _) in outcome.items():
+            sums[name] += np.where(open_stops, reward, 0.0)
+        for i in np.flatnonzero(outcome["plain"][2] & open_stops):
+            stopped = outcome["plain"][3][i]["stopped"]
+            assert stopped.stopping_distance_m == outcome["bare"][3][i]["position_m"]
+            assert_allclose(stopped.reward, sums["plain"][i], rtol=1e-4)
+            assert_allclose(sums["plain"][i] - sums["bare"][i], 0.01 * start[i] ** 2 / (2 * USUAL_DECELERATION_MPS2), rtol=1e-3)
+            assert_allclose(sums["plain"][i] - sums["priced"][i], 0.01 * 5.0 * stopped.slide_distance_m, rtol=1e-3, atol=1e-5)
+        open_stops &= ~outcome["plain"][2]
+
+
+def test_joined_worlds_are_their_parts():
+    def parts():
+        return [BrakingVecEnv("wsp_env/Bogie-v0", n, adhesion=law) for n, law in ((2, "recovering"), (1, "classic"))]
+
+    joined, (first, second) = Joined(parts()), parts()
+    joined.seed(3)
+    first.seed(3)
+    second.seed(5)
+    assert_array_equal(joined.reset(), np.concatenate([first.reset(), second.reset()]))
+    for _ in range(50):
+        action = np.full((3, 2), 2)
+        observation, reward, done, infos = joined.step(action)
+        one, two = first.step(action[:2]), second.step(action[2:])
+        assert_array_equal(observation, np.concatenate([one[0], two[0]]))
+        assert_array_equal(reward, np.concatenate([one[1], two[1]]))
+        assert len(done) == len(infos) == 3
+
+
+def test_a_share_of_the_stops_has_no_recovery():
+    world = make_world(dataclasses.replace(TINY, envs=8, classic_share=0.25))
+    world.reset()
+    tau = np.concatenate([part.batch.plant.conditions.tau for part in world.venv.parts])
+    assert (tau == 0.0).sum() == 2
+
+
+def test_conditions_of_measuring_are_held_out_and_the_same_under_both_laws():
+    watched, held_out = (low_adhesion(BOGIE, "recovering", 5, seed) for seed in (WATCHED, HELD_OUT))
+    assert not {stop.key for stop in watched} & {stop.key for stop in held_out}
+    for one, other in zip(held_out, low_adhesion(BOGIE, "classic", 5, HELD_OUT), strict=True):
+        assert (one.mu_cd, one.mass, one.initial_speed, one.key) == (other.mu_cd, other.mass, other.initial_speed, other.key)
+        assert one.tau > other.tau == 0.0
+        assert 0.02 < one.mu_cd < 0.045

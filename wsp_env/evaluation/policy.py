@@ -1,0 +1,197 @@
+"""A learned policy from its folder as a controller: measurement in, valve command out, on onnxruntime alone.
+
+The folder holds `policy.onnx` (normalisation and clipping inside), `contract.json` (what goes in and comes out, for which
+vehicle and rate) and a model card. Nothing in it is code and nothing is unpickled.
+"""
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wsp_env.envs.observation import Measurement, Observer
+from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.vehicle import Vehicle
+
+#: Version of the contract's form; another one is refused.
+CONTRACT_VERSION = 1
+
+#: Files of a policy folder.
+NETWORK, CONTRACT = "policy.onnx", "contract.json"
+
+#: Names of the network's input and outputs, and what the outputs are.
+INPUT = "observation"
+OUTPUTS = {
+    "command": "(N, axles); valve: -1 vent, 0 hold, +1 apply; pressure: -1 none to +1 the demanded one",
+    "raw": "the network's last layer; valve: (N, 3 x axles), the logits of vent, hold and apply, axle by axle",
+}
+
+#: Share of the control interval by which the time between two measurements may differ from it (assumption).
+_INTERVAL_TOLERANCE = 0.01
+
+
+@dataclasses.dataclass(frozen=True)
+class Contract:
+    """What a policy needs to be run by anybody; see `contract.json`."""
+
+    contract: int  # version of this form
+    wsp_env: str  # version of the package that wrote it
+    vehicle: str
+    axles: int
+    control_interval_s: float
+    action: str  # "valve" or "pressure"
+    pressure_sensors: bool
+    measurement: list[dict[str, str]]  # name, unit, shape, meaning
+    observation: list[dict[str, str]]  # one entry per number, in order
+    observer: dict[str, float]  # constants of `wsp_env.envs.observation.Observer`
+    output: dict[str, str]
+    limits: dict[str, Any]  # what the policy was trained for: ranges of the conditions
+    training: dict[str, Any]  # arguments, steps, seed, command, versions
+    sha256: str  # of the network's file
+
+    def __post_init__(self) -> None:
+        """Refuse what this version cannot run."""
+        if self.contract != CONTRACT_VERSION:
+            raise ParameterError(f"its contract has version {self.contract!r}, this wsp_env runs version {CONTRACT_VERSION}")
+        if self.action not in ("valve", "pressure"):
+            raise ParameterError(f"its action is {self.action!r}; valid: valve, pressure")
+        if self.axles not in (1, 2, 4):
+            raise ParameterError(f"it is for {self.axles!r} axles; valid: 1, 2, 4")
+        interval = self.control_interval_s
+        if not isinstance(interval, int | float) or not 0.0 < interval < 1.0:
+            raise ParameterError(f"its control interval is {interval!r} s; valid: above 0, below 1")
+        if self.observer != observer_constants():
+            raise ParameterError(f"it sees through an observer with {self.observer}, this wsp_env has {observer_constants()}")
+        expected = describe_observation(self.axles, self.pressure_sensors)
+        if self.observation != expected:
+            raise ParameterError(
+                f"it expects {len(self.observation)} observations other than the {len(expected)} of this wsp_env"
+            )
+
+
+def observer_constants() -> dict[str, float]:
+    """Return the constants of `Observer` that decide what a policy sees."""
+    return {name: float(value) for name, value in vars(Observer).items() if name.isupper()}
+
+
+def describe_observation(axles: int, pressure_sensors: bool) -> list[dict[str, str]]:
+    """Return name and unit of every number of an observation, in order, as `Observer` builds it."""
+    blocks = [
+        ("peripheral wheel speed", f"{Observer.SPEED_SCALE:g} m/s"),
+        ("peripheral wheel acceleration, low-passed", f"{Observer.ACCELERATION_SCALE:g} m/s2"),
+        ("estimated creepage", "1"),
+        ("last command", "1"),
+        ("mean command, low-passed", "1"),
+    ]
+    if pressure_sensors:
+        blocks.append(("cylinder pressure", "full pressure"))
+    numbers = [{"name": f"{name}, axle {k + 1}", "unit": unit} for name, unit in blocks for k in range(axles)]
+    return [*numbers, {"name": "reference speed", "unit": f"{Observer.SPEED_SCALE:g} m/s"}, {"name": "demand", "unit": "1"}]
+
+
+class Policy:
+    """A controller that asks a network.
+
+    Parameters
+    ----------
+    contract : what it needs
+    infer : from observations (N, size) float32 to commands (N, axles)
+
+    """
+
+    def __init__(self, contract: Contract, infer: Callable[[np.ndarray], np.ndarray]) -> None:
+        self.contract = contract
+        self.action = contract.action
+        self._infer = infer
+
+    def reset(self, n: int, vehicle: Vehicle) -> None:
+        """Begin n new stops; `ParameterError` for a vehicle with another number of axles."""
+        if vehicle.axles != self.contract.axles:
+            raise ParameterError(
+                f"the policy is for the {self.contract.axles} axles of a {self.contract.vehicle}, the {vehicle.name} has "
+                f"{vehicle.axles}"
+            )
+        self._observer = Observer(vehicle, self.contract.control_interval_s, self.contract.pressure_sensors)
+        self._command = np.ones((n, vehicle.axles))
+        self._time = np.zeros(n)
+        self._decisions = 0
+
+    def act(self, measurement: Measurement) -> np.ndarray:
+        """Return the commands (N, A); `ParameterError` for measurements at another interval or without a needed sensor."""
+        if self.contract.pressure_sensors and measurement.pressure is None:
+            raise ParameterError("the policy needs cylinder pressures, the vehicle does not measure them")
+        if self._decisions == 0:
+            observation = self._observer.reset(measurement)
+        else:
+            if self._decisions == 1:
+                self._check_interval(float(np.max(measurement.time - self._time)))
+            observation = self._observer.observe(measurement, self._command)
+        self._time = np.array(measurement.time)
+        self._decisions += 1
+        self._command = self._infer(observation).astype(np.float64)
+        return self._command.copy()
+
+    def _check_interval(self, step: float) -> None:
+        wanted = self.contract.control_interval_s
+        if abs(step - wanted) > _INTERVAL_TOLERANCE * wanted:
+            raise ParameterError(f"the policy decides every {wanted:g} s, but its measurements come every {step:g} s")
+
+
+def load_policy(folder: str | Path) -> Policy:
+    """Return the policy of a folder; `ParameterError` says what is missing in it or does not fit."""
+    place = Path(folder)
+    contract, network = read_contract(place), place / NETWORK
+    try:
+        content = network.read_bytes()
+    except OSError as error:
+        raise ParameterError(f"policy {place}: {NETWORK} cannot be read: {error.strerror}") from None
+    if hashlib.sha256(content).hexdigest() != contract.sha256:
+        raise ParameterError(f"policy {place}: {NETWORK} is not the network that {CONTRACT} was written for (sha256 differs)")
+    return Policy(contract, _session(place, content, contract))
+
+
+def read_contract(folder: Path) -> Contract:
+    """Return the contract of a folder; `ParameterError` says what does not fit."""
+    path = folder / CONTRACT
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ParameterError(f"policy {folder}: {CONTRACT} cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise ParameterError(f"policy {folder}: {CONTRACT} is not JSON: {error}") from None
+    names = [field.name for field in dataclasses.fields(Contract)]
+    if not isinstance(document, Mapping) or (wrong := set(document) ^ set(names)):
+        what = ", ".join(sorted(wrong)) if isinstance(document, Mapping) else "everything"
+        raise ParameterError(f"policy {folder}: {CONTRACT} lacks or does not know {what}; it holds {', '.join(names)}")
+    try:
+        return Contract(**document)
+    except ParameterError as error:
+        raise ParameterError(f"policy {folder}: {error}") from None
+
+
+def _session(place: Path, content: bytes, contract: Contract) -> Callable[[np.ndarray], np.ndarray]:
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise ParameterError("running a policy needs onnxruntime: pip install 'wsp-env[export]'") from error
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1  # so small a network is slower on more
+    options.inter_op_num_threads = 1
+    try:
+        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime has no common base of its errors
+        raise ParameterError(f"policy {place}: {NETWORK} cannot be loaded: {error}") from None
+    size = len(contract.observation)
+    given = {item.name: item.shape for item in session.get_inputs()}
+    if set(given) != {INPUT} or given[INPUT][-1] != size or "command" not in {item.name for item in session.get_outputs()}:
+        raise ParameterError(f"policy {place}: {NETWORK} takes {given}, expected {INPUT} (N, {size}) and the output command")
+
+    def infer(observation: np.ndarray) -> np.ndarray:
+        command: np.ndarray = session.run(["command"], {INPUT: observation})[0]
+        return command
+
+    return infer
