@@ -200,8 +200,8 @@ def main(
     console.print(table)
     found, with_mechanisms = ("none of them" if step is None else f"{1e3 * step:g} ms" for step in (longest, extended))
     console.print(
-        f"Longest substep with every stopping distance within {100 * GOAL:g} %: {found} for the paper's model, {with_mechanisms} "
-        f"with every mechanism on at once; the plant takes {1e3 * SUBSTEP_S:g} ms."
+        f"Longest substep with every stopping distance within {100 * GOAL:g} %: {found} for the paper's model, "
+        f"{with_mechanisms} with every mechanism on at once; the plant takes {1e3 * SUBSTEP_S:g} ms."
     )
 
 
