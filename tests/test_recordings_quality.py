@@ -205,6 +205,15 @@ def test_swapped_axles_are_warned_of(tmp_path):
     )
 
 
+@settings(max_examples=5)
+@given(tau=st.floats(0.8e-4, 4e-4), peak=st.floats(0.05, 0.4), noise=st.floats(0.0, 3.0), seed=st.integers(0, 2**31))
+def test_channels_as_they_should_be_are_not_warned_of(tmp_path_factory, tau, peak, noise, seed):
+    columns = stop(tau, 0.06, peak=peak, noise=noise, seed=seed)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert read_campaign(write_campaign(tmp_path_factory.mktemp("right"), {"A1": columns})).runs["A1"].warnings == ()
+
+
 def test_mended_samples_are_never_compared_with_the_law(tmp_path, columns):
     wrong = {name: values.copy() for name, values in columns.items()}
     wrong["axle2_wheel_speed_radps"][400:480] = np.nan  # the bridge is far from the truth
