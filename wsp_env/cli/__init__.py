@@ -12,6 +12,7 @@ COMMANDS = {
     "evaluate": "put controllers through a test programme in the manner of EN 15595 and compare them",
     "inspect": "list the channels of a recorded file of any logger and draft a campaign.toml for it",
     "replay": "let controllers brake under the conditions of recorded stops, beside the stops as recorded",
+    "diagnose": "say which physics the tuned law lacks on recorded stops, where it shows and how sure that is",
     "tune": "tune tau and mu_cd on a campaign of recorded stops, score the held-out ones",
     "validate": "tune, score and simulate recorded stops as the seed paper does; a page with its figures and tables",
 }

@@ -1,0 +1,94 @@
+"""What a diagnosis answers: typed, and as the JSON of diagnosis.json."""
+
+import dataclasses
+from typing import Any
+
+
+@dataclasses.dataclass(frozen=True)
+class Estimate:
+    """A fitted parameter."""
+
+    value: float
+    unit: str
+    interval90: tuple[float, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class Named:
+    """An accepted mechanism."""
+
+    name: str
+    confidence: float
+    alternatives: tuple[str, ...]  # what these data cannot tell from it, its own name included
+    parameters: dict[str, Estimate]
+    multiple: float  # size over the smallest effect of interest
+    gain: float  # fall of the sum of squares
+    null_gain: float  # largest gain of the same name in null recordings
+    held_out_gain: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Location:
+    """Where a mismatch is."""
+
+    equation: str  # vehicle, adhesion, kinematics or actuator
+    axles: tuple[int, ...]  # from 1; none for the vehicle
+    runs: tuple[str, ...]
+    where: str
+    share: float  # of all of the removable residual
+
+
+@dataclasses.dataclass(frozen=True)
+class Evidence:
+    """One candidate of the search."""
+
+    name: str
+    gain: float
+    null: tuple[float, ...]  # gains in null recordings
+    surprise: float  # -log10 of the probability in a null recording
+    held_out: float
+    multiple: float  # size over the smallest effect of interest; 0 where not computed
+
+
+@dataclasses.dataclass(frozen=True)
+class FitQuality:
+    """Mean squares of the residuals, relative to those of null recordings: the noise floor is 1."""
+
+    noise_floor: float
+    baseline: dict[str, float]
+    extended: dict[str, float]
+    removed_validate: float | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Closure:
+    """A data-driven description of what no mechanism explains."""
+
+    depends_on: str
+    gain: float
+    held_out_gain: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Diagnosis:
+    """The answer."""
+
+    campaign: str
+    verdict: str
+    sentence: str
+    mechanisms: tuple[Named, ...]
+    location: tuple[Location, ...]
+    fit: FitQuality
+    detectable: dict[str, dict[str, float]]
+    next_test: str
+    closure: Closure | None
+    evidence: tuple[Evidence, ...]
+    confounding: dict[str, dict[str, float]]  # cosines between projected sensitivities
+    model: dict[str, Any]  # what model.json holds
+    residuals: dict[str, Any]  # for the report: mean squares by balance, run, axle, before and after
+    notes: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain data."""
+        plain: dict[str, Any] = dataclasses.asdict(self)
+        return plain

@@ -1,0 +1,183 @@
+"""The balances of a braked vehicle along recorded stops, as residuals averaged over blocks of time.
+
+With T_k = (C_k + J dw_k/dt) / r from the wheel's own balance:
+
+- adhesion: T_k / (2 N_k) - f(s_k, v, history), per axle. Where a wheel rolls freely (T near 0) this is the kinematic balance
+  v - r w = 0 times the steepness of the creep curve, and is reported as such.
+- vehicle: v(t) - v(0) + (1/M) integral of (sum T_k + resistances) dt, which holds no adhesion model. Summed up, the noise of
+  the recorded speed stays white, and J dw/dt is exact.
+
+Every row is divided by the deviation that noise alone gives it.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
+from wsp_env.diagnosis.stops import BLOCK_S, ROLLING_SHARE, VEHICLE_BLOCK_S, Stop, thinned
+from wsp_env.recordings import Campaign
+
+#: Error of the vehicle balance beside noise [m/s]: quantisation and the trapezoidal sum.
+_SPEED_FLOOR_MPS = 5e-4
+#: The same of the adhesion coefficient [-].
+_ADHESION_FLOOR = 1e-4
+
+ADHESION, KINEMATICS, VEHICLE = 0, 1, 2
+BALANCES = ("adhesion", "kinematics", "vehicle")
+
+
+@dataclasses.dataclass(frozen=True)
+class Rows:
+    """What each residual (n,) is; the means over its block."""
+
+    balance: np.ndarray  # ADHESION, KINEMATICS or VEHICLE
+    run: np.ndarray  # index into the stops
+    axle: np.ndarray  # from 0; -1: the vehicle
+    segment: np.ndarray  # of the vehicle's momentum, numbered through all stops; -1: a wheel's
+    validate: np.ndarray  # bool
+    time: np.ndarray  # [s]
+    place: np.ndarray  # of the axle [m]
+    speed: np.ndarray  # [m/s]
+    slip: np.ndarray  # [m/s]
+    work: np.ndarray  # W_sp [J/m]
+    deceleration: np.ndarray  # [m/s2]
+
+    def __len__(self) -> int:
+        return len(self.run)
+
+
+class Balances:
+    """The balances of a campaign's stops: residuals of a model, and how normal variation would move them."""
+
+    def __init__(self, campaign: Campaign, stops: Sequence[Stop]) -> None:
+        self.campaign, self.sources = campaign, tuple(stops)  # the latter with all samples
+        self.stops = tuple(map(thinned, stops))
+        self.evaluate = Evaluator(campaign, self.stops)
+        vehicle = self.evaluate.vehicle
+        self.axles, self.radius, self.inertia = vehicle.axles, vehicle.wheel_radius_m, vehicle.wheelset_inertia_kgm2
+        self.offsets = np.array(vehicle.axle_positions_m)
+        self.parts = [_Blocks(stop, self) for stop in self.stops]
+        self.rows = _joined([part.rows(i) for i, part in enumerate(self.parts)])
+
+    def raw(self, model: Model) -> np.ndarray:
+        """Residuals (n,) of a model: adhesion coefficients [-], speeds [m/s]."""
+        return np.concatenate([part.residuals(one) for part, one in zip(self.parts, self.evaluate(model), strict=True)])
+
+    def like(self, stops: Sequence[Stop]) -> "Balances":
+        """Return the balances of null recordings of the same stops, cut into the same rows."""
+        other = Balances(self.campaign, stops)
+        for mine, its in zip(self.parts, other.parts, strict=True):
+            its.used, its.segments = mine.used, mine.segments
+        rows = _joined([part.rows(i) for i, part in enumerate(other.parts)])
+        other.rows = dataclasses.replace(rows, balance=self.rows.balance, segment=self.rows.segment)
+        return other
+
+    def deviation(self, model: Model) -> np.ndarray:
+        """Deviation (n,) that the channels' noise gives each residual."""
+        return np.concatenate([part.deviation(one) for part, one in zip(self.parts, self.evaluate(model), strict=True)])
+
+
+class _Blocks:
+    """One stop cut into blocks."""
+
+    def __init__(self, stop: Stop, owner: Balances) -> None:
+        self.stop, self.owner = stop, owner
+        self.length = max(round(BLOCK_S / stop.step_s), 1)
+        self.vehicle_length = max(round(VEHICLE_BLOCK_S / stop.step_s), 1)
+        self.used = self._mean_mask(stop.usable, self.length) > 0.99
+        inside = self._cut(stop.segment, self.vehicle_length)
+        self.segments = np.where((inside == inside[:, :1]).all(axis=1), inside[:, 0], -1)
+        # A stretch of one block says nothing but its own start.
+        counts = np.bincount(self.segments[self.segments >= 0], minlength=1) if len(self.segments) else np.zeros(1)
+        self.segments = np.where((self.segments >= 0) & (counts[np.maximum(self.segments, 0)] > 1), self.segments, -1)
+
+    @staticmethod
+    def _cut(values: np.ndarray, length: int) -> np.ndarray:
+        blocks = len(values) // length
+        return values[: blocks * length].reshape(blocks, length, *values.shape[1:])
+
+    def _mean_mask(self, values: np.ndarray, length: int) -> np.ndarray:
+        result: np.ndarray = self._cut(values.astype(float), length).mean(axis=1)
+        return result
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        """Mean over each adhesion block of an array (T,) or (T, A): (B,) or (B, A)."""
+        return self._mean_mask(values, self.length)
+
+    def rows(self, index: int) -> Rows:
+        stop, owner = self.stop, self.owner
+        b, a = np.nonzero(self.used)
+        slip = stop.speed[:, None] - owner.radius * stop.wheel
+        moment = stop.torque + owner.inertia * stop.wheel_rate
+        work = moment / (2.0 * owner.radius) * slip / np.maximum(stop.speed, 1.0)[:, None]
+        share = np.abs(self.mean(stop.torque)) / max(float(np.abs(stop.torque).max()), 1.0)
+        rolls = (share < ROLLING_SHARE) & (np.abs(self.mean(slip)) < 0.01 * self.mean(stop.speed)[:, None])
+        v = np.flatnonzero(self.segments >= 0)
+
+        def both(values: np.ndarray) -> np.ndarray:
+            return np.concatenate([self.mean(values)[b], self._mean_mask(values, self.vehicle_length)[v]])
+
+        def wheels(values: np.ndarray) -> np.ndarray:
+            return np.concatenate([self.mean(values)[b, a], np.zeros(len(v))])
+
+        n = len(b) + len(v)
+        return Rows(
+            balance=np.concatenate([np.where(rolls[b, a], KINEMATICS, ADHESION), np.full(len(v), VEHICLE)]),
+            run=np.full(n, index),
+            axle=np.concatenate([a, np.full(len(v), -1)]),
+            segment=np.concatenate([np.full(len(b), -1), self.segments[v]]),
+            validate=np.full(n, stop.group == "validate"),
+            time=both(stop.time),
+            place=both(stop.place) - np.concatenate([owner.offsets[a], np.zeros(len(v))]),
+            speed=both(stop.speed),
+            slip=wheels(slip),
+            work=wheels(work),
+            deceleration=-both(stop.acceleration),
+        )
+
+    def wheel_rows(self, values: np.ndarray) -> np.ndarray:
+        """Block means of an array (T, A) as rows."""
+        result: np.ndarray = self.mean(values)[self.used]
+        return result
+
+    def vehicle_rows(self, values: np.ndarray) -> np.ndarray:
+        """Block means of an array (T,) as rows."""
+        result: np.ndarray = self._mean_mask(values, self.vehicle_length)[self.segments >= 0]
+        return result
+
+    def summed(self, force: np.ndarray) -> np.ndarray:
+        """Integrate a force (T,) [N] over the stop [N s]; its constant is projected out with the segments."""
+        rest = np.where(self.stop.segment >= 0, force, 0.0)
+        result: np.ndarray = np.cumsum(rest) * self.stop.step_s - 0.5 * rest * self.stop.step_s
+        return result
+
+    def residuals(self, one: Evaluation) -> np.ndarray:
+        """Residuals of all rows of this stop."""
+        adhesion = one.force / (2.0 * one.load) - one.adhesion
+        impulse = self.summed(one.brake_force + one.resistance) + one.impulse
+        momentum = self.vehicle_rows(one.recorded_speed + impulse / one.mass)
+        segment = self.segments[self.segments >= 0]
+        for which in np.unique(segment):  # the speed that each stretch starts with is free
+            momentum[segment == which] -= momentum[segment == which].mean()
+        return np.concatenate([self.wheel_rows(adhesion), momentum])
+
+    def deviation(self, one: Evaluation) -> np.ndarray:
+        """Deviation of the same by the channels' noise."""
+        noise, radius = self.stop.noise, self.owner.radius
+        moment = noise.moment(self.owner.inertia) / (2.0 * radius * self.mean(one.load))
+        slip = noise.slip(radius) * self.mean(one.slope)
+        adhesion = np.sqrt(moment**2 + slip**2 + _ADHESION_FLOOR**2)[self.used]
+        vehicle = np.hypot(noise.block_speed, _SPEED_FLOOR_MPS)
+        return np.concatenate([adhesion, np.full(int((self.segments >= 0).sum()), vehicle)])
+
+
+def _joined(parts: list[Rows]) -> Rows:
+    """Join the rows of all stops; segments are numbered through."""
+    first, shifted = 0, []
+    for part in parts:
+        shifted.append(np.where(part.segment >= 0, part.segment + first, -1))
+        first += int(part.segment.max(initial=-1)) + 1
+    joined = {field.name: np.concatenate([getattr(part, field.name) for part in parts]) for field in dataclasses.fields(Rows)}
+    return Rows(**(joined | {"segment": np.concatenate(shifted)}))

@@ -1,0 +1,89 @@
+"""Closures: flexible functions of what was measured, which show what is structured but in no library, and where."""
+
+import numpy as np
+
+from wsp_env.diagnosis.balances import KINEMATICS, VEHICLE, Balances
+from wsp_env.diagnosis.candidates import Candidate
+from wsp_env.diagnosis.evaluate import Model
+
+_NODES = 6  # of a function of slip speed, speed or work, at quantiles
+_TIME_NODE_S = 3.0
+_FREQUENCIES_HZ = tuple(np.geomspace(0.15, 1.2, 13))
+
+
+def closures(balances: Balances, model: Model, friction: np.ndarray) -> list[Candidate]:
+    """Return the closures that these recordings allow.
+
+    Parameters
+    ----------
+    friction : (n,) derivative of the residuals by log mu_cd: closures of the adhesion are relative changes of friction
+
+    """
+    rows, found = balances.rows, []
+    wheels = rows.balance != VEHICLE
+    slides = wheels & (rows.slip > 0.01 * rows.speed)
+    own = (rows.axle[:, None] == np.arange(balances.axles)).astype(float)
+    by_run = (rows.run[:, None] == np.arange(len(balances.stops))).astype(float)
+
+    def add(name: str, columns: np.ndarray) -> None:
+        found.append(Candidate(name, columns))
+
+    if slides.any():
+        for name, values in (("slip speed", rows.slip), ("speed", rows.speed), ("friction work", rows.work)):
+            add(f"adhesion over {name}", (friction * slides)[:, None] * _hats(values, slides))
+        add("adhesion of each axle", (friction * slides)[:, None] * own)
+        add("adhesion over time", np.column_stack([(friction * slides * run)[:, None] * _clock(rows.time) for run in by_run.T]))
+    steepness, offset, drift, resisted = _parts(balances, model)
+    free = (rows.balance == KINEMATICS).astype(float)
+    add("slip while rolling freely", (steepness * free)[:, None] * np.column_stack([own, own * rows.speed[:, None]]))
+    add("recorded speed over deceleration", (rows.deceleration * (1.0 * ~wheels - steepness) * rows.speed)[:, None])
+    add("torque of each axle", np.column_stack([offset, drift]))
+    add("force on the vehicle over speed", resisted)
+    for frequency in _FREQUENCIES_HZ:
+        phase = 2.0 * np.pi * frequency * rows.time
+        waves = np.column_stack([np.sin(phase), np.cos(phase)]) * ~wheels[:, None]
+        add(f"force on the vehicle swinging at {frequency:.2g} Hz", np.column_stack([waves * run[:, None] for run in by_run.T]))
+    add("force on the vehicle over time", np.column_stack([_clock(rows.time) * (~wheels * run)[:, None] for run in by_run.T]))
+    return found
+
+
+def _parts(balances: Balances, model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return df/ds of every row, and what moves by a torque, a growing torque of each axle, a force over speed."""
+    rows = balances.rows
+    nodes = _quantiles(rows.speed)
+    steepness: list[np.ndarray] = []
+    offsets: list[np.ndarray] = []
+    drifts: list[np.ndarray] = []
+    resisted: list[np.ndarray] = []
+    for part, one in zip(balances.parts, balances.evaluate(model), strict=True):
+        stop, none = part.stop, np.zeros(int((part.segments >= 0).sum()))
+        steepness.append(np.concatenate([part.wheel_rows(one.slope), none]))
+        axle = np.nonzero(part.used)[1][:, None] == np.arange(balances.axles)
+        per_torque = part.wheel_rows(1.0 / (2.0 * balances.radius * one.load))[:, None] * axle
+        ones = np.ones(len(stop.time))
+        for collected, course in ((offsets, ones), (drifts, stop.time - stop.time[0])):
+            over_time = part.wheel_rows(np.repeat(course[:, None], balances.axles, axis=1))[:, None]
+            vehicle = part.vehicle_rows(part.summed(course)) / (balances.radius * one.mass)
+            collected.append(np.vstack([per_torque * over_time, np.repeat(vehicle[:, None], balances.axles, axis=1)]))
+        forces = _interpolation(stop.speed, nodes)
+        summed = np.column_stack([part.vehicle_rows(part.summed(force)) for force in forces.T])
+        resisted.append(np.vstack([np.zeros((int(part.used.sum()), len(nodes))), summed / one.mass]))
+    return np.concatenate(steepness), np.vstack(offsets), np.vstack(drifts), np.vstack(resisted)
+
+
+def _quantiles(values: np.ndarray) -> np.ndarray:
+    return np.unique(np.quantile(values, np.linspace(0.0, 1.0, _NODES))) if len(values) else np.zeros(1)
+
+
+def _interpolation(values: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Weights (n, nodes) of linear interpolation."""
+    return np.column_stack([np.interp(values, nodes, unit) for unit in np.eye(len(nodes))])
+
+
+def _hats(values: np.ndarray, where: np.ndarray) -> np.ndarray:
+    return _interpolation(values, _quantiles(values[where])) * where[:, None]
+
+
+def _clock(time: np.ndarray) -> np.ndarray:
+    nodes = np.arange(0.0, time.max(initial=0.0) + _TIME_NODE_S, _TIME_NODE_S)
+    return _interpolation(time, nodes)

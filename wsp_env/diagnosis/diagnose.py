@@ -1,0 +1,301 @@
+"""From a campaign to a diagnosis: the steps in their order."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import gamma
+
+from wsp_env.diagnosis import null
+from wsp_env.diagnosis.answer import Closure, Diagnosis, Estimate, Evidence, FitQuality, Named
+from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.candidates import Variant, choice_of, unavailable, variants
+from wsp_env.diagnosis.decide import SURPRISE, Accepted, Outcome, select
+from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.fitting import Weights, baseline, refit, sliding
+from wsp_env.diagnosis.interest import effect
+from wsp_env.diagnosis.locate import locate, residual_map
+from wsp_env.diagnosis.search import Found, Scan, Search, scan
+from wsp_env.diagnosis.stops import Stop, prepare
+from wsp_env.diagnosis.words import next_test, sentence
+from wsp_env.plant.mechanisms import ALL
+from wsp_env.recordings import Campaign, CampaignError
+
+#: Null recordings at effort 1.
+REPLICATES = 10
+_BIAS_REPLICATES = 4
+_BIAS_SHARE = 0.5  # of what smoothing leaves in the null recordings counts as deviation too: assumption
+#: A run whose residuals are so many times the others' is left out as damaged.
+_DAMAGED = 5.0
+#: Closures: surprise, share of a relative force or friction, and share of the library's gain from which on structure remains.
+_CLOSURE_SURPRISE = 6.0
+_CLOSURE_SHARE = 0.5
+_LEAST_CLOSURE = 0.005
+_Z90 = 1.645
+
+Progress = Callable[[str], None]
+
+
+def diagnose(campaign: Campaign, effort: float = 1.0, seed: int = 0, progress: Progress = lambda step: None) -> Diagnosis:
+    """Say which physics a campaign's simulation lacks.
+
+    Parameters
+    ----------
+    effort : multiplies the number of null recordings
+    seed : of the null recordings
+    progress : is told what is done next
+
+    Raises
+    ------
+    CampaignError
+        when no run can be used
+
+    """
+    progress("checking the data")
+    stops, notes = prepare(campaign)
+    if not stops:
+        raise CampaignError(f"campaign {campaign.name}: no run can be diagnosed: {'; '.join(notes)}")
+    progress("fitting the baseline")
+    balances, model, weights, damaged = _sound(campaign, stops)
+    notes += damaged
+    progress("making null recordings")
+    tried = list(variants(balances))
+    rng = np.random.default_rng(seed)
+    few = [balances.like(one) for one in null.replicate(balances, model, _BIAS_REPLICATES, rng)]
+    raws = np.column_stack([one.raw(model) for one in few])
+    bias = raws.mean(axis=1)
+    weights = Weights(np.hypot(weights.deviation, _BIAS_SHARE * bias), bias)
+    nulls = _null_scans(balances, model, weights, tried, max(round(REPLICATES * effort), 4), rng, progress)
+    progress("searching the library")
+    data = scan(balances, model, weights.deviation, tried)
+    outcome = select(balances, model, weights, data, nulls, tried)
+    progress("judging")
+    return _answer(balances, model, weights, outcome, nulls, raws, notes)
+
+
+def _sound(campaign: Campaign, stops: list[Stop]) -> tuple[Balances, Model, Weights, list[str]]:
+    """Fit the baseline; a run that fits far worse than the others is left out."""
+    notes: list[str] = []
+    while True:
+        balances = Balances(campaign, stops)
+        if not len(balances.rows):
+            raise CampaignError(f"campaign {campaign.name}: no run has usable samples above walking pace")
+        model, weights = baseline(balances)
+        z = weights(balances.raw(model)) ** 2
+        counts = np.bincount(balances.rows.run, minlength=len(stops))
+        mean = np.bincount(balances.rows.run, weights=np.minimum(z, 1e4), minlength=len(stops)) / np.maximum(counts, 1)
+        worst = int(np.argmax(mean))
+        others = np.delete(mean, worst)
+        if len(stops) < 3 or mean[worst] < _DAMAGED**2 * float(np.median(others)):
+            return balances, model, weights, notes
+        notes.append(f"run {stops[worst].name} fits far worse than all others and was left out as damaged")
+        stops = [stop for i, stop in enumerate(stops) if i != worst]
+
+
+def _null_scans(
+    balances: Balances,
+    model: Model,
+    weights: Weights,
+    tried: list[Variant],
+    count: int,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> list[Scan]:
+    scans = []
+    for i in range(count):
+        progress(f"null recordings {i + 1} of {count}")
+        (stops,) = null.replicate(balances, model, 1, rng)
+        scans.append(scan(balances.like(stops), model, weights.deviation, tried, held_out=False))
+    return scans
+
+
+def _answer(
+    balances: Balances,
+    model: Model,
+    weights: Weights,
+    outcome: Outcome,
+    nulls: Sequence[Scan],
+    raws: np.ndarray,
+    notes: list[str],
+) -> Diagnosis:
+    closure = _closure(balances, outcome)
+    named = tuple(_named(balances, outcome, i) for i in range(len(outcome.accepted)))
+    reasons = unavailable(balances)
+    verdict = _verdict(named, closure, bool(sliding(balances).any()))
+    if verdict == "unknown":
+        named = ()
+    fit = _quality(balances, model, weights, outcome if named else None, raws)
+    extended = outcome.fitted.model if named else model
+    where = locate(balances, model, extended, weights, closure.depends_on if closure and not named else "")
+    detectable = _detectable(outcome.first)
+    return Diagnosis(
+        campaign=balances.campaign.name,
+        verdict=verdict,
+        sentence=sentence(verdict, named, closure, where),
+        mechanisms=named,
+        location=() if verdict in ("adequate", "insufficient") else where,
+        fit=fit,
+        detectable=detectable,
+        next_test=next_test(verdict, named, reasons),
+        closure=closure,
+        evidence=tuple(_evidence(balances, model, outcome.first, one) for one in outcome.screened),
+        confounding=_confounding(outcome.first, outcome.screened),
+        model=model_json(balances, extended),
+        residuals=residual_map(balances, model, extended, weights),
+        notes=(*notes, *(f"{name}: {why}" for name, why in reasons.items())),
+    )
+
+
+def _verdict(named: Sequence[Named], closure: Closure | None, slides: bool) -> str:
+    if closure is not None and not named:
+        return "unknown"
+    if named:
+        return "ambiguous" if any(len(one.alternatives) > 2 for one in named) else "named"
+    return "adequate" if slides else "insufficient"
+
+
+def _closure(balances: Balances, outcome: Outcome) -> Closure | None:
+    """Return the closure that best explains what the library leaves, if that is structured and matters."""
+    search = outcome.last
+    library = max((one.found.gain for one in outcome.accepted), default=0.0)
+    best = None
+    for one in outcome.rest:
+        if search.data.candidates[one.which].variant is None and one.surprise >= _CLOSURE_SURPRISE:
+            net = one.gain - float(one.nulls.mean())
+            if (
+                net > _CLOSURE_SHARE * library
+                and closure_share(balances, search, one) > _LEAST_CLOSURE
+                and (best is None or net > best.gain)
+            ):
+                best = Closure(one.name, net, one.held_out)
+    return best
+
+
+def closure_share(balances: Balances, search: Search, one: Found) -> float:
+    """Size of a closure: root mean square of its deceleration over the braked vehicle's, or of its relative friction [-]."""
+    gram = search.data.whole.gram[np.ix_(*[search.data.columns_of(one.which)] * 2)]
+    amplitude = one.fit.amplitude
+    rows = max(int((balances.rows.balance == 2).sum()) if "force" in one.name else int((balances.rows.axle >= 0).sum()), 1)
+    deviation = float(np.sqrt(max(amplitude @ gram @ amplitude, 0.0) / rows))  # in deviations of a row
+    if "force" not in one.name:
+        return deviation * 0.004
+    return deviation * 0.004
+
+
+def _named(balances: Balances, outcome: Outcome, i: int) -> Named:
+    one: Accepted = outcome.accepted[i]
+    values, covariance = outcome.fitted.values[i], outcome.fitted.covariance[i]
+    spread = float(np.sqrt(max(one.found.nulls.mean() / max(len(one.variant.sizes), 1), 1.0)))
+    units = {parameter.name: parameter for parameter in ALL[one.variant.name].parameters}
+    estimates = {}
+    for j, name in enumerate(one.variant.sizes):
+        half = _Z90 * spread * float(np.sqrt(max(covariance[j, j], 0.0)))
+        value = float(np.clip(values[j], units[name].low, units[name].high))
+        estimates[name] = Estimate(value, units[name].unit, (value - half, value + half))
+    for name, fixed in one.variant.fixed.items():
+        estimates[name] = Estimate(float(fixed), units[name].unit, (float(fixed), float(fixed)))
+    nulls = one.found.nulls
+    return Named(
+        one.variant.name, one.confidence, one.alternatives, estimates, one.multiple, one.found.gain, float(nulls.max()),
+        one.found.held_out,
+    )  # fmt: skip
+
+
+def _quality(balances: Balances, model: Model, weights: Weights, outcome: Outcome | None, raws: np.ndarray) -> FitQuality:
+    """Mean squares on both groups: fitted to the runs to tune on, then with the law frozen on those to validate."""
+    rows = balances.rows
+    tune, validate = ~rows.validate, rows.validate
+    chosen = [a.variant for a in outcome.accepted] if outcome else []
+
+    def costs(start: Model, free: Sequence[Variant]) -> dict[str, float]:
+        fitted = refit(balances, start, free, weights, tune if tune.any() else None)
+        found = {"tune": fitted.cost / max(int(tune.sum()), 1)}
+        if validate.any():
+            found["validate"] = refit(balances, fitted.model, (), weights, validate, False).cost / int(validate.sum())
+        return found
+
+    base = costs(model, ())
+    extended = costs(outcome.fitted.model, chosen) if outcome else dict(base)
+    floor = _floor(balances, model, weights, raws)
+    base = {key: value / floor[key] for key, value in base.items()}
+    extended = {key: value / floor[key] for key, value in extended.items()}
+    removed = None
+    if outcome and "validate" in base and base["validate"] > 1.0:
+        removed = (base["validate"] - extended["validate"]) / (base["validate"] - 1.0)
+    return FitQuality(1.0, base, extended, removed)
+
+
+def _floor(balances: Balances, model: Model, weights: Weights, raws: np.ndarray) -> dict[str, float]:
+    """Mean squares of null recordings, treated alike."""
+    from wsp_env.diagnosis.gls import Projector
+    from wsp_env.diagnosis.variation import nuisances
+
+    found = nuisances(balances, model, balances.raw(model))
+    y = (raws - weights.bias[:, None]) / weights.deviation[:, None]
+    y *= np.sqrt(raws.shape[1] / max(raws.shape[1] - 1, 1))  # the bias is their own mean
+    result = {}
+    for key, keep in (("tune", ~balances.rows.validate), ("validate", balances.rows.validate)):
+        if keep.any():
+            projector = Projector((found.columns / weights.deviation[:, None])[keep], found.prior)
+            result[key] = float(np.mean(np.diag(projector.inner(y[keep], y[keep])))) / int(keep.sum())
+    return result
+
+
+def _detectable(search: Search) -> dict[str, dict[str, float]]:
+    """Smallest amplitude of every size that would have been seen."""
+    found: dict[str, dict[str, float]] = {}
+    for i, one in enumerate(search.data.candidates):
+        if one.variant is None:
+            continue
+        nulls = search.null_gains(i)
+        mean = max(float(nulls.mean()), 1.0)
+        variance = max(float(nulls.var()), 2.0 * mean)
+        needed = float(gamma.isf(10.0**-SURPRISE, mean**2 / variance, scale=variance / mean))
+        index = search.data.columns_of(i)
+        for j, size in enumerate(one.variant.sizes):
+            square = max(float(search.data.whole.gram[index[j], index[j]]), 1e-12)
+            amplitude = abs(one.steps[j]) * float(np.sqrt(needed / square))
+            known = found.setdefault(one.name, {})
+            known[size] = min(known.get(size, np.inf), amplitude)
+    return found
+
+
+def _evidence(balances: Balances, model: Model, search: Search, one: Found) -> Evidence:
+    candidate, multiple = search.data.candidates[one.which], 0.0
+    if candidate.variant is not None:
+        nulls = {parameter.name: parameter.null for parameter in ALL[candidate.name].parameters}
+        start = np.array([nulls[name] for name in candidate.variant.sizes])
+        values = start - one.fit.amplitude * candidate.steps
+        multiple = effect(balances, model, choice_of(candidate.variant, values)).multiple
+    return Evidence(one.name, one.gain, tuple(map(float, one.nulls)), one.surprise, one.held_out, multiple)
+
+
+def _confounding(search: Search, screened: Sequence[Found]) -> dict[str, dict[str, float]]:
+    """Largest cosine between what two mechanisms can do to the residuals, off the nuisances."""
+    gram, chosen = search.data.whole.gram, [one for one in screened if one.name in ALL]
+    roots: dict[str, np.ndarray] = {}
+    for one in chosen:
+        index = search.data.columns_of(one.which)
+        values, vectors = np.linalg.eigh(gram[np.ix_(index, index)])
+        kept = values > 1e-9 * max(float(values[-1]), 1e-300)
+        roots[one.name] = vectors[:, kept] / np.sqrt(values[kept])
+    table: dict[str, dict[str, float]] = {}
+    for a in chosen:
+        for b in chosen:
+            cross = gram[np.ix_(search.data.columns_of(a.which), search.data.columns_of(b.which))]
+            cosine = np.linalg.svd(roots[a.name].T @ cross @ roots[b.name], compute_uv=False).max(initial=0.0)
+            table.setdefault(a.name, {})[b.name] = float(min(cosine, 1.0))
+    return table
+
+
+def model_json(balances: Balances, model: Model) -> dict[str, Any]:
+    """Return what the environment needs to brake with the tuned law and the mechanisms found."""
+    vehicle = dataclasses.asdict(balances.campaign.vehicle)
+    return {
+        "tau_m_per_J": model.tau,
+        "mu_cd": {stop.name: mu for stop, mu in zip(balances.stops, model.mu_cd, strict=True)},
+        "mechanisms": {name: dict(values) for name, values in model.choice.items()},
+        "contact": dataclasses.asdict(balances.campaign.contact),
+        "vehicle": {key: list(value) if isinstance(value, tuple) else value for key, value in vehicle.items()},
+    }

@@ -1,0 +1,123 @@
+"""Evaluates a model along recorded stops: contact, wheel loads, brake torque and what resists, at measured speeds."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from wsp_env.diagnosis.stops import Stop
+from wsp_env.parameters.uic_z1 import COACH
+from wsp_env.parameters.vehicle import Brake, Vehicle
+from wsp_env.plant import along
+from wsp_env.recordings import Campaign, CampaignError
+
+#: Mechanism -> its parameters.
+Choice = Mapping[str, Mapping[str, float]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Model:
+    """The law's free parameters and the mechanisms that are on."""
+
+    tau: float  # [m/J]
+    mu_cd: tuple[float, ...]  # of each stop [-]
+    choice: Choice = dataclasses.field(default_factory=dict)
+
+
+@dataclasses.dataclass(frozen=True)
+class Evaluation:
+    """A model along one stop; (T, A) unless said otherwise."""
+
+    adhesion: np.ndarray  # [-]
+    slope: np.ndarray  # its derivative by the slip speed [s/m]
+    load: np.ndarray  # of one wheel [N]
+    slip: np.ndarray  # [m/s]
+    force: np.ndarray  # T = (C + J dw/dt) / r of the wheelset, by its own balance [N]
+    torque: np.ndarray  # C [N m]
+    impulse: np.ndarray  # (T,) J w / r summed over the wheelsets [N s]
+    brake_force: np.ndarray  # (T,) C / r summed over the wheelsets [N]
+    recorded_speed: np.ndarray  # (T,) raw, the recorder's clock mended [m/s]
+    resistance: np.ndarray  # (T,) beside the wheels [N]
+    mass: float  # [kg]
+
+
+def vehicle_of(campaign: Campaign) -> Vehicle:
+    """Return the campaign's vehicle as the plant takes it.
+
+    Raises
+    ------
+    CampaignError
+        for a number of axles that the plant does not know
+
+    """
+    v = campaign.vehicle
+    known = {1: (0.0,), 2: COACH.axle_positions_m[:2], 4: COACH.axle_positions_m}
+    if v.axles not in known:
+        raise CampaignError(f"campaign {campaign.name}: {v.axles} axles; the diagnosis knows vehicles of 1, 2 and 4")
+    a, b, c = v.resistance_n
+    positions = v.axle_positions_m or known[v.axles]
+    return Vehicle(
+        name=campaign.name,
+        axle_positions_m=tuple(x - positions[0] for x in positions),
+        mass_kg=v.mass_kg,
+        payload_kg=0.0,
+        wheelset_inertia_kgm2=v.wheelset_inertia_kgm2,
+        wheel_radius_m=v.wheel_radius_m,
+        gravity_mps2=v.gravity_mps2,
+        resistance_a_n=a,
+        resistance_b_ns_per_m=b,
+        resistance_c_ns2_per_m2=c,
+        contact=campaign.contact,
+        brake=_brake(campaign),
+    )
+
+
+def _brake(campaign: Campaign) -> Brake:
+    """Return a brake whose pressures fit the recorded torques: a mechanism may depend on the pressure."""
+    per_bar = campaign.vehicle.torque_per_bar_nm
+    if per_bar > 0.0:
+        return Brake(torque_per_bar_nm=per_bar)
+    largest = max(float(np.quantile(run.brake_torque_nm, 0.999)) for run in campaign.runs.values())
+    plain = Brake()
+    return Brake(torque_per_bar_nm=max(largest, 1.0) / plain.full_pressure_bar)
+
+
+class Evaluator:
+    """Evaluates models along the stops of a campaign."""
+
+    def __init__(self, campaign: Campaign, stops: Sequence[Stop]) -> None:
+        self.vehicle = vehicle_of(campaign)
+        self.stops = tuple(stops)
+        self._trajectories = [
+            along.Trajectory(s.time, s.speed, s.acceleration, s.place, s.wheel, s.wheel_rate, s.torque) for s in self.stops
+        ]
+
+    def __call__(self, model: Model) -> list[Evaluation]:
+        """Return what the model says of every stop."""
+        constants = along.model(self.vehicle, model.choice)
+        return [self._one(i, constants, model) for i in range(len(self.stops))]
+
+    def _one(self, i: int, constants: Any, model: Model) -> Evaluation:
+        stop, inertia = self.stops[i], self.vehicle.wheelset_inertia_kgm2
+        run = along.Run(model.mu_cd[i], model.tau, stop.mass, self.vehicle.wheel_radius_m, stop.gradient)
+        p = along.along(self._trajectories[i], run, constants)
+        # A mechanism on the sensors gives the true wheel speed from the recorded one and its rates.
+        rate = stop.wheel_rate
+        lag = model.choice.get("wheel_speed_lag", {}).get("lag_s", 0.0)
+        if lag:
+            rate = rate + lag * stop.wheel_jerk
+        torque = p.torque_factor * stop.torque
+        return Evaluation(
+            adhesion=p.adhesion,
+            slope=p.adhesion_slope,
+            load=p.wheel_load_n,
+            slip=p.slip_speed_mps,
+            force=(torque + inertia * rate) / p.radius_m,
+            torque=torque,
+            impulse=(inertia * p.wheel_speed_radps / p.radius_m).sum(axis=1),
+            brake_force=(torque / p.radius_m).sum(axis=1),
+            recorded_speed=stop.recorded_speed + (p.speed_mps - stop.speed),
+            resistance=p.resistance_n,
+            mass=p.mass_kg,
+        )

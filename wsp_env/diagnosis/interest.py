@@ -1,0 +1,77 @@
+"""The smallest effect of interest: what moves a stop by 1 % in distance or a measured slip by 0.1 m/s.
+
+One function for all mechanisms. A change of what retards the vehicle, at the slip that was measured, changes the distance by
+the integral of v delta_a / a dt. A change of an axle's balance, at the force that was measured, moves its slip by delta_f over
+the steepness of the creep curve. A fault of a speed sensor retards nothing and changes the measured slip itself.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.evaluate import Choice, Evaluation, Model
+
+DISTANCE = 0.01  # [-]
+SLIP_MPS = 0.1
+SENSORS = ("wheel_radius", "wheel_speed_lag", "clock_offset")
+_SLIDES = 0.01  # creepage from which on the contact limits the force, not the brake
+_LEAST_SAMPLES = 50  # of sliding, for a mean
+_LEAST_STEEPNESS = 0.01  # [s/m] of a creep curve; flatter, an axle has no slip of its own: assumption
+_BRAKED_MPS2 = 0.2  # deceleration from which on a vehicle counts as braked
+
+
+@dataclasses.dataclass(frozen=True)
+class Effect:
+    """What a mechanism does to the recorded stops."""
+
+    distance: float  # relative change of the stopping distance [-], mean of the stops that it changes most, gentle or sliding
+    slip: float  # largest mean change of an axle's slip over the upper or lower half of a stop's speeds, mean of stops [m/s]
+
+    @property
+    def multiple(self) -> float:
+        """Size as multiple of the smallest effect of interest [-]."""
+        return max(abs(self.distance) / DISTANCE, abs(self.slip) / SLIP_MPS)
+
+
+def effect(balances: Balances, model: Model, choice: Choice) -> Effect:
+    """Return what the mechanisms of `choice` add to a model."""
+    before = balances.evaluate(dataclasses.replace(model, choice={}))
+    after = balances.evaluate(dataclasses.replace(model, choice=choice))
+    sensor = all(name in SENSORS for name in choice)
+    distances: dict[bool, list[float]] = {True: [], False: []}
+    slips = []
+    for stop, one, other in zip(balances.stops, before, after, strict=True):
+        slides = one.slip > _SLIDES * stop.speed[:, None]
+        slips.append(_moved(stop.speed, one, other, slides, sensor))
+        base, moved = (_retarded(e, slides, balances.radius) for e in (one, other))
+        braked = base > _BRAKED_MPS2
+        if not sensor and braked.any():
+            travelled = stop.speed * stop.step_s
+            change = -(travelled * (moved - base) / np.maximum(base, _BRAKED_MPS2))[braked].sum()
+            distances[bool(slides.mean() > 0.2)].append(float(change / travelled[braked].sum()))
+    means = [float(np.mean(kind)) for kind in distances.values() if kind]
+    slip = float(np.nanmean(slips, axis=0).max()) if np.isfinite(slips).any() else 0.0
+    return Effect(max(means, key=abs, default=0.0), slip)
+
+
+def _moved(speed: np.ndarray, one: Evaluation, other: Evaluation, slides: np.ndarray, sensor: bool) -> np.ndarray:
+    """Mean change (2, A) of each axle's slip [m/s] over the upper and lower half of the speeds; nan where it never slides."""
+    fast = speed > 0.5 * speed[0]
+    result: np.ndarray = np.full((2, slides.shape[1]), np.nan)
+    change = other.slip - one.slip
+    residual = (other.force / other.load - one.force / one.load) / 2.0 - (other.adhesion - one.adhesion)
+    for i, half in enumerate((fast, ~fast)):
+        for k in range(slides.shape[1]):
+            used = half if sensor else half & slides[:, k]
+            if used.sum() >= _LEAST_SAMPLES:
+                steepness = max(float(np.abs(one.slope[used, k]).mean()), _LEAST_STEEPNESS)
+                result[i, k] = abs(change[used, k].mean() if sensor else residual[used, k].mean() / steepness)
+    return result
+
+
+def _retarded(one: Evaluation, slides: np.ndarray, radius: float) -> np.ndarray:
+    """Deceleration (T,) [m/s2] that brakes, contacts and resistances give at the measured slip."""
+    force = np.where(slides, 2.0 * one.load * one.adhesion, one.torque / radius).sum(axis=1) + one.resistance
+    result: np.ndarray = force / one.mass
+    return result

@@ -1,0 +1,210 @@
+"""Screens all candidates at once about a model: gains in the data and in null recordings, by small matrices.
+
+Every null recording passes the very same steps as the data, sensitivities included: a column is computed from noisy channels,
+its inner product with the residual therefore has a mean of its own, and that mean, seen in the null recordings, is taken away.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import gamma
+
+from wsp_env.diagnosis import candidates
+from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.candidates import Candidate, Variant, library
+from wsp_env.diagnosis.closures import closures
+from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.gls import Fit, Projector, fit
+from wsp_env.diagnosis.variation import friction_column, law_columns, nuisances
+
+_LOG10 = float(np.log(10.0))
+
+
+@dataclasses.dataclass(frozen=True)
+class Products:
+    """Inner products of all columns with each other and with the residual, off the nuisances, over some rows."""
+
+    gram: np.ndarray  # (K, K)
+    against: np.ndarray  # (K,)
+    cost: float  # of the residual with itself
+    rows: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Scan:
+    """All candidates in one campaign, recorded or null."""
+
+    candidates: tuple[Candidate, ...]  # without their columns
+    parts: tuple[slice, ...]
+    accepted: int  # that many last columns belong to the mechanisms that are on
+    whole: Products
+    tune: Products
+    validate: Products
+
+    def columns_of(self, candidate: int) -> np.ndarray:
+        """Return the indices of a candidate's columns."""
+        part = self.parts[candidate]
+        return np.arange(part.start, part.stop)
+
+
+def scan(
+    balances: Balances,
+    model: Model,
+    deviation: np.ndarray,
+    tried: Sequence[Variant],
+    accepted: Sequence[Variant] = (),
+    held_out: bool = True,
+) -> Scan:
+    """Compute the inner products of all candidates about a model.
+
+    Parameters
+    ----------
+    deviation : (n,) with which rows are whitened
+    tried : variants of the library
+    accepted : mechanisms that are on in the model
+    held_out : whether the halves, runs to tune on and to validate, are wanted too
+
+    """
+    rows = balances.rows
+    base = balances.raw(model)
+    nuisance = nuisances(balances, model, base)
+    friction = friction_column(law_columns(balances, model, base))
+    listed = library(balances, model, base, friction, tried) + closures(balances, model, friction)
+    on = [candidates.columns(balances, model, base, one)[0] for one in accepted]
+    scale = deviation[:, None]
+    x = np.column_stack([*(one.columns for one in listed), *on]) / scale
+    free, y = nuisance.columns / scale, base / deviation
+    ends = np.cumsum([one.columns.shape[1] for one in listed])
+    parts = tuple(slice(int(end) - one.columns.shape[1], int(end)) for one, end in zip(listed, ends, strict=True))
+
+    def products(keep: np.ndarray) -> Products:
+        projector = Projector(free[keep], nuisance.prior)
+        both = np.column_stack([x[keep], y[keep]])
+        inner = projector.inner(both, both)
+        return Products(inner[:-1, :-1], inner[:-1, -1], float(inner[-1, -1]), int(keep.sum()))
+
+    bare = tuple(dataclasses.replace(one, columns=np.zeros((0, one.columns.shape[1]))) for one in listed)
+    every = np.ones(len(rows), dtype=bool)
+    whole = products(every)
+    halves = [whole, whole]
+    if held_out and rows.validate.any() and not rows.validate.all():
+        halves = [products(~rows.validate), products(rows.validate)]
+    return Scan(bare, parts, sum(one.shape[1] for one in on), whole, halves[0], halves[1])
+
+
+def conditioned(products: Products, index: np.ndarray, given: np.ndarray, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return Gram matrix and inner products of some columns, off others as well; `offset` is taken from the latter."""
+    gram, against = products.gram, products.against - offset
+    if not len(given):
+        return gram[np.ix_(index, index)], against[index]
+    inverse = fit(gram[np.ix_(given, given)], against[given]).covariance
+    cross = gram[np.ix_(index, given)]
+    return gram[np.ix_(index, index)] - cross @ inverse @ cross.T, against[index] - cross @ inverse @ against[given]
+
+
+@dataclasses.dataclass(frozen=True)
+class Found:
+    """The best variant of one name in the data, and the name's gains in null recordings."""
+
+    name: str
+    gain: float
+    nulls: np.ndarray  # (R,) of the best variant in each
+    held_out: float  # gain on the runs to validate of amplitudes fitted to those to tune on
+    which: int  # candidate of the scan
+    fit: Fit
+
+    @property
+    def surprise(self) -> float:
+        """-log10 of the probability of such a gain in a null recording."""
+        return surprise(self.gain, self.nulls)
+
+
+def surprise(gain: float, nulls: np.ndarray) -> float:
+    """-log10 of the probability of a gain under the gamma distribution of the nulls' mean and variance."""
+    # A gain is at least a chi-square of one degree of freedom, whatever few null recordings say.
+    mean = max(float(nulls.mean()), 1.0)
+    variance = max(float(nulls.var(ddof=1)) if len(nulls) > 1 else 0.0, 2.0 * mean)
+    # Beyond some 300 the tail is nothing a float holds.
+    return float(min(-gamma.logsf(gain, mean**2 / variance, scale=variance / mean) / _LOG10, 300.0))
+
+
+class Search:
+    """Gains of all candidates in the data against those in null recordings.
+
+    Parameters
+    ----------
+    data : scan about the present model
+    nulls : scans of null recordings about the baseline
+    given : for every null scan the columns of the mechanisms accepted so far
+
+    """
+
+    def __init__(self, data: Scan, nulls: Sequence[Scan], given: np.ndarray) -> None:
+        self.data, self.nulls, self.given = data, nulls, given
+        k = len(data.whole.against)
+        self.own = np.arange(k - data.accepted, k)  # columns of the accepted mechanisms in the data's scan
+        names = {self._key(one): i for i, one in enumerate(nulls[0].candidates)}
+        self.twin = [names.get(self._key(one), -1) for one in data.candidates]
+        self.mean = np.mean([null.whole.against for null in nulls], axis=0)
+        whole = self._offset()
+        # The halves' own means would need the halves of all null recordings: by their share of the columns' squares.
+        shares = [np.diag(half.gram) / np.maximum(np.diag(data.whole.gram), 1e-12) for half in (data.tune, data.validate)]
+        self.offsets = {"whole": whole, "tune": whole * shares[0], "validate": whole * shares[1]}
+
+    @staticmethod
+    def _key(one: Candidate) -> tuple[object, ...]:
+        variant = one.variant
+        return (one.name, one.columns.shape[1], *(sorted(variant.fixed.items()) if variant else ()))
+
+    def _offset(self) -> np.ndarray:
+        """Mean inner product (K,) of the data's columns in null recordings."""
+        mean = self.mean
+        offset = np.zeros(len(self.data.whole.against))
+        for mine, its in enumerate(self.twin):
+            if its >= 0:
+                offset[self.data.columns_of(mine)] = mean[self.nulls[0].columns_of(its)]
+        if len(self.own) == len(self.given):
+            offset[self.own] = mean[self.given]
+        return offset
+
+    def gain(self, index: np.ndarray, part: str = "whole") -> Fit:
+        """Fit some columns to the data, off those of the accepted mechanisms."""
+        return fit(*conditioned(getattr(self.data, part), index, self.own, self.offsets[part]))
+
+    def held_out(self, index: np.ndarray) -> float:
+        """Gain on the runs to validate of amplitudes fitted to the runs to tune on; the whole gain without such runs."""
+        if self.data.tune is self.data.validate:
+            return self.gain(index).gain
+        amplitude = self.gain(index, "tune").amplitude
+        gram, against = conditioned(self.data.validate, index, self.own, self.offsets["validate"])
+        return float(2.0 * amplitude @ against - amplitude @ gram @ amplitude)
+
+    def null_gains(self, which: int) -> np.ndarray:
+        """Gains (R,) of a candidate of the data's scan in the null recordings."""
+        its = self.twin[which]
+        if its < 0:
+            return np.zeros(len(self.nulls))
+        index = self.nulls[0].columns_of(its)
+        # Each is freed from the mean of the others: its own would make it look smaller than the data's.
+        mean, count = self.mean, len(self.nulls)
+        gains = [
+            fit(*conditioned(null.whole, index, self.given, (count * mean - null.whole.against) / max(count - 1, 1))).gain
+            for null in self.nulls
+        ]
+        return np.array(gains)
+
+    def found(self) -> list[Found]:
+        """Return the best variant of every name with the name's null gains, largest surprise first."""
+        by_name: dict[str, list[int]] = {}
+        for i, one in enumerate(self.data.candidates):
+            by_name.setdefault(one.name, []).append(i)
+        result = []
+        for name, members in by_name.items():
+            fits = [self.gain(self.data.columns_of(i)) for i in members]
+            best = int(np.argmax([one.gain for one in fits]))
+            nulls = np.max([self.null_gains(i) for i in members], axis=0)
+            which = members[best]
+            held_out = self.held_out(self.data.columns_of(which))
+            result.append(Found(name, fits[best].gain, nulls, held_out, which, fits[best]))
+        return sorted(result, key=lambda one: -one.surprise)

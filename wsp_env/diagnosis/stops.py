@@ -1,0 +1,197 @@
+"""Recorded stops prepared for the balances: smoothed channels, blocks of time, and what noise does to them.
+
+The wheel's channels pass a Savitzky-Golay filter. The vehicle's speed is smoothed about its own momentum balance: what the
+wheels' forces predict is taken away, the rest, which changes slowly, passes a long window, and the prediction is put back. That
+keeps what is fast and leaves less than half of the noise that a filter of the speed alone leaves.
+"""
+
+import dataclasses
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+from scipy.signal import savgol_coeffs, savgol_filter
+
+from wsp_env.recordings import Campaign, Recording
+from wsp_env.recordings.quality import describe
+
+WHEEL_WINDOW_S = 0.09  # blocks average the rest; a longer window shifts what happens in a slide's transients
+VEHICLE_WINDOW_S = 1.5  # of what the wheels' forces do not predict: normal variation of the brakes, slow in a stop
+BLOCK_S = 0.16  # residuals are averaged over blocks: of the adhesion
+VEHICLE_BLOCK_S = 0.4  # of the vehicle
+STEP_S = 0.01  # faster recordings are thinned to about this after smoothing
+EVALUATED_S = 0.02  # models are evaluated at about this
+LEAST_SPEED_MPS = 4.0  # creepage is mostly noise below
+LOCKED_MPS = 0.5  # circumferential speed below which a wheel counts as locked: its torque is a reaction
+ROLLING_SHARE = 0.05  # of the largest torque, below which a wheel rolls freely
+_ORDER = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class Noise:
+    """Standard deviation of one sample of each channel, and what one block of its smoothed residual keeps of it."""
+
+    speed: float  # [m/s]
+    wheel: float  # [rad/s]
+    torque: float  # [N m]
+    step_s: float  # [s] between samples
+
+    def slip(self, radius: float) -> float:
+        """Deviation of the slip speed's mean over a block [m/s]."""
+        vehicle = self.speed * _kept(VEHICLE_WINDOW_S, BLOCK_S, self.step_s, 0)
+        return float(np.hypot(vehicle, radius * self.wheel * _kept(WHEEL_WINDOW_S, BLOCK_S, self.step_s, 0)))
+
+    def moment(self, inertia: float) -> float:
+        """Deviation of C + J dw/dt over a block [N m]."""
+        torque = self.torque * _kept(WHEEL_WINDOW_S, BLOCK_S, self.step_s, 0)
+        return float(np.hypot(torque, inertia * self.wheel * _kept(WHEEL_WINDOW_S, BLOCK_S, self.step_s, 1)))
+
+    @property
+    def block_speed(self) -> float:
+        """Deviation of the raw vehicle speed's mean over a block [m/s]."""
+        return self.speed / np.sqrt(max(VEHICLE_BLOCK_S / self.step_s, 1.0))
+
+
+@dataclasses.dataclass(frozen=True)
+class Stop:
+    """One recorded stop; T samples, A axles."""
+
+    name: str
+    group: str  # "tune" or "validate"
+    step_s: float
+    time: np.ndarray  # (T,) [s]
+    speed: np.ndarray  # (T,) smoothed [m/s]
+    acceleration: np.ndarray  # (T,) [m/s2]
+    recorded_speed: np.ndarray  # (T,) as recorded, mean over each thinned sample [m/s]
+    wheel: np.ndarray  # (T, A) [rad/s]
+    wheel_rate: np.ndarray  # (T, A) [rad/s2]
+    wheel_jerk: np.ndarray  # (T, A) [rad/s3]
+    torque: np.ndarray  # (T, A) [N m]
+    place: np.ndarray  # (T,) of the leading axle [m]
+    usable: np.ndarray  # (T, A) bool: turning, fast enough, as recorded
+    segment: np.ndarray  # (T,) int: stretches without a locked wheel, over which momentum is summed; -1 outside
+    mass: float  # [kg]
+    gradient: float  # [-] as believed
+    believed_mu_cd: float  # [-]
+    noise: Noise
+
+
+def prepare(campaign: Campaign) -> tuple[list[Stop], list[str]]:
+    """Return the stops that can be used, and what was left out and why."""
+    stops, left_out = [], []
+    for name in (*campaign.tune, *campaign.validate):
+        run = campaign.runs[name]
+        group = "tune" if name in campaign.tune else "validate"
+        needed = _length(VEHICLE_WINDOW_S, _step(run)) + 2
+        fast = int((run.vehicle_speed_mps > LEAST_SPEED_MPS).sum())
+        if fast < needed:
+            left_out.append(f"run {name}: {fast} samples above {LEAST_SPEED_MPS:g} m/s, {needed} are needed")
+            continue
+        stops.append(_prepared(campaign, run, group, channel_noise(run)))
+    return stops, left_out
+
+
+def thinned(stop: Stop) -> Stop:
+    """Return the stop with neighbouring samples averaged until they are about `EVALUATED_S` apart."""
+    stride = max(round(EVALUATED_S / stop.step_s), 1)
+    if stride == 1:
+        return stop
+    kept = len(stop.time) // stride
+
+    def cut(values: np.ndarray) -> np.ndarray:
+        return values[: kept * stride].reshape(kept, stride, *values.shape[1:])
+
+    mean = {
+        field.name: cut(getattr(stop, field.name)).mean(axis=1)
+        for field in dataclasses.fields(Stop)
+        if isinstance(getattr(stop, field.name), np.ndarray) and field.name not in ("usable", "segment")
+    }
+    segment = cut(stop.segment)
+    usable: np.ndarray = np.all(cut(stop.usable), axis=1)
+    whole = (segment == segment[:, :1]).all(axis=1)
+    return dataclasses.replace(
+        stop,
+        step_s=stop.step_s * stride,
+        usable=usable,
+        segment=np.where(whole, segment[:, 0], -1),
+        **mean,
+    )
+
+
+def channel_noise(run: Recording) -> Noise:
+    """Estimate the noise of one run's channels by third differences; the median over the axles."""
+    wheel = float(np.median([describe(column).noise for column in run.wheel_speed_radps.T]))
+    torque = float(np.median([describe(column).noise for column in run.brake_torque_nm.T]))
+    speed = describe(run.vehicle_speed_mps).noise
+    # A noiseless recording (a simulation) still has rounding and the smoothing's own error.
+    return Noise(max(speed, 1e-3), max(wheel, 1e-3), max(torque, 1.0), _step(run))
+
+
+def _prepared(campaign: Campaign, run: Recording, group: str, noise: Noise) -> Stop:
+    vehicle, step = campaign.vehicle, _step(run)
+    wheel, rate, jerk, torque = smooth_wheels(run.wheel_speed_radps, run.brake_torque_nm, step)
+    speed, acceleration = smooth_speed(run.vehicle_speed_mps, wheel, rate, torque, campaign, run.mass_kg, step)
+    stride = max(round(STEP_S / step), 1)
+    usable = (speed > LEAST_SPEED_MPS)[:, None] & (vehicle.wheel_radius_m * wheel > LOCKED_MPS)
+    turning = (vehicle.wheel_radius_m * wheel > LOCKED_MPS).all(axis=1) & (speed > LEAST_SPEED_MPS)
+    end = _length(WHEEL_WINDOW_S, step)
+    if run.suspect is not None and run.suspect.any():
+        near = maximum_filter1d(run.suspect, 2 * end + 1, axis=0)
+        usable &= ~near
+        turning &= ~near.any(axis=1)
+    usable[:end] = usable[len(usable) - end :] = False
+    turning[:end] = turning[len(turning) - end :] = False
+    behind = np.cumsum(speed) * step
+    begins = np.diff(np.concatenate([[0], turning.astype(int)])) == 1
+    segment = np.where(turning, np.cumsum(begins) - 1, -1)
+    thin = slice(stride // 2, None, stride)
+    raw = run.vehicle_speed_mps[: len(speed) // stride * stride].reshape(-1, stride).mean(axis=1)
+    kept = len(raw)
+    return Stop(
+        run.name, group, step * stride, run.time_s[thin][:kept], speed[thin][:kept], acceleration[thin][:kept], raw,
+        wheel[thin][:kept], rate[thin][:kept], jerk[thin][:kept], torque[thin][:kept],
+        (run.start_position_m + behind)[thin][:kept], usable[thin][:kept], segment[thin][:kept],
+        run.mass_kg, run.gradient, run.kinetic_friction_d, noise,
+    )  # fmt: skip
+
+
+def smooth_wheels(wheel: np.ndarray, torque: np.ndarray, step: float) -> tuple[np.ndarray, ...]:
+    """Return wheel speed, its first and second rate, and torque, smoothed; arrays (..., T, A)."""
+    length = _length(WHEEL_WINDOW_S, step)
+
+    def smoothed(values: np.ndarray, derivative: int) -> np.ndarray:
+        result: np.ndarray = savgol_filter(values, length, _ORDER, deriv=derivative, delta=step, axis=-2)
+        return result
+
+    return smoothed(wheel, 0), smoothed(wheel, 1), smoothed(wheel, 2), smoothed(torque, 0)
+
+
+def smooth_speed(
+    recorded: np.ndarray, wheel: np.ndarray, rate: np.ndarray, torque: np.ndarray, campaign: Campaign, mass: float, step: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vehicle's speed (..., T) smoothed about its momentum balance, and its rate [m/s2]."""
+    vehicle = campaign.vehicle
+    turning = vehicle.wheel_radius_m * wheel > LOCKED_MPS
+    moment = np.where(turning, torque + vehicle.wheelset_inertia_kgm2 * rate, 0.0)
+    predicted_rate = -moment.sum(axis=-1) / (vehicle.wheel_radius_m * mass)
+    predicted = (np.cumsum(predicted_rate, axis=-1) - 0.5 * predicted_rate) * step  # the trapezoidal sum
+    length = _length(VEHICLE_WINDOW_S, step)
+    rest = recorded - predicted
+    return (
+        predicted + savgol_filter(rest, length, _ORDER, axis=-1),
+        predicted_rate + savgol_filter(rest, length, _ORDER, deriv=1, delta=step, axis=-1),
+    )
+
+
+def _step(run: Recording) -> float:
+    return float(np.median(np.diff(run.time_s[:10_000])))
+
+
+def _length(window_s: float, step_s: float) -> int:
+    return int(max(2 * round(window_s / (2 * step_s)) + 1, _ORDER + 1))
+
+
+def _kept(window_s: float, block_s: float, step_s: float, derivative: int) -> float:
+    """Deviation that a block mean of the filtered channel keeps of white noise of deviation 1."""
+    weights = savgol_coeffs(_length(window_s, step_s), _ORDER, deriv=derivative, delta=step_s)
+    box = np.full(max(round(block_s / step_s), 1), 1.0)
+    return float(np.linalg.norm(np.convolve(weights, box / box.sum())))
