@@ -29,7 +29,7 @@ def main(
     load: float = 0.0,
     set: tuple[str, ...] = (),
     out: Path = Path("out/compare.html"),
-    json_: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
 ) -> None:
     """Brake the same stop under the classic and the recovering law (the seed paper's Fig. 16), over mu_cd and tau.
 
@@ -37,16 +37,26 @@ def main(
 
     Parameters
     ----------
-    controller : as for `wsp evaluate`
-    vehicle : wheelset, bogie or coach
-    mu_cd : kinetic friction coefficients of the contaminated rail [-]
-    tau : recovery rates [m/J], above 0
-    speed : initial speed [m/s]
-    demand : share of full brake pressure
-    load : share of the payload
-    set : parameters of the controller, as rule-based.slip_base_mps=0.4
-    out : the page
-    json_ : print the table as JSON
+    controller
+        As for `wsp evaluate`.
+    vehicle
+        Wheelset, bogie or coach.
+    mu_cd
+        Kinetic friction coefficients of the contaminated rail [-].
+    tau
+        Recovery rates [m/J], above 0.
+    speed
+        Initial speed [m/s].
+    demand
+        Share of full brake pressure.
+    load
+        Share of the payload.
+    set
+        Parameters of the controller, as rule-based.slip_base_mps=0.4.
+    out
+        The page.
+    json_
+        Print the table as JSON.
 
     """
     if vehicle not in VEHICLES:

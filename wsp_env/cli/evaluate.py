@@ -52,7 +52,7 @@ def main(
     programme: Path = STANDARD,
     pressure_sensors: bool = False,
     out: Path = Path("out/evaluate"),
-    json_: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
 ) -> None:
     """Put controllers through the test programme and compare them.
 
@@ -61,17 +61,28 @@ def main(
 
     Parameters
     ----------
-    controllers : short names (none, rule-based, slip, extremum), package.module:Class or path.py:Class; such code is run
-    vehicle : wheelset, bogie or coach
-    cases : names of the programme's cases; none: all that the vehicle is fast enough for
-    draws : stops of each case under each law
-    seed : of the draws
-    jobs : processes; 0: one per processor
-    set : parameters of controllers, as rule-based.slip_base_mps=0.4
-    programme : file with cases and requirements in place of the standard one
-    pressure_sensors : the vehicle measures its cylinder pressures
-    out : folder of the results
-    json_ : print summary, verdicts and failures as JSON
+    controllers
+        Short names (none, rule-based, slip, extremum), package.module:Class or path.py:Class; such code is run.
+    vehicle
+        Wheelset, bogie or coach.
+    cases
+        Names of the programme's cases; none: all that the vehicle is fast enough for.
+    draws
+        Stops of each case under each law.
+    seed
+        Of the draws.
+    jobs
+        Processes; 0: one per processor.
+    set
+        Parameters of controllers, as rule-based.slip_base_mps=0.4.
+    programme
+        File with cases and requirements in place of the standard one.
+    pressure_sensors
+        The vehicle measures its cylinder pressures.
+    out
+        Folder of the results.
+    json_
+        Print summary, verdicts and failures as JSON.
 
     """
     if vehicle not in VEHICLES:
