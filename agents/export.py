@@ -14,6 +14,8 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecNormalize
 
 import wsp_env
+from agents.worlds import CUT_OUT_MPS, REFERENCE
+from wsp_env.envs.observation import Observer
 from wsp_env.envs.task import Task
 from wsp_env.evaluation.policy import (
     CONTRACT,
@@ -32,7 +34,7 @@ AGREEMENT = 1e-5
 
 
 class Actor(torch.nn.Module):
-    """What is exported: normalisation, clipping, the policy's network and the choice of the command."""
+    """What is exported: normalisation, clipping, the policy's network, the choice of the command and the cut-out."""
 
     mean: torch.Tensor
     deviation: torch.Tensor
@@ -52,8 +54,11 @@ class Actor(torch.nn.Module):
         normal = torch.clamp((observation - self.mean) / self.deviation, -self.bound, self.bound)
         raw = self.action_net(self.mlp_extractor.forward_actor(normal))
         if self.valve:
-            return torch.argmax(raw.reshape(raw.shape[0], -1, 3), dim=2).to(torch.float32) - 1.0, raw
-        return torch.clamp(raw, -1.0, 1.0), raw
+            command = torch.argmax(raw.reshape(raw.shape[0], -1, 3), dim=2).to(torch.float32) - 1.0
+        else:
+            command = torch.clamp(raw, -1.0, 1.0)
+        slow = observation[:, REFERENCE] < CUT_OUT_MPS / Observer.SPEED_SCALE
+        return torch.where(slow[:, None], torch.ones_like(command), command), raw
 
     def infer(self, observation: np.ndarray) -> np.ndarray:
         """Return the commands as the exported network would."""

@@ -71,10 +71,13 @@ class Yardstick:
         self.conduct = conduct
 
     def figures(self, controller: Controller) -> dict[str, np.ndarray]:
-        """Return the figures of all stops, (count,) each."""
-        return figures(run(controller, self.vehicle, self.stops, self.conduct), self.top)
+        """Return the figures of all stops, their durations [s] and whether they came to an end, (count,) each."""
+        result = run(controller, self.vehicle, self.stops, self.conduct)
+        return figures(result, self.top) | {"duration_s": result.duration, "stopped": result.stopped}
 
     def means(self, controller: Controller) -> dict[str, float]:
-        """Return the means over the stops of the compared figures."""
+        """Return the means over the stops of the compared figures, the metres slid (mean of the axles) and the share that ran on."""
         found: Mapping[str, Any] = self.figures(controller)
-        return {name: float(np.mean(found[name])) for name in COMPARED}
+        slid = float(np.mean(found["mean_slip_mps"] * found["duration_s"]))
+        own = {"slide_distance_m": slid, "ran_on": float(np.mean(~found["stopped"]))}
+        return {name: float(np.mean(found[name])) for name in COMPARED} | own

@@ -54,7 +54,7 @@ class Arguments:
     clip: float = 0.2
     entropy: float = 0.002
     hidden: tuple[int, ...] = (64, 64)
-    slide_price: float = 3.0  # metres travelled that a metre of sliding is worth, see `Shaped`
+    slide_price: float = 1.5  # metres travelled that a metre of sliding is worth, see `Shaped`
     action: Literal["valve", "pressure"] = "valve"
     pressure_sensors: bool = False
     reward: str = '{"air": 0.0003}'  # JSON, see `wsp_env.envs.task.RewardWeights`
@@ -170,14 +170,17 @@ class Watch:
 
     def look(self, model: PPO, world: VecNormalize) -> dict[str, float]:
         """Return the policy's figures over those of the rules, by law."""
-        policy = Policy(describe(self.vehicle, self.task), Actor(model.policy, world).infer)
         found = {}
-        for law, yardstick in self.yardsticks.items():
-            means = yardstick.means(policy)
+        for law, means in self.means(model, world).items():
             for name in ("distance_m", "mean_slip_mps", "slip_deviation_mps", "contact_energy_mj", "air_nl"):
                 found[f"{law}_{name}_ratio"] = means[name] / self.rules[law][name]
-            found[f"{law}_locked_s"] = means["locked_s"]
+            found |= {f"{law}_locked_s": means["locked_s"], f"{law}_ran_on": means["ran_on"]}
         return found
+
+    def means(self, model: PPO, world: VecNormalize) -> dict[str, dict[str, float]]:
+        """Return the policy's figures, by law."""
+        policy = Policy(describe(self.vehicle, self.task), Actor(model.policy, world).infer)
+        return {law: yardstick.means(policy) for law, yardstick in self.yardsticks.items()}
 
     def told(self, curve: list[dict[str, float]]) -> str:
         """Return the last row of a curve in words."""
@@ -186,7 +189,7 @@ class Watch:
         row = curve[-1]
         laws = (
             f"{law}: distance x{row[f'{law}_distance_m_ratio']:.3f}, slip x{row[f'{law}_mean_slip_mps_ratio']:.2f}, "
-            f"energy x{row[f'{law}_contact_energy_mj_ratio']:.2f}, locked {row[f'{law}_locked_s']:.1f} s"
+            f"energy x{row[f'{law}_contact_energy_mj_ratio']:.2f}, locked {row[f'{law}_locked_s']:.1f} s, ran on {row[f'{law}_ran_on']:.0%}"
             for law in self.rules
         )
         return "of the rules' " + "; ".join(laws)

@@ -7,7 +7,18 @@ from typing import Any
 import numpy as np
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
+from wsp_env.envs.observation import Observer
 from wsp_env.envs.sb3 import BrakingVecEnv
+
+#: Place of the reference speed in an observation.
+REFERENCE = -2
+
+#: Reference speed [m/s] below which the brake is applied whatever the policy says, 5 km/h (assumption: EN 15595, no WSP below
+#: 3 to 5 km/h); part of the exported network.
+CUT_OUT_MPS = 5.0 / 3.6
+
+#: Seconds count as so many metres [m/s]: else nothing is gained from coming to a stand at the end (assumption).
+TIME_PRICE_MPS = 2.0
 
 #: Deceleration [m/s2] by which the rest of a stop is reckoned (assumption: what low adhesion of 0.05 to 0.1 allows). It only
 #: moves reward between steps: the sum over a stop is the same but for a constant.
@@ -28,14 +39,15 @@ class Stopped:
 
 
 class Shaped(VecEnvWrapper):
-    """The environment's reward, given earlier, less the metres that the wheels slide.
+    """The environment's reward, given earlier, less the metres that the wheels slide; and the cut-out at low speed.
 
-    r = r_env + w (v^2 - v'^2) / (2 a) - w c s dt
+    r = r_env - w (c s + p) dt + w (v^2 / 2 + p v - v'^2 / 2 - p v') / a
 
-    with w the environment's weight of a metre travelled. The first addition is a potential (Ng, Harada, Russell 1999, without
-    the discount): its sum over a stop depends on the initial speed alone, but what the brake does now is rewarded now and not
-    half a minute later. The second is the price of sliding: a metre by which the wheels slide (mean of the axles) counts as
-    c metres travelled; heat in the contact, wear and the deviation of the slip speed fall with it.
+    with w the environment's weight of a metre travelled. The price c of sliding: a metre by which the wheels slide (mean of the
+    axles) counts as c metres travelled; heat in the contact, wear and the deviation of the slip speed fall with it. The price p
+    of time makes the end of a stop worth something. The last term is a potential (Ng, Harada, Russell 1999, without the
+    discount): its sum over a stop depends on the initial speed alone, but what the brake does now is rewarded now and not half
+    a minute later.
 
     Parameters
     ----------
@@ -54,10 +66,16 @@ class Shaped(VecEnvWrapper):
 
     def reset(self) -> np.ndarray:
         """Begin new stops."""
-        observation = self.venv.reset()
+        observation = np.asarray(self.venv.reset())
+        self._reference = Observer.SPEED_SCALE * observation[:, REFERENCE]
         self._speed = self.batch.plant.state.speed.copy()
         self._sums[:] = 0.0
-        return np.asarray(observation)
+        return observation
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Take the actions (N, A); where the vehicle is as good as at rest the brake is applied."""
+        full = 2 if self.batch.task.action == "valve" else 1.0
+        self.venv.step_async(np.where((self._reference < CUT_OUT_MPS)[:, None], full, actions))
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Advance; `infos[i]["stopped"]` holds a `Stopped` when stop i has ended."""
@@ -67,12 +85,12 @@ class Shaped(VecEnvWrapper):
         ended = np.flatnonzero(done)
         for i in ended:  # the batch holds the next stop already
             speed[i], slip[i], locked[i] = infos[i]["speed_mps"], infos[i]["slip_speed_mps"], infos[i]["locked"]
-        gained = (self._speed**2 - speed**2) / (2.0 * USUAL_DECELERATION_MPS2)
-        slid = slip.mean(axis=1) * task.control_interval_s
-        reward = reward + weight * (gained - self.slide_price * slid)
+        interval = task.control_interval_s
+        slid = slip.mean(axis=1) * interval
+        gained = (_rest_of_stop(self._speed) - _rest_of_stop(speed)) / USUAL_DECELERATION_MPS2
+        reward = reward + weight * (gained - self.slide_price * slid - TIME_PRICE_MPS * interval)
         fast = speed > task.slide_limit_speed_mps
         beyond = (slip > task.slide_limit * speed[:, None]).mean(axis=1) * fast
-        interval = task.control_interval_s
         self._sums += [slid, beyond * interval, locked.mean(axis=1) * interval, reward]
         for i in ended:
             end, (slide, limit, lock, total) = infos[i], self._sums[:, i]
@@ -80,8 +98,14 @@ class Shaped(VecEnvWrapper):
             distance, air = float(end["position_m"]), float(end["air_nl"])
             infos[i]["stopped"] = Stopped(distance, slide, limit, lock, air, work, total)
         self._sums[:, ended] = 0.0
+        self._reference = Observer.SPEED_SCALE * observation[:, REFERENCE]
         self._speed = self.batch.plant.state.speed.copy()
         return observation, reward.astype(np.float32), done, infos
+
+
+def _rest_of_stop(speed: np.ndarray) -> np.ndarray:
+    """Price of the rest of a stop at a deceleration of 1 m/s2 [m]: its way and its time."""
+    return 0.5 * speed**2 + TIME_PRICE_MPS * speed
 
 
 class Joined(VecEnv):

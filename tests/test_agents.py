@@ -17,7 +17,8 @@ from agents import checkpoint
 from agents.export import AGREEMENT, Actor, disagreement, export
 from agents.measure import HELD_OUT, WATCHED, Yardstick, low_adhesion
 from agents.train import Arguments, make_world, segment_seed, task_options, train
-from agents.worlds import USUAL_DECELERATION_MPS2, Joined, Shaped
+from agents.worlds import CUT_OUT_MPS, REFERENCE, TIME_PRICE_MPS, USUAL_DECELERATION_MPS2, Joined, Shaped
+from wsp_env.envs.observation import Observer
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
 from wsp_env.evaluation.controller import load
@@ -110,6 +111,9 @@ def test_onnx_and_sb3_agree(tmp_path, action):
     session = onnxruntime.InferenceSession(tmp_path / "policy" / "policy.onnx", providers=["CPUExecutionProvider"])
     command, raw = session.run(["command", "raw"], {"observation": observation})
     assert disagreement(model.policy, world, observation, raw) <= AGREEMENT
+    slow = observation[:, REFERENCE] < CUT_OUT_MPS / Observer.SPEED_SCALE
+    assert (command[slow] == 1.0).all()
+    command, raw, observation = command[~slow], raw[~slow], observation[~slow]
     chosen, _ = model.predict(world.normalize_obs(observation), deterministic=True)
     if action == "pressure":
         assert_allclose(command, chosen, atol=AGREEMENT)
@@ -139,7 +143,7 @@ def test_what_differs_is_not_exported(tmp_path, trained, monkeypatch):
 
 
 def test_shaping_adds_what_depends_on_the_start_and_the_slide_alone():
-    """Over a stop: sum of r - sum of r_env = w (v0^2 - v_end^2) / (2 a) - w c times the metres slid."""
+    """Over a stop: sum of r - sum of r_env = w (v0^2 / 2 + p v0) / a - w c times the metres slid - w p times the seconds."""
     options = {"scenario": {"initial_speed": (4.0, 6.0)}}
     plain, priced = (Shaped(BrakingVecEnv("wsp_env/Bogie-v0", 3, **options), price) for price in (0.0, 5.0))
     bare = BrakingVecEnv("wsp_env/Bogie-v0", 3, **options)
@@ -152,6 +156,7 @@ def test_shaping_adds_what_depends_on_the_start_and_the_slide_alone():
     rng = np.random.default_rng(0)
     while open_stops.any():
         action = rng.integers(0, 3, (3, 2))
+        action[plain.batch.observer._reference < CUT_OUT_MPS] = 2
         outcome = {"plain": plain.step(action), "bare": bare.step(action), "priced": priced.step(action)}
         for name, (_, reward, _, _) in outcome.items():
             sums[name] += np.where(open_stops, reward, 0.0)
@@ -159,7 +164,9 @@ def test_shaping_adds_what_depends_on_the_start_and_the_slide_alone():
             stopped = outcome["plain"][3][i]["stopped"]
             assert stopped.stopping_distance_m == outcome["bare"][3][i]["position_m"]
             assert_allclose(stopped.reward, sums["plain"][i], rtol=1e-4)
-            assert_allclose(sums["plain"][i] - sums["bare"][i], 0.01 * start[i] ** 2 / (2 * USUAL_DECELERATION_MPS2), rtol=1e-3)
+            worth = (0.5 * start[i] ** 2 + TIME_PRICE_MPS * start[i]) / USUAL_DECELERATION_MPS2
+            lasted = TIME_PRICE_MPS * outcome["plain"][3][i]["time_s"]
+            assert_allclose(sums["plain"][i] - sums["bare"][i], 0.01 * (worth - lasted), rtol=1e-3, atol=1e-3)
             assert_allclose(sums["plain"][i] - sums["priced"][i], 0.01 * 5.0 * stopped.slide_distance_m, rtol=1e-3, atol=1e-5)
         open_stops &= ~outcome["plain"][2]
 
