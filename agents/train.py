@@ -189,7 +189,8 @@ class Watch:
         row = curve[-1]
         laws = (
             f"{law}: distance x{row[f'{law}_distance_m_ratio']:.3f}, slip x{row[f'{law}_mean_slip_mps_ratio']:.2f}, "
-            f"energy x{row[f'{law}_contact_energy_mj_ratio']:.2f}, locked {row[f'{law}_locked_s']:.1f} s, ran on {row[f'{law}_ran_on']:.0%}"
+            f"energy x{row[f'{law}_contact_energy_mj_ratio']:.2f}, locked {row[f'{law}_locked_s']:.1f} s, "
+            f"{row[f'{law}_ran_on']:.0%} ran on"
             for law in self.rules
         )
         return "of the rules' " + "; ".join(laws)
