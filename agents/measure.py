@@ -76,7 +76,7 @@ class Yardstick:
         return figures(result, self.top) | {"duration_s": result.duration, "stopped": result.stopped}
 
     def means(self, controller: Controller) -> dict[str, float]:
-        """Return the means over the stops of the compared figures and metres slid (mean of axles), and the share that ran on."""
+        """Return the means of the compared figures and of the metres slid (mean of the axles), and the share that ran on."""
         found: Mapping[str, Any] = self.figures(controller)
         slid = float(np.mean(found["mean_slip_mps"] * found["duration_s"]))
         own = {"slide_distance_m": slid, "ran_on": float(np.mean(~found["stopped"]))}
