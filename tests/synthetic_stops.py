@@ -3,6 +3,7 @@
 The wheel speeds and torques that belong to them follow from eqs. (2) and (11), so no controller and no plant is needed.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ SAMPLE_S = 0.01
 COASTING_S = 1.0
 
 _FINE = 5  # integration steps per sample
+_KNOTS_M = 10.0  # mu_cd along the track is drawn at places this far apart, straight lines between
 
 
 def creepages(time_s: np.ndarray, peak: float) -> np.ndarray:
@@ -41,19 +43,49 @@ def stop(
     seed: int = 0,
 ) -> dict[str, np.ndarray]:
     """Return the columns of a recording in the native format; `noise` 1 is that of good sensors."""
+    return stops(tau, [mu_cd], speed_mps, duration_s, peak, noise, [seed])[0]
+
+
+def stops(
+    tau: float,
+    mu_cd: Sequence[float],
+    speed_mps: float = 35.0,
+    duration_s: float = 12.0,
+    peak: float = 0.25,
+    noise: float = 0.0,
+    seeds: Sequence[int] = (0,),
+    uneven: float = 0.0,
+) -> list[dict[str, np.ndarray]]:
+    """Return several stops, one for each mu_cd; `uneven` is the relative standard deviation of mu_cd along the track."""
     step = SAMPLE_S / _FINE
     time = step * np.arange(int(duration_s / step))
     creepage = creepages(time, peak)
-    speed = np.empty(len(time))
-    force = np.empty((len(time), AXLES))
+    speed = np.empty((len(time), len(mu_cd)))
+    force = np.empty((len(time), len(mu_cd), AXLES))
     speed[0] = speed_mps
+    place = np.zeros(len(mu_cd))
+    knots = 1 + int(speed_mps * duration_s / _KNOTS_M)
+    along = [
+        mu * (1.0 + uneven * np.random.default_rng([seed, 1]).standard_normal(knots + 1))
+        for mu, seed in zip(mu_cd, seeds, strict=True)
+    ]
+    rail, which = np.array(along), np.arange(len(mu_cd))
     for i in range(len(time)):
-        f = degraded_adhesion(creepage[i] * speed[i], speed[i], WHEEL_LOAD_N, mu_cd, tau, CONTACT.law)
-        force[i] = 2 * f * WHEEL_LOAD_N
+        knot, beyond = np.divmod(place / _KNOTS_M, 1.0)
+        left, right = (rail[which, knot.astype(int) + k] for k in (0, 1))
+        v, here = speed[i][:, None], ((1.0 - beyond) * left + beyond * right)[:, None]
+        force[i] = 2 * WHEEL_LOAD_N * degraded_adhesion(creepage[i] * v, v, WHEEL_LOAD_N, here, tau, CONTACT.law)
         if i + 1 < len(time):
-            speed[i + 1] = speed[i] - step * force[i].sum() / MASS_KG
+            speed[i + 1] = speed[i] - step * force[i].sum(axis=1) / MASS_KG
+        place += step * speed[i]
+    return [_columns(time, creepage, speed[:, k], force[:, k], noise, seed) for k, seed in enumerate(seeds)]
+
+
+def _columns(
+    time: np.ndarray, creepage: np.ndarray, speed: np.ndarray, force: np.ndarray, noise: float, seed: int
+) -> dict[str, np.ndarray]:
     wheel = (1.0 - creepage) * speed[:, None] / RADIUS_M
-    torque = RADIUS_M * force - INERTIA_KGM2 * np.gradient(wheel, step, axis=0)
+    torque = RADIUS_M * force - INERTIA_KGM2 * np.gradient(wheel, time[1], axis=0)
     rng = np.random.default_rng(seed)
     kept = slice(None, None, _FINE)
     n = len(time[kept])

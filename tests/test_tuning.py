@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from synthetic_stops import MASS_KG, RADIUS_M, SAMPLE_S, WHEEL_LOAD_N, creepages, stop, write_campaign
+from synthetic_stops import MASS_KG, RADIUS_M, SAMPLE_S, WHEEL_LOAD_N, creepages, stop, stops, write_campaign
 
 from wsp_env.cli import main
 from wsp_env.contact.degraded import degraded_adhesion
@@ -24,6 +24,7 @@ from wsp_env.recordings import (
     transition,
     tune,
 )
+from wsp_env.recordings.bootstrap import Blocks, interval95
 
 #: wsp_env/data/README.md: what the demo campaign was made with.
 DEMO_TAU = 2.338e-4
@@ -126,6 +127,45 @@ def test_any_truth_is_found_through_sensor_noise(tmp_path_factory, tau, mu_cd, n
     assert_allclose(tuning.tau_m_per_J, tau, rtol=0.03)
     assert_allclose(tuning.runs["A1"].mu_cd, mu_cd, rtol=0.05)
     assert tuning.interval95[0] < tuning.tau_m_per_J < tuning.interval95[1]
+
+
+def test_interval_of_tau_covers_the_truth_as_often_as_it_says(tmp_path):
+    """On rails whose mu_cd varies along the track; 95 % of 40 leaves at least 33 with a probability of 0.999."""
+    made = stops(TRUE_TAU, [0.055, 0.066] * 40, noise=1.0, seeds=range(80), uneven=0.02)
+    covered = 0
+    for k in range(40):
+        campaign = read_campaign(write_campaign(tmp_path / str(k), {"A1": made[2 * k], "A2": made[2 * k + 1]}))
+        low, high = tune(campaign).interval95
+        covered += low < TRUE_TAU < high
+        assert high < 1.2 * low
+    assert covered >= 33
+
+
+def test_one_step_is_the_whole_way_where_the_model_is_linear():
+    random = np.random.default_rng(3)
+    jacobian, measured, sensitivity = random.normal(size=(60, 2)), random.normal(size=60), random.normal(size=60)
+    block, gain = np.arange(60) // 10, np.arange(60) % 4
+    solution = np.linalg.lstsq(jacobian, -measured, rcond=None)[0]
+    residuals = measured + jacobian @ solution
+    weights, errors = np.array([[2.0, 0.0, 1.0, 3.0, 0.0, 1.0]]), random.normal(size=(1, 4))
+    steps = Blocks.of(jacobian, residuals, block, gain, sensitivity).steps(weights, errors)
+    root = np.sqrt(weights[0][block])
+    again = np.linalg.lstsq(root[:, None] * jacobian, -root * (measured + sensitivity * errors[0][gain]), rcond=None)[0]
+    assert_allclose(solution + steps[0], again, rtol=1e-9)
+
+
+def test_interval_of_a_mean_is_the_textbooks():
+    """Blocks of one sample and the mean: two-sided, t-distributed, and wider by what is not known of the gain."""
+    sample = np.random.default_rng(5).normal(size=400)
+    sample -= sample.mean()
+    one = np.ones(400)
+    known = Blocks.of(-one[:, None], sample, np.arange(400), np.zeros(400, dtype=int), one)
+    deviation = sample.std(ddof=1) / 20.0
+    assert_allclose(
+        interval95(known, 0.0), (-1.966 * deviation, 1.966 * deviation), rtol=0.1
+    )  # 3 % is the quantile's own deviation
+    unknown = 1.96 * np.hypot(deviation, 0.05 / np.sqrt(3.0))
+    assert_allclose(interval95(known, 0.05), (-unknown, unknown), rtol=0.1)
 
 
 def test_the_validate_group_never_moves_tau(exact, tmp_path):

@@ -13,9 +13,9 @@ import dataclasses
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import t as student
 
 from wsp_env.contact.degraded import degraded_adhesion
+from wsp_env.recordings import bootstrap
 from wsp_env.recordings.campaign import Campaign
 from wsp_env.recordings.derive import Derived, Smoothing, derive, rolling_radii
 from wsp_env.recordings.table import CampaignError
@@ -23,11 +23,11 @@ from wsp_env.recordings.table import CampaignError
 #: Sliding for less than this [s], summed over the axles, says nothing on a run's friction.
 LEAST_SLIDING_S = 2.0
 
-#: Residuals in different stretches of track of this length [m] count as independent.
+#: Residuals in different stretches of track of this length [m] count as independent: twice and more what mu_cd varies over.
 STRETCH_M = 40.0
 
-#: Standard deviation [-] of the gain between cylinder pressure and torque: uniform within 1 %.
-GAIN_DEVIATION = 0.01 / np.sqrt(3.0)
+#: The gain between cylinder pressure and torque is known within this share [-]: assumption, disc brakes of one make.
+GAIN_SPREAD = 0.01
 
 _TAU_BOUNDS = (1e-7, 1e-1)  # [m/J]
 _TAU_START = 1e-4  # [m/J]
@@ -138,28 +138,14 @@ class _Problem:
         return tau, interval, dict(zip(self.derived, map(float, frictions), strict=True))
 
     def interval(self, solution: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray) -> tuple[float, float]:
-        """95 % interval of tau [m/J]: the sandwich estimate of blocks, and the brake gains' share by propagation.
-
-        The residuals are far from independent: mu_cd varies along the track, and every axle and every run meets the
-        same rail; the filter and the noise of the vehicle's speed tie neighbours in time, which are neighbours in
-        place too. So the scores are summed over stretches of track, all axles and runs together, before their
-        covariance is taken.
-        """
+        """95 % interval of tau [m/J]: block bootstrap over stretches of track, and over the brakes' gains unless measured."""
         places = np.concatenate([_place(self.campaign, name, d)[d.usable] for name, d in self.derived.items()])
         axles = np.concatenate([np.nonzero(d.usable)[1] for d in self.derived.values()])
         shares = np.concatenate([d.torque_share[d.usable] for d in self.derived.values()])
-        used, block = np.unique(places // STRETCH_M, return_inverse=True)
-        scores = np.zeros((len(used), len(solution)))
-        np.add.at(scores, block, jacobian * residuals[:, None])
-        freedom = max(len(used) - len(solution), 1)
-        middle = scores.T @ scores * len(used) / freedom
-        if self.campaign.vehicle.brake_torque_source != "measured":
-            gains = np.zeros((self.campaign.vehicle.axles, len(solution)))
-            np.add.at(gains, axles, jacobian * shares[:, None])
-            middle += GAIN_DEVIATION**2 * gains.T @ gains
-        bread = np.linalg.pinv(jacobian.T @ jacobian)
-        deviation = np.sqrt((bread @ middle @ bread)[0, 0]) * student.ppf(0.975, freedom)
-        return float(np.exp(solution[0] - deviation)), float(np.exp(solution[0] + deviation))
+        blocks = bootstrap.Blocks.of(jacobian, residuals, places // STRETCH_M, axles, shares)
+        measured = self.campaign.vehicle.brake_torque_source == "measured"
+        low, high = bootstrap.interval95(blocks, 0.0 if measured else GAIN_SPREAD)
+        return float(np.exp(solution[0] + low)), float(np.exp(solution[0] + high))
 
 
 def _place(campaign: Campaign, name: str, derived: Derived) -> np.ndarray:
