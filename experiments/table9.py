@@ -88,8 +88,8 @@ def make_stop(law):
                 slip = speed - radius * wheels[k]
                 moving = adhesion(slip, speed, load, _MU, TAU_M_PER_J, 1.0, _LAW)
                 force = 2.0 * load * moving.f * (1.0 if slip >= 0.0 else -1.0)
-                for side in (0.99, 1.01):  # two loads, or the compiler would compute one wheel for both
-                    felt += law(slip, speed, side * load)
+                for side in (0.99, 1.01):  # two slips and loads, or the compiler would compute one wheel for both
+                    felt += law(side * slip, speed, side * load)
                 total += force
                 # linearly implicit in the slip: the paper's explicit step is stable only far from standstill
                 rate = radius * (radius * force - torque) / inertia
