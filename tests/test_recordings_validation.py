@@ -21,7 +21,7 @@ from wsp_env.recordings import (
     rolling_radii,
 )
 from wsp_env.recordings import validation_report as report
-from wsp_env.recordings.validation import validate
+from wsp_env.recordings.validation import ClosedLoop, validate
 
 TAU, MU_CD = 2e-4, 0.06
 
@@ -139,6 +139,37 @@ def test_command_writes_a_page_that_stands_alone(demo, tmp_path, capsys):
     assert "<link" not in text
     for shown in ("energy W_sp [J", "adhesion coefficient [-]", "speed [m", "time [s]", "f_d, degraded", demo.verdict[:40]):
         assert shown in text
+
+
+def test_closed_loop_statistics_are_each_stops_own():
+    recorded = np.array([[1.0, 2.0], [3.0, 2.0]])
+    simulated = np.array([[0.0, 5.0], [3.0, 5.0], [6.0, 5.0]])  # stops last as long as they last
+    found = ClosedLoop.of(recorded, simulated)
+    assert found.recorded_mean_mps == (2.0, 2.0)
+    assert found.recorded_deviation_mps == (1.0, 0.0)
+    assert found.simulated_mean_mps == (3.0, 5.0)
+    assert found.simulated_deviation_mps == (pytest.approx(np.sqrt(6.0)), 0.0)
+
+
+def test_command_brakes_in_closed_loop(demo, tmp_path, capsys, monkeypatch):
+    assert main(["validate", str(demo_campaign()), "--controller", "rule-based", "--json"]) == 0
+    closed = json.loads(capsys.readouterr().out)["closed_loop"]
+    assert closed["controller"] == "rule-based"
+    assert "(20) and (21), only" in closed["compared_by"]
+    for name, found in closed["runs"].items():
+        assert_allclose(found["recorded_mean_mps"], demo.stops[name].slide.recorded_mean_mps, rtol=0.01)
+    assert max(closed["runs"]["A5"]["simulated_mean_mps"]) < 2.0 < min(closed["runs"]["A5"]["recorded_mean_mps"])  # no WSP
+    monkeypatch.setenv("COLUMNS", "200")
+    page = tmp_path / "page.html"
+    assert main(["validate", str(demo_campaign()), "--controller", "none", "--out", str(page)]) == 0
+    assert "never sample by sample" in capsys.readouterr().out
+    assert "never sample by sample" in page.read_text(encoding="utf-8")
+
+
+def test_controllers_that_cannot_brake_here(tmp_path, capsys):
+    assert main(["validate", str(demo_campaign()), "--controller", "rule-based", "--fixed-mu-cd"]) == 2
+    assert "leave out --fixed-mu-cd" in capsys.readouterr().err
+    assert main(["validate", str(demo_campaign()), "--controller", "nobody", "--json"]) == 2
 
 
 @pytest.mark.slow

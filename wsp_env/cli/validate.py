@@ -1,14 +1,16 @@
 """`wsp validate`: the tuned law against recordings it was not tuned on, and in the vehicle, as the seed paper does."""
 
 import json
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from wsp_env.recordings import read_campaign
+from wsp_env.parameters.quantity import ParameterError
+from wsp_env.recordings import Campaign, read_campaign
 from wsp_env.recordings.derive import Smoothing
-from wsp_env.recordings.validation import validate
+from wsp_env.recordings.validation import CLOSED_LOOP_BY, ClosedLoop, validate
 
 
 def main(
@@ -17,9 +19,12 @@ def main(
     out: Annotated[Path, tyro.conf.arg(metavar="FILE")] = Path("out/validation.html"),
     as_json: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
     fixed_mu_cd: tyro.conf.FlagCreatePairsOff[bool] = False,
+    controller: str = "",
     smoothing: Annotated[Smoothing, tyro.conf.arg(name="")] = Smoothing(),
 ) -> None:
     """Tune on the tune group, score the validate group, simulate every stop with its recorded brake torque.
+
+    With a controller, every stop also in closed loop under the recorded conditions, compared by the slide's statistics only.
 
     Parameters
     ----------
@@ -31,12 +36,22 @@ def main(
         Print JSON instead of the tables, and write no page.
     fixed_mu_cd
         Keep the friction coefficients of campaign.toml instead of tuning one for each run.
+    controller
+        Also simulate in closed loop with this one: a short name (none, rule-based, slip, extremum), package.module:Class or
+        path.py:Class; such code is run.
     smoothing
         How the recordings are filtered, and which samples count.
 
     """
+    if controller and fixed_mu_cd:
+        raise ParameterError("--controller brakes with the tuned friction coefficients: leave out --fixed-mu-cd")
     if as_json:
-        print(json.dumps(validate(read_campaign(campaign), smoothing, not fixed_mu_cd).to_json()))
+        recorded = read_campaign(campaign)
+        found = validate(recorded, smoothing, not fixed_mu_cd).to_json()
+        if controller:
+            figures = {name: slide.figures() for name, slide in _closed_loop(recorded, controller, smoothing).items()}
+            found["closed_loop"] = {"controller": controller, "compared_by": CLOSED_LOOP_BY, "runs": figures}
+        print(json.dumps(found))
         return
     from rich.console import Console
 
@@ -45,12 +60,30 @@ def main(
 
     plotly()  # says at once when it is missing
     console = Console(highlight=False)
-    validation = validate(read_campaign(campaign), smoothing, not fixed_mu_cd)
+    recorded = read_campaign(campaign)
+    validation = validate(recorded, smoothing, not fixed_mu_cd)
     low, high = validation.tuning.interval95
     console.print(f"tau = {validation.tuning.tau_m_per_J:.3e} m/J, 95 % interval {low:.3e} to {high:.3e} m/J")
-    console.print(terminal_table(report.adhesion_table(validation.tuning)))
-    for table in (report.slide_table, report.window_table, report.criteria_table):
-        console.print(terminal_table(table(validation)))
+    tables = [report.adhesion_table(validation.tuning)]
+    tables += [table(validation) for table in (report.slide_table, report.window_table, report.criteria_table)]
+    closed = None
+    if controller:
+        closed = report.closed_loop_table(controller, _closed_loop(recorded, controller, smoothing))
+        tables.append(closed)
+    for table in tables:
+        console.print(terminal_table(table))
     console.print(f"[bold]{validation.verdict}[/bold]")
-    report.write(out, validation)
+    report.write(out, validation, closed)
     console.print(f"Interactive plots: [bold]{out}[/bold]")
+
+
+def _closed_loop(campaign: Campaign, controller: str, smoothing: Smoothing) -> dict[str, ClosedLoop]:
+    """Let the controller brake under each run's conditions; as fast as the recorded stops are compared."""
+    from wsp_env.evaluation.replay import RECORDED, replay
+
+    result = replay(campaign, {controller: {}}, smoothing=smoothing)
+    for message in result.failures.values():
+        sys.exit(f"wsp: {controller} failed: {message}")
+    slips = {(c.stop, c.who): c.slip_mps[c.speed_mps > smoothing.least_speed_mps] for c in result.courses}
+    stops = dict.fromkeys(course.stop for course in result.courses)
+    return {stop: ClosedLoop.of(slips[stop, RECORDED], slips[stop, controller]) for stop in stops}

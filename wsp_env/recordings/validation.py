@@ -22,6 +22,32 @@ RIVALS = {
 }
 
 
+#: Two stops under a controller with thresholds part by tiny causes, so that nothing else can be compared.
+CLOSED_LOOP_BY = "mean and deviation of the slide, eqs. (20) and (21), only; never sample by sample"
+
+
+@dataclasses.dataclass(frozen=True)
+class ClosedLoop:
+    """A recorded stop beside one that another controller braked: eqs. (20) and (21) per axle [m/s], and nothing else."""
+
+    recorded_mean_mps: tuple[float, ...]
+    recorded_deviation_mps: tuple[float, ...]
+    simulated_mean_mps: tuple[float, ...]
+    simulated_deviation_mps: tuple[float, ...]
+
+    @classmethod
+    def of(cls, recorded_mps: np.ndarray, simulated_mps: np.ndarray) -> "ClosedLoop":
+        """Take the statistics of the slip speeds (T, axles), each over its own stop."""
+        means = (tuple(map(float, slip.mean(axis=0))) for slip in (recorded_mps, simulated_mps))
+        deviations = (tuple(map(float, slip.std(axis=0))) for slip in (recorded_mps, simulated_mps))
+        (recorded, simulated), (recorded_deviation, simulated_deviation) = means, deviations
+        return cls(recorded, recorded_deviation, simulated, simulated_deviation)
+
+    def figures(self) -> dict[str, list[float]]:
+        """Return the statistics as plain data."""
+        return {name: list(values) for name, values in dataclasses.asdict(self).items()}
+
+
 @dataclasses.dataclass(frozen=True)
 class Stop:
     """One run: what was derived from it, and how it was simulated."""

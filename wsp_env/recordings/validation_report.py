@@ -1,5 +1,6 @@
 """The page that `wsp validate` writes: the seed paper's figures 6 to 11 and tables 4 and 7 for one campaign."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import numpy as np
 from wsp_env.recordings.derive import limits, transition
 from wsp_env.recordings.replay import WINDOW_S
 from wsp_env.recordings.tuning import Tuning
-from wsp_env.recordings.validation import RIVALS, Validation
+from wsp_env.recordings.validation import CLOSED_LOOP_BY, RIVALS, ClosedLoop, Validation
 from wsp_env.report import COLOURS, Section, Table, axes, plotly, write_page
 
 _POINTS = 1500  # of a line or cloud: more cannot be told apart on a screen
@@ -57,6 +58,22 @@ def window_table(validation: Validation) -> Table:
     return Table(header, rows, caption)
 
 
+def closed_loop_table(controller: str, stops: Mapping[str, ClosedLoop]) -> Table:
+    """Return the slide under a controller beside the recorded one, axle by axle."""
+    rows = [
+        (name if axle == 0 else "", str(axle + 1), *(f"{value:.2f}" for value in values))
+        for name, s in stops.items()
+        for axle, values in enumerate(
+            zip(s.recorded_mean_mps, s.simulated_mean_mps, s.recorded_deviation_mps, s.simulated_deviation_mps, strict=True)
+        )
+    ]
+    header = (
+        "run", "axle", "mean slide, recorded [m/s]", f"{controller} [m/s]", "deviation, recorded [m/s]", f"{controller} [m/s]",
+    )  # fmt: skip
+    caption = f"closed loop with {controller} under each run's conditions; compared by {CLOSED_LOOP_BY}"
+    return Table(header, rows, caption)
+
+
 def criteria_table(validation: Validation) -> Table:
     """Return the paper's figures beside this campaign's."""
     rows = [
@@ -65,8 +82,8 @@ def criteria_table(validation: Validation) -> Table:
     return Table(("figure", "here, worst", "seed paper, worst", "met"), rows, "over the runs that were only scored")
 
 
-def write(path: Path, validation: Validation) -> None:
-    """Write the page; it needs the extra [report]."""
+def write(path: Path, validation: Validation, closed_loop: Table | None = None) -> None:
+    """Write the page, with the table of a closed loop where there is one; it needs the extra [report]."""
     low, high = validation.tuning.interval95
     campaign = validation.campaign
     lead = (
@@ -99,6 +116,8 @@ def write(path: Path, validation: Validation) -> None:
         ),
         Section("What the law is worth", (), (window_table(validation),)),
     ]
+    if closed_loop:
+        sections.append(Section("In closed loop", (), (closed_loop,)))
     if said := [sentence for stop in validation.stops.values() for sentence in stop.run.warnings]:
         sections.append(Section("What was mended in the recordings, or looks wrong", said))
     write_page(path, f"Validation of campaign {campaign.name}", lead, sections, "Written by: wsp validate")
