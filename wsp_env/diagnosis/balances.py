@@ -24,6 +24,9 @@ _SPEED_FLOOR_MPS = 5e-4
 #: The same of the adhesion coefficient [-].
 _ADHESION_FLOOR = 1e-4
 
+#: A wheel without torque may still slide; a wrong radius looks like less creepage than this.
+_ROLLING_CREEPAGE = 0.03
+
 ADHESION, KINEMATICS, VEHICLE = 0, 1, 2
 BALANCES = ("adhesion", "kinematics", "vehicle")
 
@@ -113,7 +116,7 @@ class _Blocks:
         moment = stop.torque + owner.inertia * stop.wheel_rate
         work = moment / (2.0 * owner.radius) * slip / np.maximum(stop.speed, 1.0)[:, None]
         share = np.abs(self.mean(stop.torque)) / max(float(np.abs(stop.torque).max()), 1.0)
-        rolls = (share < ROLLING_SHARE) & (np.abs(self.mean(slip)) < 0.01 * self.mean(stop.speed)[:, None])
+        rolls = (share < ROLLING_SHARE) & (np.abs(self.mean(slip)) < _ROLLING_CREEPAGE * self.mean(stop.speed)[:, None])
         v = np.flatnonzero(self.segments >= 0)
 
         def both(values: np.ndarray) -> np.ndarray:

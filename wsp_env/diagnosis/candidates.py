@@ -20,6 +20,12 @@ _BANDS_MPS = ((-10.0, 200.0), (5.0, 200.0), (10.0, 200.0), (15.0, 200.0), (20.0,
 #: Finite-difference steps as share of the typical change.
 _STEP = 0.05
 _PRESSURE_ONLY = ("pad_friction", "brake_gain_imbalance")
+#: Sizes left to another mechanism that has the same trace, or a smaller one of the same mechanism.
+_LEFT_OUT = {
+    ("aerodynamic_drag", "a_n"),  # the gradient's
+    ("aerodynamic_drag", "b_ns_per_m"),
+    ("pad_friction", "per_pressure_1_per_bar"),
+}
 _NEED_AXLES = {"leading_axle_cleaning": 2, "load_transfer": 2}
 
 
@@ -68,7 +74,7 @@ def variants(balances: Balances) -> Iterator[Variant]:
 
 def _separate(mechanism: str, parameter: str) -> bool:
     """Whether a size is fitted: those that another mechanism has exactly are left to it."""
-    return (mechanism, parameter) not in {("aerodynamic_drag", "a_n"), ("pad_friction", "per_pressure_1_per_bar")}
+    return (mechanism, parameter) not in _LEFT_OUT
 
 
 def _fixed(mechanism: Mechanism, balances: Balances) -> list[dict[str, float]]:

@@ -12,6 +12,7 @@ from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.interest import effect
 from wsp_env.diagnosis.search import Found, Scan, Search, scan
 from wsp_env.plant.mechanisms import ALL
+from wsp_env.recordings import rolling_radii
 
 #: -log10 of the probability in a null recording from which on a mechanism counts; some twenty names are searched.
 SURPRISE = 4.0
@@ -25,6 +26,10 @@ LEAST_SHARE = 0.06
 SHARE_OF_GAIN = 0.1
 INDISTINCT = 9.0
 MOST = 3
+#: Mechanisms that are refitted in every round.
+TRIED = 3
+#: Wheel radius [-] off by more than this is no normal variation: three times its tolerance.
+ABNORMAL_RADIUS = 1.5e-3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,25 +64,13 @@ def select(
     accepted: list[Accepted] = []
     fitted = refit(balances, model, (), weights)
     while len(accepted) < MOST:
-        chosen = _best(balances, fitted.model, search, found, accepted)
-        if chosen is None:
+        trials = _trials(balances, fitted, search, found, weights, accepted)
+        if not trials:
             break
-        one, multiple = chosen
-        variant = _variant(search, one)
-        free, _ = refined(variant)
-        amplitude = -one.fit.amplitude * search.data.candidates[one.which].steps
-        at_start = choice_of(variant, _null(variant) + amplitude)
-        begun = dataclasses.replace(fitted.model, choice={**fitted.model.choice, **at_start})
-        variants = (*(a.variant for a in accepted), free)
-        tried_fit = refit(balances, begun, variants, weights)
-        if tried_fit.cost > fitted.cost:  # the linear step led astray: from a tenth of it
-            begun = dataclasses.replace(
-                fitted.model, choice={**fitted.model.choice, **choice_of(variant, _null(variant) + 0.1 * amplitude)}
-            )
-            tried_fit = min(tried_fit, refit(balances, begun, variants, weights), key=lambda fit: fit.cost)
-        fitted = tried_fit
-        alternatives, confidence = _alternatives(found, one)
-        accepted.append(Accepted(one, free, alternatives, confidence, multiple))
+        best = trials[0]
+        fitted = best.fitted
+        alternatives, confidence = _alternatives(found, trials)
+        accepted.append(Accepted(best.found, best.variant, alternatives, confidence, best.multiple))
         given = np.concatenate([_columns_in(nulls[0], a.variant) for a in accepted])
         rescan = scan(balances, fitted.model, weights.deviation, tried, [a.variant for a in accepted])
         search = Search(rescan, nulls, given)
@@ -85,21 +78,86 @@ def select(
     return Outcome(fitted, tuple(accepted), first, search, tuple(screened), tuple(found))
 
 
-def _best(
-    balances: Balances, model: Model, search: Search, found: Sequence[Found], accepted: Sequence[Accepted]
-) -> tuple[Found, float] | None:
-    """Return the mechanism that gains most among those that pass every test, with its size."""
-    library = [one for one in found if search.data.candidates[one.which].variant and one.surprise >= SURPRISE]
+@dataclasses.dataclass(frozen=True)
+class Trial:
+    """A mechanism refitted together with those accepted before."""
+
+    found: Found  # with the gain of the refit
+    variant: Variant
+    fitted: Fitted
+    multiple: float
+
+
+def _trials(
+    balances: Balances,
+    fitted: Fitted,
+    search: Search,
+    found: Sequence[Found],
+    weights: Weights,
+    accepted: Sequence[Accepted],
+) -> list[Trial]:
+    """Refit the mechanisms that promise most; return those that pass every test, the one that gains most first."""
+    library = [one for one in found if one.name in ALL and one.surprise >= SURPRISE]
+    library.sort(key=lambda one: float(one.nulls.mean()) - one.gain)
+    promising = library[:TRIED]
+    starts = {one.which: _null(v) - one.fit.amplitude * search.data.candidates[one.which].steps
+              for one in promising for v in [_variant(search, one)]}  # fmt: skip
+    rolling = _rolling(balances, search, found)
+    if rolling is not None and not any(a.variant.name == rolling[0].name for a in accepted):
+        promising = [rolling[0], *(one for one in promising if one.name != rolling[0].name)]
+        starts[rolling[0].which] = rolling[1]
     least = LEAST_SHARE * max((a.found.gain for a in accepted), default=0.0)
-    for one in sorted(library, key=lambda one: float(one.nulls.mean()) - one.gain):
-        if one.gain < least or one.held_out < HELD_OUT_SHARE * _expected(search, one):
-            continue
-        variant = _variant(search, one)
-        values = _null(variant) - one.fit.amplitude * search.data.candidates[one.which].steps
-        multiple = effect(balances, model, choice_of(variant, values)).multiple
-        if multiple >= LEAST_MULTIPLE:
-            return one, multiple
-    return None
+    passed = []
+    for one in promising:
+        trial = _trial(balances, fitted, search, one, starts[one.which], weights, accepted)
+        held_out = trial.found.held_out >= HELD_OUT_SHARE * _expected(search, one) or rolling is not None
+        if trial.found.gain > max(least, float(one.nulls.max())) and held_out and trial.multiple >= LEAST_MULTIPLE:
+            passed.append(trial)
+    return sorted(passed, key=lambda trial: float(trial.found.nulls.mean()) - trial.found.gain)
+
+
+def _trial(
+    balances: Balances,
+    fitted: Fitted,
+    search: Search,
+    one: Found,
+    start: np.ndarray,
+    weights: Weights,
+    accepted: Sequence[Accepted],
+) -> Trial:
+    variant = _variant(search, one)
+    free, _ = refined(variant)
+    variants = (*(a.variant for a in accepted), free)
+    null, best = _null(variant), None
+    for share in (1.0, 0.2):  # the linear step may lead astray
+        choice = {**fitted.model.choice, **choice_of(variant, null + share * (start - null))}
+        again = refit(balances, dataclasses.replace(fitted.model, choice=choice), variants, weights)
+        if best is None or again.cost < best.cost:
+            best = again
+        if best.cost < fitted.cost - 0.5 * one.gain:
+            break
+    assert best is not None
+    gain = max(fitted.cost - best.cost, 0.0)
+    added = effect(balances, fitted.model, {variant.name: best.model.choice[variant.name]})
+    return Trial(dataclasses.replace(one, gain=gain), free, best, added.multiple)
+
+
+def _rolling(balances: Balances, search: Search, found: Sequence[Found]) -> tuple[Found, np.ndarray] | None:
+    """Return the wheel radius that free rolling contradicts most, if beyond what is normal."""
+    change = rolling_radii(balances.campaign) / balances.radius - 1.0
+    axle = int(np.argmax(np.abs(change)))
+    if abs(change[axle]) < ABNORMAL_RADIUS:
+        return None
+    template = next((one for one in found if one.name == "wheel_radius"), None)
+    if template is None:
+        return None
+    which = next(
+        i
+        for i, c in enumerate(search.data.candidates)
+        if c.variant and c.name == "wheel_radius" and c.variant.fixed["axle"] == axle + 1
+    )
+    gain = search.gain(search.data.columns_of(which))
+    return dataclasses.replace(template, which=which, fit=gain, gain=gain.gain), np.array([change[axle]])
 
 
 def _expected(search: Search, one: Found) -> float:
@@ -130,10 +188,14 @@ def _columns_in(null: Scan, variant: Variant) -> np.ndarray:
     return null.columns_of((same or members)[0])
 
 
-def _alternatives(found: Sequence[Found], best: Found) -> tuple[tuple[str, ...], float]:
+def _alternatives(found: Sequence[Found], trials: Sequence[Trial]) -> tuple[tuple[str, ...], float]:
     """Return the names that gain nearly as much, best first, and the share of belief in the best."""
+    best = trials[0].found
     net = {one.name: one.gain - float(one.nulls.mean()) for one in found if one.name in ALL}
-    top = net[best.name]
+    top = best.gain - float(best.nulls.mean())
+    # Without a refit a name is worth its linear gain, which cannot be more than the best refit's.
+    net = {name: min(gain, top) for name, gain in net.items()}
+    net |= {one.found.name: one.found.gain - float(one.found.nulls.mean()) for one in trials}
     margin = max(INDISTINCT, SHARE_OF_GAIN * top)
     near = sorted((name for name, gain in net.items() if gain >= top - margin and name != best.name), key=lambda n: -net[n])
     scale = max(2.0, 0.03 * top)

@@ -9,15 +9,18 @@ from scipy.stats import gamma
 
 from wsp_env.diagnosis import null
 from wsp_env.diagnosis.answer import Closure, Diagnosis, Estimate, Evidence, FitQuality, Named
-from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.balances import ADHESION, VEHICLE, Balances
 from wsp_env.diagnosis.candidates import Variant, choice_of, unavailable, variants
+from wsp_env.diagnosis.closures import closures
 from wsp_env.diagnosis.decide import SURPRISE, Accepted, Outcome, select
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights, baseline, refit, sliding
+from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.interest import effect
 from wsp_env.diagnosis.locate import locate, residual_map
 from wsp_env.diagnosis.search import Found, Scan, Search, scan
-from wsp_env.diagnosis.stops import Stop, prepare
+from wsp_env.diagnosis.stops import VEHICLE_BLOCK_S, Stop, prepare
+from wsp_env.diagnosis.variation import friction_column, law_columns, nuisances
 from wsp_env.diagnosis.words import next_test, sentence
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import Campaign, CampaignError
@@ -28,10 +31,9 @@ _BIAS_REPLICATES = 4
 _BIAS_SHARE = 0.5  # of what smoothing leaves in the null recordings counts as deviation too: assumption
 #: A run whose residuals are so many times the others' is left out as damaged.
 _DAMAGED = 5.0
-#: Closures: surprise, share of a relative force or friction, and share of the library's gain from which on structure remains.
+#: Closures: surprise, and share of the deceleration or of the adhesion, from which on structure remains that matters.
 _CLOSURE_SURPRISE = 6.0
-_CLOSURE_SHARE = 0.5
-_LEAST_CLOSURE = 0.005
+_LEAST_CLOSURE = 0.01
 _Z90 = 1.645
 
 Progress = Callable[[str], None]
@@ -148,7 +150,7 @@ def _answer(
 
 
 def _verdict(named: Sequence[Named], closure: Closure | None, slides: bool) -> str:
-    if closure is not None and not named:
+    if closure is not None and closure.gain > sum(one.gain for one in named):
         return "unknown"
     if named:
         return "ambiguous" if any(len(one.alternatives) > 2 for one in named) else "named"
@@ -158,29 +160,37 @@ def _verdict(named: Sequence[Named], closure: Closure | None, slides: bool) -> s
 def _closure(balances: Balances, outcome: Outcome) -> Closure | None:
     """Return the closure that best explains what the library leaves, if that is structured and matters."""
     search = outcome.last
-    library = max((one.found.gain for one in outcome.accepted), default=0.0)
-    best = None
-    for one in outcome.rest:
-        if search.data.candidates[one.which].variant is None and one.surprise >= _CLOSURE_SURPRISE:
-            net = one.gain - float(one.nulls.mean())
-            if (
-                net > _CLOSURE_SHARE * library
-                and closure_share(balances, search, one) > _LEAST_CLOSURE
-                and (best is None or net > best.gain)
-            ):
-                best = Closure(one.name, net, one.held_out)
-    return best
+    structured = [
+        one for one in outcome.rest if search.data.candidates[one.which].variant is None and one.surprise >= _CLOSURE_SURPRISE
+    ]
+    structured.sort(key=lambda one: float(one.nulls.mean()) - one.gain)
+    model = outcome.fitted.model
+    columns = {}
+    if structured:
+        friction = friction_column(law_columns(balances, model, balances.raw(model)))
+        columns = {one.name: one.columns for one in closures(balances, model, friction)}
+    for one in structured:
+        if _share(balances, model, columns[one.name] @ one.fit.amplitude) > _LEAST_CLOSURE:
+            return Closure(one.name, one.gain - float(one.nulls.mean()), one.held_out)
+    return None
 
 
-def closure_share(balances: Balances, search: Search, one: Found) -> float:
-    """Size of a closure: root mean square of its deceleration over the braked vehicle's, or of its relative friction [-]."""
-    gram = search.data.whole.gram[np.ix_(*[search.data.columns_of(one.which)] * 2)]
-    amplitude = one.fit.amplitude
-    rows = max(int((balances.rows.balance == 2).sum()) if "force" in one.name else int((balances.rows.axle >= 0).sum()), 1)
-    deviation = float(np.sqrt(max(amplitude @ gram @ amplitude, 0.0) / rows))  # in deviations of a row
-    if "force" not in one.name:
-        return deviation * 0.004
-    return deviation * 0.004
+def _share(balances: Balances, model: Model, explained: np.ndarray) -> float:
+    """Size of a closure's change of the residuals (n,) [-]: of its deceleration, or of its adhesion, over the stops' own."""
+    rows = balances.rows
+    wheels = (rows.balance == ADHESION) & (rows.slip > 0.01 * rows.speed)
+    braked = (rows.balance == VEHICLE) & (rows.deceleration > 0.2)
+    shares = [0.0]
+    if wheels.any():
+        own = [part.wheel_rows(one.adhesion) for part, one in zip(balances.parts, balances.evaluate(model), strict=True)]
+        adhesion = np.zeros(len(rows))
+        adhesion[rows.balance != VEHICLE] = np.concatenate(own)
+        shares.append(float(np.sqrt(np.mean(explained[wheels] ** 2) / np.mean(adhesion[wheels] ** 2))))
+    if braked.sum() > 2:
+        rate = np.gradient(explained[braked], VEHICLE_BLOCK_S)
+        inside = np.gradient(rows.time[braked]) < 1.5 * VEHICLE_BLOCK_S  # not across two stops
+        shares.append(float(np.sqrt(np.mean(rate[inside] ** 2)) / np.mean(rows.deceleration[braked])))
+    return max(shares)
 
 
 def _named(balances: Balances, outcome: Outcome, i: int) -> Named:
@@ -228,9 +238,6 @@ def _quality(balances: Balances, model: Model, weights: Weights, outcome: Outcom
 
 def _floor(balances: Balances, model: Model, weights: Weights, raws: np.ndarray) -> dict[str, float]:
     """Mean squares of null recordings, treated alike."""
-    from wsp_env.diagnosis.gls import Projector
-    from wsp_env.diagnosis.variation import nuisances
-
     found = nuisances(balances, model, balances.raw(model))
     y = (raws - weights.bias[:, None]) / weights.deviation[:, None]
     y *= np.sqrt(raws.shape[1] / max(raws.shape[1] - 1, 1))  # the bias is their own mean

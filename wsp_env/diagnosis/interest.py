@@ -26,7 +26,7 @@ class Effect:
     """What a mechanism does to the recorded stops."""
 
     distance: float  # relative change of the stopping distance [-], mean of the stops that it changes most, gentle or sliding
-    slip: float  # largest mean change of an axle's slip over the upper or lower half of a stop's speeds, mean of stops [m/s]
+    slip: float  # largest root mean square change of an axle's slip, upper or lower half of speeds, mean of stops [m/s]
 
     @property
     def multiple(self) -> float:
@@ -56,7 +56,7 @@ def effect(balances: Balances, model: Model, choice: Choice) -> Effect:
 
 
 def _moved(speed: np.ndarray, one: Evaluation, other: Evaluation, slides: np.ndarray, sensor: bool) -> np.ndarray:
-    """Mean change (2, A) of each axle's slip [m/s] over the upper and lower half of the speeds; nan where it never slides."""
+    """Change (2, A) of each axle's slip [m/s] over the upper and lower half of the speeds; nan where it never slides."""
     fast = speed > 0.5 * speed[0]
     result: np.ndarray = np.full((2, slides.shape[1]), np.nan)
     change = other.slip - one.slip
@@ -66,7 +66,8 @@ def _moved(speed: np.ndarray, one: Evaluation, other: Evaluation, slides: np.nda
             used = half if sensor else half & slides[:, k]
             if used.sum() >= _LEAST_SAMPLES:
                 steepness = max(float(np.abs(one.slope[used, k]).mean()), _LEAST_STEEPNESS)
-                result[i, k] = abs(change[used, k].mean() if sensor else residual[used, k].mean() / steepness)
+                moved = change if sensor else residual / steepness
+                result[i, k] = float(np.sqrt(np.mean(moved[used, k] ** 2)))
     return result
 
 

@@ -93,14 +93,21 @@ def scan(
     return Scan(bare, parts, sum(one.shape[1] for one in on), whole, halves[0], halves[1])
 
 
-def conditioned(products: Products, index: np.ndarray, given: np.ndarray, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return Gram matrix and inner products of some columns, off others as well; `offset` is taken from the latter."""
+def conditioned(
+    products: Products, index: np.ndarray, given: np.ndarray, offset: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return Gram matrix and inner products of some columns, off others as well, and their squares before.
+
+    `offset` is taken from the inner products.
+    """
     gram, against = products.gram, products.against - offset
+    squares = np.diag(gram)[index]
     if not len(given):
-        return gram[np.ix_(index, index)], against[index]
+        return gram[np.ix_(index, index)], against[index], squares
     inverse = fit(gram[np.ix_(given, given)], against[given]).covariance
     cross = gram[np.ix_(index, given)]
-    return gram[np.ix_(index, index)] - cross @ inverse @ cross.T, against[index] - cross @ inverse @ against[given]
+    freed = gram[np.ix_(index, index)] - cross @ inverse @ cross.T
+    return freed, against[index] - cross @ inverse @ against[given], squares
 
 
 @dataclasses.dataclass(frozen=True)
@@ -177,7 +184,7 @@ class Search:
         if self.data.tune is self.data.validate:
             return self.gain(index).gain
         amplitude = self.gain(index, "tune").amplitude
-        gram, against = conditioned(self.data.validate, index, self.own, self.offsets["validate"])
+        gram, against, _ = conditioned(self.data.validate, index, self.own, self.offsets["validate"])
         return float(2.0 * amplitude @ against - amplitude @ gram @ amplitude)
 
     def null_gains(self, which: int) -> np.ndarray:

@@ -21,6 +21,7 @@ VEHICLE_BLOCK_S = 0.4  # of the vehicle
 STEP_S = 0.01  # faster recordings are thinned to about this after smoothing
 EVALUATED_S = 0.02  # models are evaluated at about this
 LEAST_SPEED_MPS = 4.0  # creepage is mostly noise below
+LEAST_MOMENTUM_MPS = 10.0  # the vehicle's balance ends here: towards standstill the friction of pads is its own: assumption
 LOCKED_MPS = 0.5  # circumferential speed below which a wheel counts as locked: its torque is a reaction
 ROLLING_SHARE = 0.05  # of the largest torque, below which a wheel rolls freely
 _ORDER = 2
@@ -132,7 +133,7 @@ def _prepared(campaign: Campaign, run: Recording, group: str, noise: Noise) -> S
     speed, acceleration = smooth_speed(run.vehicle_speed_mps, wheel, rate, torque, campaign, run.mass_kg, step)
     stride = max(round(STEP_S / step), 1)
     usable = (speed > LEAST_SPEED_MPS)[:, None] & (vehicle.wheel_radius_m * wheel > LOCKED_MPS)
-    turning = (vehicle.wheel_radius_m * wheel > LOCKED_MPS).all(axis=1) & (speed > LEAST_SPEED_MPS)
+    turning = (vehicle.wheel_radius_m * wheel > LOCKED_MPS).all(axis=1) & (speed > LEAST_MOMENTUM_MPS)
     end = _length(WHEEL_WINDOW_S, step)
     if run.suspect is not None and run.suspect.any():
         near = maximum_filter1d(run.suspect, 2 * end + 1, axis=0)
