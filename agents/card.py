@@ -10,7 +10,9 @@ from typing import Any, Literal
 import numpy as np
 import tyro
 
+from agents import train
 from agents.measure import COMPARED, HELD_OUT, INITIAL_ADHESION, INITIAL_SPEED_MPS, RECOVERY_M_PER_J, Yardstick
+from agents.train import record
 from baselines.rule_based import RuleBasedParameters, RuleBasedWSP
 from wsp_env.evaluation.controller import Controller, load
 from wsp_env.evaluation.figures import FIGURES
@@ -24,6 +26,9 @@ WORLDS: dict[str, tuple[str, dict[str, dict[str, float]]]] = {
     "Classic law": ("classic", {}),
     "Recovering law, with `contaminant_memory` over 5 m": ("recovering", {"contaminant_memory": {"distance_m": 5.0}}),
 }
+
+#: Arguments of a training that its command need not name.
+DEFAULTS = record(train.Arguments())
 
 #: What the columns of the card are called.
 _HEADINGS = (
@@ -111,7 +116,9 @@ def draw_curve(folder: Path) -> None:
 def card(contract: Contract, sections: Mapping[str, str], stops: int) -> str:
     """Return the text of the model card."""
     arguments = contract.training["arguments"]
-    command = f"python -m agents.train --vehicle {contract.vehicle} --seed {arguments['seed']}"
+    own = {name: value for name, value in arguments.items() if value != DEFAULTS[name] and name not in ("vehicle", "seed")}
+    given = "".join(f" --{name.replace('_', '-')} {value}" for name, value in own.items())
+    command = f"python -m agents.train --vehicle {contract.vehicle} --seed {arguments['seed']}{given}"
     units = "; ".join(f"{name}: {FIGURES[name][1]} [{FIGURES[name][0]}]" for name in COMPARED)
     ranges = ", ".join(f"{name} {value}" for name, value in contract.limits.items())
     parts = [

@@ -10,11 +10,11 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecNormalize
 
-#: File of a run's folder.
-CHECKPOINT = "checkpoint.npz"
+#: Files of a run's folder: the last state, and the one with the best score so far.
+CHECKPOINT, BEST = "checkpoint.npz", "best.npz"
 
 
-def save(folder: Path, model: PPO, normalisation: VecNormalize, segment: int, curve: list[dict[str, float]]) -> None:
+def save(path: Path, model: PPO, normalisation: VecNormalize, segment: int, curve: list[dict[str, float]]) -> None:
     """Write weights, optimiser, normalisation, counters and the curve so far, after `segment` segments."""
     arrays: dict[str, Any] = {"segment": segment, "steps": model.num_timesteps, "updates": model._n_updates}
     for name, value in model.policy.state_dict().items():
@@ -27,7 +27,7 @@ def save(folder: Path, model: PPO, normalisation: VecNormalize, segment: int, cu
             arrays[f"normalisation/{name}/{part}"] = getattr(statistics, part)
     for name in curve[0] if curve else ():
         arrays[f"curve/{name}"] = np.array([row[name] for row in curve])
-    write(folder / CHECKPOINT, arrays)
+    write(path, arrays)
 
 
 def write(path: Path, arrays: dict[str, Any]) -> None:
@@ -44,9 +44,8 @@ def write(path: Path, arrays: dict[str, Any]) -> None:
         raise
 
 
-def load(folder: Path, model: PPO, normalisation: VecNormalize) -> tuple[int, list[dict[str, float]]]:
-    """Put the checkpoint of a folder, if any, into model and normalisation; return segments done and the curve so far."""
-    path = folder / CHECKPOINT
+def load(path: Path, model: PPO, normalisation: VecNormalize) -> tuple[int, list[dict[str, float]]]:
+    """Put a checkpoint, if there is one, into model and normalisation; return segments done and the curve so far."""
     if not path.exists():
         return 0, []
     with np.load(path, allow_pickle=False) as file:

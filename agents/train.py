@@ -47,7 +47,7 @@ class Arguments:
     rollout: int = 64  # decisions of each stop between two updates
     batch: int = 4096
     epochs: int = 5  # passes over each rollout
-    segment: int = 20  # updates between two checkpoints
+    segment: int = 12  # updates between two checkpoints
     learning_rate: float = 1e-3  # falls linearly to zero
     gamma: float = 0.995  # a time constant of 4 s at 50 decisions a second
     gae_lambda: float = 0.95
@@ -60,7 +60,7 @@ class Arguments:
     reward: str = '{"air": 0.0003}'  # JSON, see `wsp_env.envs.task.RewardWeights`
     scenario: str = "{}"  # JSON, see `wsp_env.scenario.Scenario`
     mechanisms: str = "{}"  # JSON, {name: {parameter: value}}
-    watched: int = 8  # stops under each law by which learning is watched
+    watched: int = 16  # stops under each law by which learning is watched
 
 
 #: A stop that is watched ends after so long [s]: what a beginner needs minutes for is bad enough.
@@ -130,7 +130,7 @@ def train(arguments: Arguments) -> tuple[PPO, VecNormalize]:
     )
     model.lr_schedule = lambda _: arguments.learning_rate * max(0.0, 1.0 - model.num_timesteps / arguments.steps)
     model.set_logger(configure(str(arguments.out), ["tensorboard"]))
-    done, curve = checkpoint.load(arguments.out, model, world)
+    done, curve = checkpoint.load(arguments.out / checkpoint.CHECKPOINT, model, world)
     update = arguments.envs * arguments.rollout
     segments = max(1, round(arguments.steps / (update * arguments.segment)))
     watch = Watch(arguments)
@@ -150,7 +150,9 @@ def train(arguments: Arguments) -> tuple[PPO, VecNormalize]:
                 model.logger.record(f"watched/{name}", value)
             model.logger.record("time/steps_per_second", rate)
             model.logger.dump(model.num_timesteps)
-            checkpoint.save(arguments.out, model, world, segment + 1, curve)
+            if curve[-1]["score"] == min(row["score"] for row in curve):
+                checkpoint.save(arguments.out / checkpoint.BEST, model, world, segment + 1, curve)
+            checkpoint.save(arguments.out / checkpoint.CHECKPOINT, model, world, segment + 1, curve)
             progress.update(bar, advance=1, description=watch.told(curve))
             print(f"{model.num_timesteps} steps, {rate:.0f} a second: {watch.told(curve)}", flush=True)
     _write_curve(arguments.out / "curve.csv", curve)
@@ -162,6 +164,7 @@ class Watch:
 
     def __init__(self, arguments: Arguments) -> None:
         self.vehicle, self.task = arguments.vehicle, make_task(task_options(arguments))
+        self.slide_price, self.classic_share = arguments.slide_price, arguments.classic_share
         self.yardsticks = {
             law: Yardstick(self.vehicle, law, arguments.watched, WATCHED, GIVEN_UP) for law in ("recovering", "classic")
         }
@@ -170,12 +173,26 @@ class Watch:
 
     def look(self, model: PPO, world: VecNormalize) -> dict[str, float]:
         """Return the policy's figures over those of the rules, by law."""
-        found = {}
-        for law, means in self.means(model, world).items():
+        own = self.means(model, world)
+        found = {"score": self.score(own)}
+        for law, means in own.items():
             for name in ("distance_m", "mean_slip_mps", "slip_deviation_mps", "contact_energy_mj", "air_nl"):
                 found[f"{law}_{name}_ratio"] = means[name] / self.rules[law][name]
             found |= {f"{law}_locked_s": means["locked_s"], f"{law}_ran_on": means["ran_on"]}
         return found
+
+    def score(self, own: dict[str, dict[str, float]]) -> float:
+        """Return what training is after, over the same of the rules: metres travelled plus the price of those slid.
+
+        The laws count by their share; a stop that ran on counts as one more.
+        """
+        shares = {"recovering": 1.0 - self.classic_share, "classic": self.classic_share}
+        return sum(
+            share * (self._paid(own[law]) / self._paid(self.rules[law]) + own[law]["ran_on"]) for law, share in shares.items()
+        )
+
+    def _paid(self, means: dict[str, float]) -> float:
+        return means["distance_m"] + self.slide_price * means["slide_distance_m"]
 
     def means(self, model: PPO, world: VecNormalize) -> dict[str, dict[str, float]]:
         """Return the policy's figures, by law."""
@@ -193,7 +210,7 @@ class Watch:
             f"{row[f'{law}_ran_on']:.0%} ran on"
             for law in self.rules
         )
-        return "of the rules' " + "; ".join(laws)
+        return f"score {row['score']:.3f}, of the rules' " + "; ".join(laws)
 
 
 def _same_arguments(arguments: Arguments) -> None:
@@ -221,8 +238,9 @@ def _write_curve(path: Path, curve: list[dict[str, float]]) -> None:
 
 
 def main(arguments: Arguments) -> None:
-    """Train and export to `policy/` in the run's folder."""
+    """Train and export the checkpoint with the best score on the watched stops to `policy/` in the run's folder."""
     model, world = train(arguments)
+    checkpoint.load(arguments.out / checkpoint.BEST, model, world)
     training = {"arguments": record(arguments), "steps": model.num_timesteps, "torch": torch.__version__.partition("+")[0]}
     difference = export(
         model.policy, world, arguments.vehicle, make_task(task_options(arguments)), arguments.out / "policy", training

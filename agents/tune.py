@@ -5,9 +5,11 @@ import json
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import tyro
 
-from agents.train import Arguments, Watch, train
+from agents import checkpoint
+from agents.train import Arguments, train
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,17 +43,10 @@ def suggest(trial: Any, search: Search) -> Arguments:
 
 
 def score(arguments: Arguments) -> float:
-    """Train; return metres travelled plus the price of those slid over the same of the rules, mean of both laws by share."""
-    model, world = train(arguments)
-    watch = Watch(arguments)
-    share = {"recovering": 1.0 - arguments.classic_share, "classic": arguments.classic_share}
-    own, rules = watch.means(model, world), watch.rules
-    ratios = {law: _paid(own[law], arguments.slide_price) / _paid(rules[law], arguments.slide_price) for law in share}
-    return sum(share[law] * ratios[law] for law in share)
-
-
-def _paid(means: dict[str, float], price: float) -> float:
-    return means["distance_m"] + price * means["slide_distance_m"]
+    """Train; return the best score on the watched stops, see `agents.train.Watch`."""
+    train(arguments)
+    with np.load(arguments.out / checkpoint.BEST) as best:
+        return float(best["curve/score"][-1])
 
 
 def main(search: Search) -> None:
