@@ -40,7 +40,7 @@ class Arguments:
 
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
     seed: int = 1
-    steps: int = 6_000_000  # decisions in all
+    steps: int = 4_000_000  # decisions in all
     out: Path = Path("out/agents/bogie")  # folder of the run
     envs: int = 256  # stops at once
     classic_share: float = 0.25  # of them under the classic law
@@ -54,7 +54,7 @@ class Arguments:
     clip: float = 0.2
     entropy: float = 0.002
     hidden: tuple[int, ...] = (64, 64)
-    slide_price: float = 1.5  # metres travelled that a metre of sliding is worth, see `Shaped`
+    slide_price: float = 2.0  # metres travelled that a metre of sliding is worth, see `Shaped`
     action: Literal["valve", "pressure"] = "valve"
     pressure_sensors: bool = False
     reward: str = '{"air": 0.0003}'  # JSON, see `wsp_env.envs.task.RewardWeights`
