@@ -105,10 +105,10 @@ def test_range_of_one_value_is_that_value():
         ({"mu_cd": (0.09, 0.02)}, "mu_cd = .* lowest first"),
         ({"mu_cd": 0.05}, "mu_cd = 0.05 must be a pair"),
         ({"mu_cd": (0.0, 0.05)}, "above zero"),
-        ({"tau": (-1e-4, 1e-4)}, "cannot be negative"),
+        ({"tau": (-1e-4, 1e-4)}, "must lie in"),
         ({"initial_speed": (10.0, math.inf)}, "finite"),
-        ({"tracks": ()}, "valid: constant, varying, patches"),
-        ({"tracks": ("leaves",)}, "leaves.*valid: constant, varying, patches"),
+        ({"tracks": ()}, "some of constant, varying, patches"),
+        ({"tracks": ("leaves",)}, "leaves.*some of constant, varying, patches"),
         ({"variation": 0.9}, "variation = 0.9 is impossible"),
     ],
 )

@@ -6,13 +6,14 @@ they were.
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.plant import LIMITS
 from wsp_env.plant.state import Stop
 
 #: Distance of the nodes that describe the track [m].
@@ -22,6 +23,8 @@ TRACK_STEP_M = 5.0
 TRACKS = ("constant", "varying", "patches")
 
 Range = tuple[float, float]
+
+_LIMITS = LIMITS | {"load": (0.0, 1.0, "of the payload")}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,12 +52,11 @@ class Scenario:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             if field.name == "tracks":
+                if not isinstance(value, tuple | list) or not value or not set(map(str, value)) <= set(TRACKS):
+                    raise ParameterError(f"scenario: tracks = {value!r} must be a list of some of {', '.join(TRACKS)}")
                 object.__setattr__(self, "tracks", tuple(value))
-                unknown = sorted(set(value) - set(TRACKS))
-                if unknown or not value:
-                    raise ParameterError(f"scenario: unknown track {unknown or value}; valid: {', '.join(TRACKS)}")
             elif field.name == "variation":
-                if not 0.0 <= value < 0.3:
+                if not isinstance(value, int | float) or not 0.0 <= value < 0.3:
                     raise ParameterError(f"scenario: variation = {value} is impossible: it must lie in [0, 0.3)")
             else:
                 self._check_range(field.name, value)
@@ -67,8 +69,9 @@ class Scenario:
         positive = name in ("mu_cd", "initial_speed", "patch_length", "variation_length")
         if not (math.isfinite(low) and math.isfinite(high) and low <= high) or (positive and low <= 0.0):
             raise ParameterError(f"scenario: {name} = {value!r} is impossible: lowest first, finite, above zero where it must")
-        if low < 0.0 and name != "gradient":
-            raise ParameterError(f"scenario: {name} = {value!r} is impossible: it cannot be negative")
+        lowest, highest, unit = _LIMITS.get(name, (0.0, math.inf, "m"))
+        if low < lowest or high > highest:
+            raise ParameterError(f"scenario: {name} = {value!r} is impossible: it must lie in [{lowest:g}, {highest:g}] {unit}")
         object.__setattr__(self, name, (low, high))
 
 
@@ -162,8 +165,10 @@ def _track(kind: Any, scenario: Scenario, rng: np.random.Generator, nodes: int) 
     """Return relative mu_cd and film coverage at the nodes, both (nodes,)."""
     profile: np.ndarray = np.ones(nodes)
     coverage: np.ndarray = np.ones(nodes)
-    if not isinstance(kind, str):
-        given = np.array([_number("track", value) for value in np.atleast_1d(kind)])
+    if isinstance(kind, Sequence | np.ndarray) and not isinstance(kind, str):
+        given = np.array([_number("track", value) for value in kind])
+        if given.size == 0:
+            raise ParameterError("track is an empty list: give mu_cd along the track relative to mu_cd, node by node")
         return given[np.minimum(np.arange(nodes), len(given) - 1)], coverage  # beyond the last node as there
     if kind == "varying":
         # First-order autoregression, stationary, its correlation falling to 1/e within the drawn length.

@@ -34,6 +34,11 @@ class BrakingBatch:
         self.n = n
         self.vehicle = task.make_vehicle(vehicle_name)
         self.scenario = task.distributions
+        if self.scenario.mu_cd[1] > self.vehicle.contact.kinetic_friction_r:
+            raise ParameterError(
+                f"scenario: mu_cd = {self.scenario.mu_cd} goes beyond kinetic_friction_r (mu_cr) = "
+                f"{self.vehicle.contact.kinetic_friction_r:g} of the vehicle's contact; lower the one or raise the other"
+            )
         self.weights = task.weights
         self.plant = Plant(
             self.vehicle,
@@ -82,12 +87,17 @@ class BrakingBatch:
         return observation
 
     def _pins(self, options: Mapping[str, Any] | None) -> dict[str, list[Any]]:
+        if options is not None and not isinstance(options, Mapping):
+            raise ParameterError(f"reset options must be a dictionary, {{name: value}}, got {options!r}")
         pins = {}
         for name, value in (options or {}).items():
             valid = (*PINS, "condition") if self.task.stops else PINS
             if name not in valid:
                 raise ParameterError(f"unknown reset option {name!r}; valid: {', '.join(valid)}")
-            if isinstance(value, str) or np.ndim(value) == 0:
+            single = isinstance(value, str) or not isinstance(value, Sequence | np.ndarray)
+            if name == "track" and not single:  # one profile for all, or a kind or profile for each
+                single = all(isinstance(node, int | float | np.number) for node in value)
+            if single:
                 pins[name] = [value] * self.n
             elif len(value) == self.n:
                 pins[name] = list(value)

@@ -39,9 +39,13 @@ class BrakingVecEnv(VecEnv):
 
     def reset(self) -> np.ndarray:
         """Begin new stops and return their observations (N, size)."""
-        # SB3 keeps one seed and one dictionary of options per environment; the options are the same for all.
+        # SB3 keeps one seed and one dictionary of options per environment.
         seeds = list(self._seeds) if any(seed is not None for seed in self._seeds) else None
-        observation, _ = self.env.reset(seed=seeds, options=self._options[0] or None)
+        names = set(self._options[0])
+        if any(set(options) != names for options in self._options):
+            raise ParameterError("set_options: every stop must pin the same quantities, each its own value")
+        options = {name: [own[name] for own in self._options] for name in names}
+        observation, _ = self.env.reset(seed=seeds, options=options or None)
         self._reset_seeds()
         self._reset_options()
         self.reset_infos = [{} for _ in range(self.num_envs)]

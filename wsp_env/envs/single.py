@@ -77,6 +77,8 @@ class BrakingEnv(gym.Env[np.ndarray, Any]):
         if self._recorder is None:
             gym.logger.warn("render() needs a render_mode: gym.make(..., render_mode='rgb_array')")
             return None
+        if not self._recorder.history:
+            raise RuntimeError("render before reset: call reset() first, it begins a stop")
         if self.render_mode == "ansi":
             return self._recorder.text()
         return self._recorder.picture() if self.render_mode == "rgb_array" else None

@@ -86,14 +86,28 @@ class Task:
         mechanisms.make(self.mechanisms)
         if unknown := sorted(set(self.conditions) - {"vehicle", "stops"}):
             raise ParameterError(f"conditions: unknown key {', '.join(unknown)}; valid: vehicle, stops")
+        if not isinstance(self.stops, Sequence) or not all(isinstance(stop, Mapping) for stop in self.stops):
+            raise ParameterError("conditions: stops must be a list of dictionaries {quantity: value}")
+        if not isinstance(self.pressure_sensors, bool):
+            raise ParameterError(f"pressure_sensors = {self.pressure_sensors!r} must be True or False")
         for stop in self.stops:
             if unknown := sorted(set(stop) - {"name", *PINS}):
                 raise ParameterError(f"conditions: unknown quantity {', '.join(unknown)}; valid: name, {', '.join(PINS)}")
         _ = self.distributions, self.weights
-        for name in ("control_interval_s", "substep_s", "slide_limit", "time_limit_s", "track_limit_m"):
+        limits = {"slide_limit_speed_mps": (0.0, math.inf), "track_limit_m": (TRACK_STEP_M, 1e6)}
+        for name in (
+            "control_interval_s",
+            "substep_s",
+            "slide_limit",
+            "slide_limit_speed_mps",
+            "time_limit_s",
+            "track_limit_m",
+        ):
+            low, high = limits.get(name, (math.ulp(0.0), math.inf))
             value = getattr(self, name)
-            if not isinstance(value, int | float) or not math.isfinite(value) or value <= 0:
-                raise ParameterError(f"{name} = {value!r} is impossible: it must be a finite number above zero")
+            if not isinstance(value, int | float) or not math.isfinite(value) or not low <= value <= high:
+                bounds = "above zero" if low == math.ulp(0.0) else f"in [{low:g}, {high:g}]"
+                raise ParameterError(f"{name} = {value!r} is impossible: it must be a finite number {bounds}")
 
     @property
     def distributions(self) -> Scenario:
@@ -139,6 +153,7 @@ class Task:
 
 def make_task(options: Mapping[str, Any]) -> Task:
     """Return the task of the keyword options given to `gym.make`; `None` means the default, an unknown name is an error."""
-    given = {name: value for name, value in options.items() if value is not None}
-    task: Task = replace(Task(), given, "environment option")
+    defaults = Task()
+    given = {name: getattr(defaults, name, None) if value is None else value for name, value in options.items()}
+    task: Task = replace(defaults, given, "environment option")
     return task

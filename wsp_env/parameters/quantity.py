@@ -66,6 +66,8 @@ def replace(record: Any, changes: dict[str, Any], what: str) -> Any:
         present = getattr(record, name)
         if dataclasses.is_dataclass(present) and isinstance(value, Mapping):
             value = replace(present, dict(value), f"{what} {name}:")
+        elif dataclasses.is_dataclass(present) and not isinstance(value, type(present)):
+            raise ParameterError(f"{what} {name} = {value!r} must be a dictionary, {{name: value}}")
         elif isinstance(present, tuple) and isinstance(value, list):
             value = tuple(value)
         values[name] = value

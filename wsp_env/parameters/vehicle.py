@@ -13,7 +13,9 @@ class Brake(Checked):
     """Pneumatic disc brake of one axle: a distributor fills at its own pace, a dump valve applies, holds or vents."""
 
     full_pressure_bar: float = quantity(3.8, "bar", _BRAKE + "; UIC 540 maximum cylinder pressure", 0.0, 10.0, True)
-    torque_per_bar_nm: float = quantity(1500.0, "N m/bar", _BRAKE + "; 1.2 m/s2 at 3.8 bar and 43 t", 0.0, 1e5, True)
+    torque_per_bar_nm: float = quantity(
+        1500.0, "N m/bar", _BRAKE + "; 1.2 m/s2 at 3.8 bar and 43 t without the wheels' inertia", 0.0, 1e5, True
+    )
     demand_rise_s: float = quantity(4.0, "s", "assumption: EN 15595 passenger brakes fill in 3 to 5 s", 0.0, 60.0, True)
     fill_time_constant_s: float = quantity(0.25, "s", _BRAKE + "; dump valve open to the supply", 0.0, 10.0, True)
     vent_time_constant_s: float = quantity(0.15, "s", _BRAKE + "; dump valve open to the air", 0.0, 10.0, True)

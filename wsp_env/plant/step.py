@@ -10,7 +10,8 @@ substep integrates it for the slip by the exponential Rosenbrock-Euler method, o
 derivatives: ds/dt = G + L (s - s_0) + H t gives s_1 = s_0 + h phi_1(h L) G + h^2 phi_2(h L) H (Hochbruck, Ostermann, Acta
 Numerica 19 (2010), section 2.4). A step that would cross s = 0 is taken anew from there, so that a wheel regaining grip
 lands in the steep part of the curve instead of jumping across it. The mean contact force of the substep follows from the
-wheel's own momentum and is what the vehicle feels: momentum is exact, and the works below balance to rounding.
+wheel's own momentum and is what the vehicle feels: momentum is exact, and the works below balance to rounding until the
+vehicle stands.
 """
 
 import math

@@ -100,6 +100,8 @@ def make(choice: Mapping[str, Mapping[str, float]] | None = None) -> Mechanisms:
 
 def _record(mechanism: Mechanism, given: Mapping[str, float]) -> tuple[float, ...]:
     names = [parameter.name for parameter in mechanism.parameters]
+    if not isinstance(given, Mapping):
+        raise ParameterError(f"mechanism {mechanism.name} = {given!r} must be a dictionary of any of {', '.join(names)}")
     wrong = sorted(set(given) - set(names))
     if wrong:
         raise ParameterError(f"mechanism {mechanism.name} has no parameter {', '.join(wrong)}; valid: {', '.join(names)}")
