@@ -67,6 +67,8 @@ def main(
     chosen = read_settings(controllers, set)
     mechanisms = read_model(str(model))["mechanisms"] if model else {}
     console = Console(stderr=json_, highlight=False)
+    if not console.is_terminal:
+        console = Console(stderr=json_, highlight=False, width=160)
     with Progress(console=Console(stderr=True), transient=True) as progress:
         bar = progress.add_task("reading and tuning", total=len(chosen) + 2)
         recorded = read_campaign(campaign)
