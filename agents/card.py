@@ -51,8 +51,9 @@ def competitors(folder: Path) -> dict[str, Controller]:
     """Return whom the policy is compared with, by name; the rules first."""
     found: dict[str, Controller] = {"rule-based": load("rule-based")}
     if (folder / "rules.json").exists():
-        values = json.loads((folder / "rules.json").read_text(encoding="utf-8"))
-        found["rule-based, own best thresholds"] = RuleBasedWSP(RuleBasedParameters(**values))
+        searched = json.loads((folder / "rules.json").read_text(encoding="utf-8"))
+        name = f"rule-based, best of {searched['stops']} stops"
+        found[name] = RuleBasedWSP(RuleBasedParameters(**searched["parameters"]))
     found |= {"slip controller": load("slip"), "extremum seeker": load("extremum"), "no WSP": load("none")}
     return found | {"policy": load_policy(folder)}
 
@@ -113,12 +114,19 @@ def draw_curve(folder: Path) -> None:
     pyplot.close(figure)
 
 
+def _command(arguments: Mapping[str, Any]) -> str:
+    """Return the command of a training with these arguments."""
+    own = {name: value for name, value in arguments.items() if value != DEFAULTS[name] and name not in ("vehicle", "seed")}
+    given = "".join(f" --{name.replace('_', '-')} {value}" for name, value in own.items())
+    return f"python -m agents.train --vehicle {arguments['vehicle']} --seed {arguments['seed']}{given}"
+
+
 def card(contract: Contract, sections: Mapping[str, str], stops: int) -> str:
     """Return the text of the model card."""
     arguments = contract.training["arguments"]
-    own = {name: value for name, value in arguments.items() if value != DEFAULTS[name] and name not in ("vehicle", "seed")}
-    given = "".join(f" --{name.replace('_', '-')} {value}" for name, value in own.items())
-    command = f"python -m agents.train --vehicle {contract.vehicle} --seed {arguments['seed']}{given}"
+    commands = [_command(arguments)]
+    if "begun_from" in contract.training:
+        commands.insert(0, _command(contract.training["begun_from"]) + f" --out {arguments['start']}")
     units = "; ".join(f"{name}: {FIGURES[name][1]} [{FIGURES[name][0]}]" for name in COMPARED)
     ranges = ", ".join(f"{name} {value}" for name, value in contract.limits.items())
     parts = [
@@ -129,7 +137,8 @@ def card(contract: Contract, sections: Mapping[str, str], stops: int) -> str:
         f"For {contract.axles} axle(s), a decision every {contract.control_interval_s:g} s, "
         f"{'with' if contract.pressure_sensors else 'without'} cylinder-pressure sensors. For research; nobody has assessed it "
         "for use on a railway.",
-        f"## Training\n\n`{command}`: {contract.training['steps']} decisions; arguments and versions in `contract.json`.\n\n"
+        f"## Training\n\n`{'`, then `'.join(commands)}`: the best checkpoint, after {contract.training['steps']} decisions of "
+        "the last command; arguments and versions in `contract.json`.\n\n"
         f"![curve](curve.png)\n\nConditions it was trained for: {ranges}. Outside of them it was not trained.",
         f"## Measured\n\nMeans over {stops} held-out stops (seed {HELD_OUT}) on contaminated rail with an initial adhesion of "
         f"{INITIAL_ADHESION[0]} to {INITIAL_ADHESION[1]}, {INITIAL_SPEED_MPS[0]} to {INITIAL_SPEED_MPS[1]} m/s, any load, "

@@ -41,9 +41,9 @@ class Search:
     """What a search is made of."""
 
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
-    stops: int = 3000  # simulated in all: what a training of the policies brakes
+    stops: int = 2000  # simulated in all: about what a training brakes in 4 million decisions
     each: int = 12  # of them for each trial, alternately under both laws with the share of the training
-    slide_price: float = 1.2  # as of the training
+    slide_price: float = 2.0  # as of the training
     seed: int = 1
     out: Path = Path("agents/trained/bogie")
 
@@ -88,7 +88,8 @@ def main(arguments: Search) -> None:
     """Search and write."""
     values = search(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    (arguments.out / "rules.json").write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
+    searched = {"stops": arguments.stops, "slide_price": arguments.slide_price, "seed": arguments.seed, "parameters": values}
+    (arguments.out / "rules.json").write_text(json.dumps(searched, indent=2) + "\n", encoding="utf-8")
     print(json.dumps(values))
 
 

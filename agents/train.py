@@ -60,6 +60,7 @@ class Arguments:
     reward: str = '{"air": 0.0003}'  # JSON, see `wsp_env.envs.task.RewardWeights`
     scenario: str = "{}"  # JSON, see `wsp_env.scenario.Scenario`
     mechanisms: str = "{}"  # JSON, {name: {parameter: value}}
+    start: str = ""  # folder of a run whose last checkpoint this one begins from; none: from nothing
     watched: int = 16  # stops under each law by which learning is watched
 
 
@@ -102,6 +103,14 @@ def task_options(arguments: Arguments) -> dict[str, Any]:
     return texts | {"action": arguments.action, "pressure_sensors": arguments.pressure_sensors}
 
 
+def begin_from(folder: Path, model: PPO, world: VecNormalize) -> None:
+    """Take over weights, optimiser and normalisation of another run, but not its count of steps."""
+    if not (folder / checkpoint.CHECKPOINT).exists():
+        raise SystemExit(f"{folder} holds no {checkpoint.CHECKPOINT} to begin from")
+    checkpoint.load(folder / checkpoint.CHECKPOINT, model, world)
+    model.num_timesteps = model._n_updates = 0
+
+
 def segment_seed(seed: int, segment: int) -> int:
     """Return the seed of everything random in a segment."""
     return int(np.random.SeedSequence([seed, segment]).generate_state(1)[0] >> 1)
@@ -130,6 +139,8 @@ def train(arguments: Arguments) -> tuple[PPO, VecNormalize]:
     )
     model.lr_schedule = lambda _: arguments.learning_rate * max(0.0, 1.0 - model.num_timesteps / arguments.steps)
     model.set_logger(configure(str(arguments.out), ["tensorboard"]))
+    if arguments.start and not (arguments.out / checkpoint.CHECKPOINT).exists():
+        begin_from(Path(arguments.start), model, world)
     done, curve = checkpoint.load(arguments.out / checkpoint.CHECKPOINT, model, world)
     update = arguments.envs * arguments.rollout
     segments = max(1, round(arguments.steps / (update * arguments.segment)))

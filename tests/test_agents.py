@@ -3,6 +3,7 @@
 import copy
 import dataclasses
 import json
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,13 +11,14 @@ import onnxruntime
 import pytest
 import torch
 from numpy.testing import assert_allclose, assert_array_equal
+from stable_baselines3 import PPO
 
 import agents.export
 import agents.train
 from agents import checkpoint
 from agents.export import AGREEMENT, Actor, disagreement, export
 from agents.measure import HELD_OUT, WATCHED, Yardstick, low_adhesion
-from agents.train import Arguments, make_world, segment_seed, task_options, train
+from agents.train import Arguments, begin_from, make_world, segment_seed, task_options, train
 from agents.worlds import CUT_OUT_MPS, REFERENCE, TIME_PRICE_MPS, USUAL_DECELERATION_MPS2, Joined, Shaped
 from wsp_env.envs.observation import Observer
 from wsp_env.envs.sb3 import BrakingVecEnv
@@ -203,3 +205,33 @@ def test_conditions_of_measuring_are_held_out_and_the_same_under_both_laws():
         assert (one.mu_cd, one.mass, one.initial_speed, one.key) == (other.mu_cd, other.mass, other.initial_speed, other.key)
         assert one.tau > other.tau == 0.0
         assert 0.02 < one.mu_cd < 0.045
+
+
+SHIPPED = sorted(path.parent for path in (Path(__file__).parents[1] / "agents/trained").glob("*/contract.json"))
+
+
+def test_policies_are_shipped():
+    assert {folder.name for folder in SHIPPED} >= {"bogie"}
+
+
+@pytest.mark.parametrize("folder", SHIPPED, ids=lambda folder: folder.name)
+@pytest.mark.parametrize("law", ["recovering", "classic"])
+def test_shipped_policies_stop_without_locked_wheels(folder, law):
+    yardstick = Yardstick(folder.name, law, 4, HELD_OUT)
+    found = yardstick.figures(load(str(folder)))
+    assert found["stopped"].all()
+    assert (found["locked_s"] == 0.0).all()
+    rules = yardstick.figures(load("rule-based"))
+    assert found["distance_m"].mean() < rules["distance_m"].mean()
+
+
+def test_a_run_begins_from_another_ones_weights(trained):
+    arguments, finished, _ = trained
+    world = make_world(arguments)
+    model = PPO("MlpPolicy", world, policy_kwargs={"net_arch": list(arguments.hidden)}, device="cpu")
+    begin_from(arguments.out, model, world)
+    assert model.num_timesteps == 0
+    for name, value in finished.policy.state_dict().items():
+        assert torch.equal(model.policy.state_dict()[name], value), name
+    with pytest.raises(SystemExit, match="to begin from"):
+        begin_from(arguments.out / "nowhere", model, world)
