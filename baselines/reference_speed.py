@@ -31,6 +31,7 @@ class ReferenceParameters(Checked):
     rotation_monitor_s: float = quantity(1.0, "s", _TUNED + "; a wheel standing for so long is reported", 0.0, 60.0)
     standing_mps: float = quantity(0.3, "m/s", "assumption: below, a wheel stands", 0.0, 5.0)
     running_mps: float = quantity(2.8, "m/s", "assumption: 10 km/h, above it a standing wheel is a fault", 0.0, 20.0)
+    absent_share: float = quantity(0.5, "-", "assumption: a slower wheel before braking has no sensor", 0.0, 1.0)
     sensor_jump_mps2: float = quantity(100.0, "m/s2", "assumption: no wheel can decelerate so", 10.0, 1e4)
 
 
@@ -54,6 +55,8 @@ class ReferenceSpeed:
         self._age = np.zeros(n)  # time since then [s]
         self._vented = np.zeros(shape)  # for how long without a break [s]
         self._standing_for = np.zeros(shape)  # [s]
+        self._wheel = np.zeros(shape)  # as last measured [rad/s]
+        self._start = np.zeros(n)  # time of the first measurement [s]
         self._learnt = 0  # readings of the diameters so far
         self.reference = np.zeros(n)
         self.speed = np.zeros(shape)
@@ -74,34 +77,41 @@ class ReferenceSpeed:
         self.failed |= ~np.isfinite(measurement.wheel_speed)
         if not self._begun:
             self._begun = True
+            self._wheel = wheel
+            self._start = measurement.time.copy()
             self.speed = self._radius * wheel
             self.reference = self.speed.max(axis=1)
-            self.failed |= self.speed < 0.5 * self.reference[:, None]  # stands at the start: nothing has braked it
+            self.failed |= self.speed < self.parameters.absent_share * self.reference[:, None]  # nothing has braked it yet
             self._known = self.reference.copy()
             return step
-        self._learn_diameters(wheel)
+        rolling = self._learn_diameters(wheel)
         speed = self._radius * wheel
-        rate = (speed - self.speed) / step[:, None]
+        rate = self._radius * (wheel - self._wheel) / step[:, None]
+        self._wheel = wheel
         self.failed |= rate < -p.sensor_jump_mps2
         self.speed = speed
         self.acceleration += (1.0 - np.exp(-step[:, None] / p.filter_s)) * (rate - self.acceleration)
         self._vented = np.where(command < -0.5, self._vented + step[:, None], 0.0)
+        self.reference = np.where(rolling, speed.max(axis=1), self.reference)  # as the diameters now say
+        self._known = np.where(rolling, self.reference, self._known)
         self._follow(step, active)
         stands = (speed < p.standing_mps) & (self.reference[:, None] > p.running_mps)
         self._standing_for = np.where(stands, self._standing_for + step[:, None], 0.0)
         self.standing = self._standing_for > p.rotation_monitor_s
         return step
 
-    def _learn_diameters(self, wheel: np.ndarray) -> None:
-        """While all axles roll freely their peripheral speeds are equal: what differs is the diameter."""
+    def _learn_diameters(self, wheel: np.ndarray) -> np.ndarray:
+        """While all axles roll freely their peripheral speeds are equal: what differs is the diameter; return where (N,)."""
         p = self.parameters
-        rolling = (self._time <= p.learning_s) & ~self.failed.any(axis=1) & (wheel.min(axis=1) > 1.0)
+        turning = self._nominal * wheel.min(axis=1) > p.standing_mps
+        rolling: np.ndarray = (self._time - self._start <= p.learning_s) & ~self.failed.any(axis=1) & turning
         if rolling.any():
             ratio = wheel.mean(axis=1, keepdims=True) / np.maximum(wheel, 1e-6)
             ratio = np.clip(ratio, 1.0 - p.diameter_tolerance, 1.0 + p.diameter_tolerance)
             self._learnt += 1
             learnt = self._radius + (self._nominal * ratio - self._radius) / self._learnt  # the mean of all readings
             self._radius = np.where(rolling[:, None], learnt, self._radius)
+        return rolling
 
     def _follow(self, step: np.ndarray, active: np.ndarray) -> None:
         p = self.parameters

@@ -28,10 +28,11 @@ class RuleBasedParameters(ReferenceParameters):
 
     slip_base_mps: float = quantity(0.1, "m/s", _TUNED + "; slip threshold at standstill", 0.0, 10.0)
     slip_per_speed: float = quantity(0.07, "-", _TUNED + "; growth of the threshold with the speed", 0.0, 1.0)
-    slip_large_factor: float = quantity(2.5, "-", _TUNED + "; times the threshold: vents at any deceleration", 1.0, 20.0)
+    slip_large_factor: float = quantity(2.5, "-", _TUNED + "; times the threshold: vents unless the wheel recovers", 1.0, 20.0)
+    slip_small_factor: float = quantity(0.3, "-", _TUNED + "; times the threshold: vents at a large deceleration", 0.0, 1.0)
     slip_release_factor: float = quantity(0.05, "-", _TUNED + "; times the threshold: re-applies below", 0.0, 1.0)
     deceleration_mps2: float = quantity(4.0, "m/s2", _TUNED + "; wheel deceleration that vents with slip", 0.0, 50.0)
-    deceleration_large_mps2: float = quantity(5.0, "m/s2", _TUNED + "; vents at once", 0.0, 100.0)
+    deceleration_large_mps2: float = quantity(5.0, "m/s2", _TUNED + "; vents with small slip", 0.0, 100.0)
     recovered_mps2: float = quantity(-0.5, "m/s2", _TUNED + "; acceleration that ends venting", -10.0, 50.0)
     reaccelerated_mps2: float = quantity(4.0, "m/s2", _TUNED + "; re-acceleration that re-applies", 0.0, 50.0)
     pulse_on_s: float = quantity(0.1, "s", _TUNED + "; re-application pulse", 0.0, 1.0, open_low=True)
@@ -84,7 +85,7 @@ class RuleBasedWSP:
         threshold = p.slip_base_mps + p.slip_per_speed * reference
         slides = (slip > threshold) & (acceleration < -p.deceleration_mps2)
         slides |= (slip > p.slip_large_factor * threshold) & (acceleration < p.recovered_mps2)
-        slides |= (acceleration < -p.deceleration_large_mps2) & (slip > 0.3 * threshold)
+        slides |= (slip > p.slip_small_factor * threshold) & (acceleration < -p.deceleration_large_mps2)
         caught = acceleration > p.recovered_mps2
         grips = (slip < p.slip_release_factor * threshold) | (acceleration > p.reaccelerated_mps2)
         settled = self._since > p.pulsing_s

@@ -27,6 +27,7 @@ class SlipParameters(ReferenceParameters):
     damping: float = quantity(0.05, "s2/m", _TUNED + "; the same per wheel deceleration beyond the vehicle's", 0.0, 1.0)
     dead_band: float = quantity(0.04, "-", _TUNED + "; share of full pressure within which the valve holds", 0.0, 1.0)
     active_slip: float = quantity(0.5, "-", _TUNED + "; share of the set-point from which the controller acts", 0.0, 1.0)
+    release_share: float = quantity(0.3, "-", _TUNED + "; share of the set-point below which it lets go", 0.0, 1.0)
     calm_s: float = quantity(3.0, "s", _TUNED + "; all axles applied for so long: the slide is over", 0.0, 60.0)
     cut_out_mps: float = quantity(1.4, "m/s", "assumption: EN 15595, no WSP below 3 to 5 km/h", 0.0, 10.0)
 
@@ -72,7 +73,7 @@ class SlipController:
         self._integral = np.where(fresh, np.minimum(self._pressure, 1.0), self._integral)  # begin from what the cylinder has
         excess = np.minimum(self.wheels.acceleration + p.reference_bound_mps2, 0.0)
         wanted = self._integral + p.proportional * error + p.damping * excess
-        over = self._engaged & (wanted >= 1.0) & (slip < 0.3 * target)
+        over = self._engaged & (wanted >= 1.0) & (slip < p.release_share * target)
         self._engaged &= ~over
         command = np.where(
             wanted > self._pressure + p.dead_band, 1.0, np.where(wanted < self._pressure - p.dead_band, -1.0, 0.0)

@@ -179,3 +179,11 @@ def test_set_point_is_held_and_recovers_more_adhesion_when_it_is_deeper():
     stops = [make_stop(BOGIE, 0.03, 3e-4, 40.0)]
     shallow, deep = (drive(SlipController(SlipParameters(creepage=c)), BOGIE, stops)[0] for c in (0.05, 0.2))
     assert deep.state.position[0] < 0.9 * shallow.state.position[0]
+
+
+@pytest.mark.parametrize("make", PROTECTING)
+@pytest.mark.parametrize("wear_m", [0.005, 0.015, 0.025])
+def test_a_worn_wheelset_on_a_clean_rail_is_left_alone(make, wear_m):
+    radii = [BOGIE.wheel_radius_m, BOGIE.wheel_radius_m - wear_m]
+    _, commands, _ = drive(make(), BOGIE, [make_stop(BOGIE, 0.25, 0.0, 40.0, radius=radii)])
+    assert (commands[: int(0.9 * len(commands))] == 1.0).all()
