@@ -5,6 +5,7 @@ import json
 import gymnasium as gym
 import numpy as np
 import pytest
+from browser import BROWSER, open_page
 
 import wsp_env  # noqa: F401  # registers the environments
 from wsp_env.cli import main
@@ -82,3 +83,13 @@ def test_the_command_prints_json_and_writes_a_page(tmp_path, capsys):
     assert (tmp_path / "replay.html").read_text(encoding="utf-8").count("plotly-graph-div") == 6
     assert main(["replay", str(demo_campaign()), "--controllers", "nobody"]) == 2
     assert "nobody" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium installed")
+def test_the_page_opens_without_a_network_and_all_axes_have_units(tmp_path):
+    assert main(["replay", str(demo_campaign()), "--controllers", "none", "--out", str(tmp_path)]) == 0
+    said, plots, titles = open_page(tmp_path / "replay.html", tmp_path / "profile")
+    assert said == []
+    assert plots == 6
+    assert all(title.endswith("]") for title in titles), titles
