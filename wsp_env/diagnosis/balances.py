@@ -57,12 +57,19 @@ class Balances:
     def __init__(self, campaign: Campaign, stops: Sequence[Stop]) -> None:
         self.campaign, self.sources = campaign, tuple(stops)  # the latter with all samples
         self.stops = tuple(map(thinned, stops))
-        self.evaluate = Evaluator(campaign, self.stops)
-        vehicle = self.evaluate.vehicle
+        self._evaluator = Evaluator(campaign, self.stops)
+        self._last: tuple[Model, list[Evaluation]] | None = None
+        self.vehicle = vehicle = self._evaluator.vehicle
         self.axles, self.radius, self.inertia = vehicle.axles, vehicle.wheel_radius_m, vehicle.wheelset_inertia_kgm2
         self.offsets = np.array(vehicle.axle_positions_m)
         self.parts = [_Blocks(stop, self) for stop in self.stops]
         self.rows = _joined([part.rows(i) for i, part in enumerate(self.parts)])
+
+    def evaluate(self, model: Model) -> list[Evaluation]:
+        """Return what a model says of every stop; the last one is kept."""
+        if self._last is None or self._last[0] is not model:
+            self._last = (model, self._evaluator(model))
+        return self._last[1]
 
     def raw(self, model: Model) -> np.ndarray:
         """Residuals (n,) of a model: adhesion coefficients [-], speeds [m/s]."""

@@ -16,7 +16,7 @@ from wsp_env.plant.mechanisms import ALL, Mechanism
 #: Lengths of a patch that are tried [m]; half of one apart along the track.
 _PATCH_LENGTHS_M = (30.0, 60.0, 120.0)
 #: Bands of speed that a track brake is tried in [m/s].
-_BANDS_MPS = ((-10.0, 200.0), (5.0, 200.0), (10.0, 200.0), (15.0, 200.0), (20.0, 200.0))
+_BANDS_MPS = ((-10.0, 200.0), (8.0, 200.0), (15.0, 200.0), (22.0, 200.0))
 #: Finite-difference steps as share of the typical change.
 _STEP = 0.05
 _PRESSURE_ONLY = ("pad_friction", "brake_gain_imbalance")

@@ -15,12 +15,15 @@ from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import rolling_radii
 
 #: -log10 of the probability in a null recording from which on a mechanism counts; some twenty names are searched.
-SURPRISE = 4.0
+SURPRISE = 5.0
 #: Size over the smallest effect of interest from which on a mechanism counts.
-LEAST_MULTIPLE = 0.6
+LEAST_MULTIPLE = 0.15
+#: Gain over the largest one in null recordings, and gain, from which on it counts: whatever few null recordings say of tails.
+OVER_NULLS = 2.0
+LEAST_GAIN = 25.0
 #: Share of the runs' part of the gain that must show on the runs to validate.
 HELD_OUT_SHARE = 0.2
-#: A second mechanism must gain this share of what the first gained: less is the first one's form.
+#: Another mechanism must gain this share of what the first gained, times their squared cosine: less is the first one's form.
 LEAST_SHARE = 0.06
 #: Alternatives: gains within this share of the best one's, or within `INDISTINCT`.
 SHARE_OF_GAIN = 0.1
@@ -41,6 +44,7 @@ class Accepted:
     alternatives: tuple[str, ...]
     confidence: float
     multiple: float
+    tilt: np.ndarray  # see `refit`
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,8 +74,8 @@ def select(
         best = trials[0]
         fitted = best.fitted
         alternatives, confidence = _alternatives(found, trials)
-        accepted.append(Accepted(best.found, best.variant, alternatives, confidence, best.multiple))
-        given = np.concatenate([_columns_in(nulls[0], a.variant) for a in accepted])
+        accepted.append(Accepted(best.found, best.variant, alternatives, confidence, best.multiple, best.tilt))
+        given = np.concatenate([columns_in(nulls[0], a.variant) for a in accepted])
         rescan = scan(balances, fitted.model, weights.deviation, tried, [a.variant for a in accepted])
         search = Search(rescan, nulls, given)
         found = search.found()
@@ -86,6 +90,7 @@ class Trial:
     variant: Variant
     fitted: Fitted
     multiple: float
+    tilt: np.ndarray
 
 
 def _trials(
@@ -106,14 +111,34 @@ def _trials(
     if rolling is not None and not any(a.variant.name == rolling[0].name for a in accepted):
         promising = [rolling[0], *(one for one in promising if one.name != rolling[0].name)]
         starts[rolling[0].which] = rolling[1]
-    least = LEAST_SHARE * max((a.found.gain for a in accepted), default=0.0)
     passed = []
     for one in promising:
         trial = _trial(balances, fitted, search, one, starts[one.which], weights, accepted)
-        held_out = trial.found.held_out >= HELD_OUT_SHARE * _expected(search, one) or rolling is not None
-        if trial.found.gain > max(least, float(one.nulls.max())) and held_out and trial.multiple >= LEAST_MULTIPLE:
+        held_out = trial.found.held_out >= HELD_OUT_SHARE * expected(search, one) or rolling is not None
+        if trial.found.gain > _least(search, one, accepted) and held_out and trial.multiple >= LEAST_MULTIPLE:
             passed.append(trial)
     return sorted(passed, key=lambda trial: float(trial.found.nulls.mean()) - trial.found.gain)
+
+
+def _least(search: Search, one: Found, accepted: Sequence[Accepted]) -> float:
+    """Return the gain that a mechanism must have, beside those accepted before."""
+    least = max(LEAST_GAIN, OVER_NULLS * float(one.nulls.max()))
+    null, its = search.nulls[0], search.twin[one.which]
+    for other in accepted:
+        cosine = largest_cosine(null.whole.gram, null.columns_of(its), columns_in(null, other.variant))
+        least = max(least, LEAST_SHARE * cosine**2 * other.found.gain)
+    return least
+
+
+def largest_cosine(gram: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
+    """Largest cosine between what two sets of columns can do to the residuals, off the nuisances."""
+    roots = []
+    for index in (a, b):
+        values, vectors = np.linalg.eigh(gram[np.ix_(index, index)])
+        kept = values > 1e-9 * max(float(values[-1]), 1e-300)
+        roots.append(vectors[:, kept] / np.sqrt(values[kept]))
+    cosine = np.linalg.svd(roots[0].T @ gram[np.ix_(a, b)] @ roots[1], compute_uv=False).max(initial=0.0)
+    return float(min(cosine, 1.0))
 
 
 def _trial(
@@ -129,9 +154,12 @@ def _trial(
     free, _ = refined(variant)
     variants = (*(a.variant for a in accepted), free)
     null, best = _null(variant), None
+    offset = search.offsets["whole"][search.data.columns_of(one.which)]
+    tilt = np.concatenate([offset, np.zeros(len(free.sizes) - len(variant.sizes))])
+    tilts = [*(a.tilt for a in accepted), tilt]
     for share in (1.0, 0.2):  # the linear step may lead astray
         choice = {**fitted.model.choice, **choice_of(variant, null + share * (start - null))}
-        again = refit(balances, dataclasses.replace(fitted.model, choice=choice), variants, weights)
+        again = refit(balances, dataclasses.replace(fitted.model, choice=choice), variants, weights, tilts=tilts)
         if best is None or again.cost < best.cost:
             best = again
         if best.cost < fitted.cost - 0.5 * one.gain:
@@ -139,7 +167,7 @@ def _trial(
     assert best is not None
     gain = max(fitted.cost - best.cost, 0.0)
     added = effect(balances, fitted.model, {variant.name: best.model.choice[variant.name]})
-    return Trial(dataclasses.replace(one, gain=gain), free, best, added.multiple)
+    return Trial(dataclasses.replace(one, gain=gain), free, best, added.multiple, tilt)
 
 
 def _rolling(balances: Balances, search: Search, found: Sequence[Found]) -> tuple[Found, np.ndarray] | None:
@@ -160,7 +188,7 @@ def _rolling(balances: Balances, search: Search, found: Sequence[Found]) -> tupl
     return dataclasses.replace(template, which=which, fit=gain, gain=gain.gain), np.array([change[axle]])
 
 
-def _expected(search: Search, one: Found) -> float:
+def expected(search: Search, one: Found) -> float:
     """Share of the gain that the runs to validate would have by their part of the columns' squares."""
     index = search.data.columns_of(one.which)
     part = np.trace(search.data.validate.gram[np.ix_(index, index)]) / max(
@@ -181,7 +209,7 @@ def _null(variant: Variant) -> np.ndarray:
     return np.array([nulls[name] for name in variant.sizes])
 
 
-def _columns_in(null: Scan, variant: Variant) -> np.ndarray:
+def columns_in(null: Scan, variant: Variant) -> np.ndarray:
     """Columns of a mechanism in a null scan: those of all its variants with the same fixed parameters, or the nearest."""
     members = [i for i, one in enumerate(null.candidates) if one.variant and one.variant.name == variant.name]
     same = [i for i in members if variant.fixed.items() <= (null.candidates[i].variant or variant).fixed.items()]

@@ -12,7 +12,7 @@ from wsp_env.diagnosis.answer import Closure, Diagnosis, Estimate, Evidence, Fit
 from wsp_env.diagnosis.balances import ADHESION, VEHICLE, Balances
 from wsp_env.diagnosis.candidates import Variant, choice_of, unavailable, variants
 from wsp_env.diagnosis.closures import closures
-from wsp_env.diagnosis.decide import SURPRISE, Accepted, Outcome, select
+from wsp_env.diagnosis.decide import HELD_OUT_SHARE, SURPRISE, Accepted, Outcome, expected, largest_cosine, select
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights, baseline, refit, sliding
 from wsp_env.diagnosis.gls import Projector
@@ -20,7 +20,7 @@ from wsp_env.diagnosis.interest import effect
 from wsp_env.diagnosis.locate import locate, residual_map
 from wsp_env.diagnosis.search import Found, Scan, Search, scan
 from wsp_env.diagnosis.stops import VEHICLE_BLOCK_S, Stop, prepare
-from wsp_env.diagnosis.variation import friction_column, law_columns, nuisances
+from wsp_env.diagnosis.variation import nuisances
 from wsp_env.diagnosis.words import next_test, sentence
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import Campaign, CampaignError
@@ -64,11 +64,12 @@ def diagnose(campaign: Campaign, effort: float = 1.0, seed: int = 0, progress: P
     progress("making null recordings")
     tried = list(variants(balances))
     rng = np.random.default_rng(seed)
-    few = [balances.like(one) for one in null.replicate(balances, model, _BIAS_REPLICATES, rng)]
+    maker = null.Maker(balances, model)
+    few = [balances.like(one) for one in maker.make(_BIAS_REPLICATES, rng)]
     raws = np.column_stack([one.raw(model) for one in few])
     bias = raws.mean(axis=1)
     weights = Weights(np.hypot(weights.deviation, _BIAS_SHARE * bias), bias)
-    nulls = _null_scans(balances, model, weights, tried, max(round(REPLICATES * effort), 4), rng, progress)
+    nulls = _null_scans(maker, weights, tried, max(round(REPLICATES * effort), 4), rng, progress)
     progress("searching the library")
     data = scan(balances, model, weights.deviation, tried)
     outcome = select(balances, model, weights, data, nulls, tried)
@@ -96,8 +97,7 @@ def _sound(campaign: Campaign, stops: list[Stop]) -> tuple[Balances, Model, Weig
 
 
 def _null_scans(
-    balances: Balances,
-    model: Model,
+    maker: null.Maker,
     weights: Weights,
     tried: list[Variant],
     count: int,
@@ -107,8 +107,8 @@ def _null_scans(
     scans = []
     for i in range(count):
         progress(f"null recordings {i + 1} of {count}")
-        (stops,) = null.replicate(balances, model, 1, rng)
-        scans.append(scan(balances.like(stops), model, weights.deviation, tried, held_out=False))
+        (stops,) = maker.make(1, rng)
+        scans.append(scan(maker.balances.like(stops), maker.model, weights.deviation, tried, held_out=False))
     return scans
 
 
@@ -167,11 +167,18 @@ def _closure(balances: Balances, outcome: Outcome) -> Closure | None:
     model = outcome.fitted.model
     columns = {}
     if structured:
-        friction = friction_column(law_columns(balances, model, balances.raw(model)))
+        friction = nuisances(balances, model, balances.raw(model)).friction
         columns = {one.name: one.columns for one in closures(balances, model, friction)}
     for one in structured:
-        if _share(balances, model, columns[one.name] @ one.fit.amplitude) > _LEAST_CLOSURE:
-            return Closure(one.name, one.gain - float(one.nulls.mean()), one.held_out)
+        index = search.data.columns_of(one.which)
+        # Columns of single runs cannot be held out: these must gain in the runs to validate too.
+        alone = "over time" in one.name or "swinging" in one.name
+        held_out = search.gain(index, "validate").gain if alone else one.held_out
+        if (
+            held_out > HELD_OUT_SHARE * expected(search, one)
+            and _share(balances, model, columns[one.name] @ one.fit.amplitude) > _LEAST_CLOSURE
+        ):
+            return Closure(one.name, one.gain - float(one.nulls.mean()), held_out)
     return None
 
 
@@ -217,9 +224,10 @@ def _quality(balances: Balances, model: Model, weights: Weights, outcome: Outcom
     rows = balances.rows
     tune, validate = ~rows.validate, rows.validate
     chosen = [a.variant for a in outcome.accepted] if outcome else []
+    tilts = [a.tilt for a in outcome.accepted] if outcome else []
 
     def costs(start: Model, free: Sequence[Variant]) -> dict[str, float]:
-        fitted = refit(balances, start, free, weights, tune if tune.any() else None)
+        fitted = refit(balances, start, free, weights, tune if tune.any() else None, tilts=tilts[: len(free)])
         found = {"tune": fitted.cost / max(int(tune.sum()), 1)}
         if validate.any():
             found["validate"] = refit(balances, fitted.model, (), weights, validate, False).cost / int(validate.sum())
@@ -279,21 +287,10 @@ def _evidence(balances: Balances, model: Model, search: Search, one: Found) -> E
 
 
 def _confounding(search: Search, screened: Sequence[Found]) -> dict[str, dict[str, float]]:
-    """Largest cosine between what two mechanisms can do to the residuals, off the nuisances."""
+    """Cosines of every two mechanisms."""
     gram, chosen = search.data.whole.gram, [one for one in screened if one.name in ALL]
-    roots: dict[str, np.ndarray] = {}
-    for one in chosen:
-        index = search.data.columns_of(one.which)
-        values, vectors = np.linalg.eigh(gram[np.ix_(index, index)])
-        kept = values > 1e-9 * max(float(values[-1]), 1e-300)
-        roots[one.name] = vectors[:, kept] / np.sqrt(values[kept])
-    table: dict[str, dict[str, float]] = {}
-    for a in chosen:
-        for b in chosen:
-            cross = gram[np.ix_(search.data.columns_of(a.which), search.data.columns_of(b.which))]
-            cosine = np.linalg.svd(roots[a.name].T @ cross @ roots[b.name], compute_uv=False).max(initial=0.0)
-            table.setdefault(a.name, {})[b.name] = float(min(cosine, 1.0))
-    return table
+    index = {one.name: search.data.columns_of(one.which) for one in chosen}
+    return {a: {b: largest_cosine(gram, index[a], index[b]) for b in index} for a in index}
 
 
 def model_json(balances: Balances, model: Model) -> dict[str, Any]:

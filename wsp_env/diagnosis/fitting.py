@@ -10,7 +10,7 @@ from wsp_env.diagnosis.balances import ADHESION, Balances
 from wsp_env.diagnosis.candidates import Variant, choice_of
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.gls import Projector, fit
-from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, Nuisances, friction_column, law_columns, nuisances, unresolved
+from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, Nuisances, nuisances, unresolved
 from wsp_env.plant.mechanisms import ALL
 
 _TAU_START = 2e-4  # [m/J]
@@ -41,7 +41,7 @@ class Fitted:
     variants: tuple[Variant, ...]
     values: tuple[np.ndarray, ...]  # of each variant's free parameters
     covariance: tuple[np.ndarray, ...]  # of the same
-    cost: float  # sum of squares with the nuisances' best part taken away
+    cost: float  # sum of squares with the nuisances' best part taken away, and what is due to noise in the columns
 
 
 def baseline(balances: Balances) -> tuple[Model, Weights]:
@@ -49,7 +49,7 @@ def baseline(balances: Balances) -> tuple[Model, Weights]:
     model = Model(_TAU_START, tuple(stop.believed_mu_cd for stop in balances.stops))
     for _ in range(2):  # the deviations depend on the law, a little
         base = balances.raw(model)
-        friction = friction_column(law_columns(balances, model, base))
+        friction = nuisances(balances, model, base).friction
         weights = Weights(np.hypot(balances.deviation(model), unresolved(friction)), np.zeros(len(base)))
         model = refit(balances, model, (), weights).model
     return model, weights
@@ -69,6 +69,7 @@ def refit(
     weights: Weights,
     keep: np.ndarray | None = None,
     free_law: bool = True,
+    tilts: Sequence[np.ndarray] = (),
 ) -> Fitted:
     """Fit tau, mu_cd and the free parameters of the variants from where `model` is, by Gauss and Newton.
 
@@ -76,15 +77,17 @@ def refit(
     ----------
     keep : (n,) bool, rows to fit to
     free_law : whether tau moves; mu_cd of a run always does
+    tilts : for every variant the mean inner product of its columns with the residual in null recordings (zeros: none). Columns
+        and residual share their noise, so that without it a fit to noise gains.
 
     """
     keep = np.ones(len(balances.rows), dtype=bool) if keep is None else keep
     slides = sliding(balances)
-    state = _State(balances, model, variants, weights, keep)
+    state = _State(balances, model, variants, weights, keep, tilts)
     for _ in range(_ITERATIONS):
         move = state.newton(slides, free_law)
         for halving in range(_HALVINGS):
-            tried = _State(balances, move(0.5**halving), variants, weights, keep)
+            tried = _State(balances, move(0.5**halving), variants, weights, keep, tilts, state)
             if tried.cost <= state.cost:
                 break
         else:
@@ -99,14 +102,27 @@ class _State:
     """The fit at one model."""
 
     def __init__(
-        self, balances: Balances, model: Model, variants: Sequence[Variant], weights: Weights, keep: np.ndarray
+        self,
+        balances: Balances,
+        model: Model,
+        variants: Sequence[Variant],
+        weights: Weights,
+        keep: np.ndarray,
+        tilts: Sequence[np.ndarray],
+        before: "_State | None" = None,
     ) -> None:
         self.balances, self.model, self.variants, self.weights, self.keep = balances, model, tuple(variants), weights, keep
         self.base = balances.raw(model)
-        self.nuisances: Nuisances = nuisances(balances, model, self.base)
-        self.projector = Projector((self.nuisances.columns / weights.deviation[:, None])[keep], self.nuisances.prior)
+        if before is None:
+            self.nuisances: Nuisances = nuisances(balances, model, self.base)
+            self.projector = Projector((self.nuisances.columns / weights.deviation[:, None])[keep], self.nuisances.prior)
+        else:  # they change little on the way
+            self.nuisances, self.projector = before.nuisances, before.projector
         self.y = weights(self.base)[keep]
+        self.tilt = np.concatenate(tilts) if len(tilts) else np.zeros(sum(len(one.sizes) for one in self.variants))
+        moved = [self._moved(one) for one in self.variants]
         self.cost = float(self.projector.inner(self.y[:, None], self.y[:, None])[0, 0])
+        self.cost -= 2.0 * float(self.tilt @ np.concatenate(moved)) if moved else 0.0
 
     def _columns(self) -> tuple[np.ndarray, np.ndarray]:
         found = [candidates.columns(self.balances, self.model, self.base, one) for one in self.variants]
@@ -118,7 +134,7 @@ class _State:
         y, change = self.y, np.zeros(0)
         if self.variants:
             columns, steps = self._columns()
-            found = fit(self.projector.inner(columns, columns), self.projector.inner(columns, y[:, None])[:, 0])
+            found = fit(self.projector.inner(columns, columns), self.projector.inner(columns, y[:, None])[:, 0] - self.tilt)
             y = y - columns @ found.amplitude
             change = -found.amplitude * steps
         amplitudes = self.projector.amplitudes(-y)
@@ -140,6 +156,13 @@ class _State:
             return Model(self.model.tau * float(np.exp(share * log_tau)), mu, choice)
 
         return moved
+
+    def _moved(self, variant: Variant) -> np.ndarray:
+        """How many steps the free parameters are from their null; 0 for those that say where."""
+        steps = [candidates.step(variant.name, name) for name in variant.sizes]
+        null = np.array([null for null, _ in steps])
+        result: np.ndarray = (self._values(variant) - null) / np.array([change for _, change in steps])
+        return result
 
     def _values(self, variant: Variant) -> np.ndarray:
         present = self.model.choice.get(variant.name, {})

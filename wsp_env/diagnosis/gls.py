@@ -11,7 +11,6 @@ import numpy as np
 from scipy import sparse
 
 _NOTHING = 1e-11  # of the largest eigenvalue, below which a direction of the nuisances says nothing
-_EXPLAINED = 1e-6  # share of a column's square that must be left of it
 
 
 class Projector:
@@ -60,18 +59,19 @@ class Fit:
     covariance: np.ndarray  # (k, k) for rows of deviation 1
 
 
-def fit(gram: np.ndarray, against: np.ndarray, squares: np.ndarray | None = None) -> Fit:
+def fit(gram: np.ndarray, against: np.ndarray, squares: np.ndarray | None = None, least: float = 1e-9) -> Fit:
     """Fit columns with Gram matrix (k, k) to rows with which their inner products are `against` (k,).
 
     Parameters
     ----------
-    squares : (k,) of the columns before they were freed from others: what is left of less than `_EXPLAINED` of them is rounding
+    squares : (k,) of the columns before they were freed from others; default: as they are in `gram`
+    least : share of these squares that a direction must have left to be fitted
 
     """
     squares = np.diag(gram) if squares is None else squares
     scale = np.sqrt(np.maximum(squares, np.finfo(float).tiny ** 0.5))
     values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
-    kept = values > _EXPLAINED
+    kept = values > least
     half = (vectors[:, kept] / np.sqrt(values[kept])) / scale[:, None]
     inverse = half @ half.T
     amplitude = inverse @ against

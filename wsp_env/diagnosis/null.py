@@ -57,37 +57,38 @@ def draw(balances: Balances, replicates: int, rng: np.random.Generator) -> Draw:
     return Draw(kept_or_own(gain), kept_or_own(RADIUS), uniform(STIFFNESS, axles), places, track)
 
 
-def replicate(balances: Balances, model: Model, replicates: int, rng: np.random.Generator) -> list[list[Stop]]:
-    """Return null campaigns, each a list of stops prepared as the recorded ones are."""
-    varied = draw(balances, replicates, rng)
-    evaluations = Evaluator(balances.campaign, balances.sources)(dataclasses.replace(model, choice={}))
-    per_stop = [_replicate_stop(balances, one, model, i, varied, rng) for i, one in enumerate(evaluations)]
-    return [[stops[r] for stops in per_stop] for r in range(replicates)]
+class Maker:
+    """Makes null campaigns of a baseline."""
 
+    def __init__(self, balances: Balances, model: Model) -> None:
+        self.balances, self.model = balances, dataclasses.replace(model, choice={})
+        self._evaluations = Evaluator(balances.campaign, balances.sources)(self.model)
+        self._creepages = [_creepage(balances, one, self.model, i) for i, one in enumerate(self._evaluations)]
 
-def _replicate_stop(
-    balances: Balances, one: Evaluation, model: Model, index: int, varied: Draw, rng: np.random.Generator
-) -> list[Stop]:
-    stop, vehicle = balances.sources[index], balances.evaluate.vehicle
-    step, inertia, radius = stop.step_s, vehicle.wheelset_inertia_kgm2, vehicle.wheel_radius_m
-    load = stop.mass * vehicle.gravity_mps2 / (2 * balances.axles)
-    creepage = _creepage(balances, one, model, index, load)
-    resisted = one.resistance
-    replicates, samples = len(varied.gain), len(stop.time)
-    speed = np.full((replicates, samples), stop.speed[0])
-    force = np.empty((replicates, samples, balances.axles))
-    places = stop.place[:, None] - np.array(vehicle.axle_positions_m)
-    nodes = np.clip(np.rint(places - varied.places[0]).astype(np.int64), 0, len(varied.places) - 1)
-    law = vehicle.contact.law
-    _brake(
-        creepage, nodes, varied.track, varied.stiffness, resisted, (model.mu_cd[index], model.tau, load, stop.mass, step), law,
-        speed, force,
-    )  # fmt: skip
-    radii = radius * (1.0 + varied.radius[:, min(index, varied.radius.shape[1] - 1)])[:, None, :]
-    wheel = (1.0 - creepage) * speed[:, :, None] / radii
-    torque = radii * force - inertia * np.gradient(wheel, step, axis=1)
-    torque /= 1.0 + varied.gain[:, min(index, varied.gain.shape[1] - 1)][:, None, :]
-    return _recorded(balances, stop, speed, wheel, torque, rng)
+    def make(self, replicates: int, rng: np.random.Generator) -> list[list[Stop]]:
+        """Return null campaigns, each a list of stops prepared as the recorded ones are."""
+        varied = draw(self.balances, replicates, rng)
+        per_stop = [self._stop(i, varied, rng) for i in range(len(self.balances.sources))]
+        return [[stops[r] for stops in per_stop] for r in range(replicates)]
+
+    def _stop(self, index: int, varied: Draw, rng: np.random.Generator) -> list[Stop]:
+        balances, model, creepage = self.balances, self.model, self._creepages[index]
+        stop, vehicle = balances.sources[index], balances.vehicle
+        step, inertia, radius = stop.step_s, vehicle.wheelset_inertia_kgm2, vehicle.wheel_radius_m
+        load = stop.mass * vehicle.gravity_mps2 / (2 * balances.axles)
+        replicates, samples = len(varied.gain), len(stop.time)
+        speed = np.full((replicates, samples), stop.speed[0])
+        force = np.empty((replicates, samples, balances.axles))
+        places = stop.place[:, None] - np.array(vehicle.axle_positions_m)
+        nodes = np.clip(np.rint(places - varied.places[0]).astype(np.int64), 0, len(varied.places) - 1)
+        run = (model.mu_cd[index], model.tau, load, stop.mass, step)
+        resisted, law = self._evaluations[index].resistance, vehicle.contact.law
+        _brake(creepage, nodes, varied.track, varied.stiffness, resisted, run, law, speed, force)
+        radii = radius * (1.0 + varied.radius[:, min(index, varied.radius.shape[1] - 1)])[:, None, :]
+        wheel = (1.0 - creepage) * speed[:, :, None] / radii
+        torque = radii * force - inertia * np.gradient(wheel, step, axis=1)
+        torque /= 1.0 + varied.gain[:, min(index, varied.gain.shape[1] - 1)][:, None, :]
+        return _recorded(balances, stop, speed, wheel, torque, rng)
 
 
 @inlined
@@ -129,9 +130,10 @@ def _brake(
                 speed[r, j + 1] = max(v - step * mean / mass, 0.1)
 
 
-def _creepage(balances: Balances, one: Evaluation, model: Model, index: int, load: float) -> np.ndarray:
+def _creepage(balances: Balances, one: Evaluation, model: Model, index: int) -> np.ndarray:
     """Creepage (T, A) of the stop: as measured where the wheel slides, else as its force needs it."""
-    stop, law = balances.sources[index], balances.evaluate.vehicle.contact.law
+    stop, law = balances.sources[index], balances.vehicle.contact.law
+    load = stop.mass * balances.vehicle.gravity_mps2 / (2 * balances.axles)
     v = np.maximum(stop.speed, 0.1)[:, None]
     measured = one.slip / v
     aim = np.clip(one.force / (2.0 * load), -0.05, None)

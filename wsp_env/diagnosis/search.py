@@ -16,8 +16,10 @@ from wsp_env.diagnosis.candidates import Candidate, Variant, library
 from wsp_env.diagnosis.closures import closures
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.gls import Fit, Projector, fit
-from wsp_env.diagnosis.variation import friction_column, law_columns, nuisances
+from wsp_env.diagnosis.variation import nuisances
 
+#: Share of its square that a direction must have left: less is nothing that the null recordings' mean can be taken from.
+_LEFT = 1e-3
 _LOG10 = float(np.log(10.0))
 
 
@@ -69,7 +71,7 @@ def scan(
     rows = balances.rows
     base = balances.raw(model)
     nuisance = nuisances(balances, model, base)
-    friction = friction_column(law_columns(balances, model, base))
+    friction = nuisance.friction
     listed = library(balances, model, base, friction, tried) + closures(balances, model, friction)
     on = [candidates.columns(balances, model, base, one)[0] for one in accepted]
     scale = deviation[:, None]
@@ -104,7 +106,7 @@ def conditioned(
     squares = np.diag(gram)[index]
     if not len(given):
         return gram[np.ix_(index, index)], against[index], squares
-    inverse = fit(gram[np.ix_(given, given)], against[given]).covariance
+    inverse = fit(gram[np.ix_(given, given)], against[given], least=_LEFT).covariance
     cross = gram[np.ix_(index, given)]
     freed = gram[np.ix_(index, index)] - cross @ inverse @ cross.T
     return freed, against[index] - cross @ inverse @ against[given], squares
@@ -177,7 +179,7 @@ class Search:
 
     def gain(self, index: np.ndarray, part: str = "whole") -> Fit:
         """Fit some columns to the data, off those of the accepted mechanisms."""
-        return fit(*conditioned(getattr(self.data, part), index, self.own, self.offsets[part]))
+        return fit(*conditioned(getattr(self.data, part), index, self.own, self.offsets[part]), _LEFT)
 
     def held_out(self, index: np.ndarray) -> float:
         """Gain on the runs to validate of amplitudes fitted to the runs to tune on; the whole gain without such runs."""
@@ -196,7 +198,9 @@ class Search:
         # Each is freed from the mean of the others: its own would make it look smaller than the data's.
         mean, count = self.mean, len(self.nulls)
         gains = [
-            fit(*conditioned(null.whole, index, self.given, (count * mean - null.whole.against) / max(count - 1, 1))).gain
+            fit(
+                *conditioned(null.whole, index, self.given, (count * mean - null.whole.against) / max(count - 1, 1)), _LEFT
+            ).gain
             for null in self.nulls
         ]
         return np.array(gains)

@@ -31,17 +31,12 @@ class Nuisances:
     columns: np.ndarray
     prior: np.ndarray
     names: tuple[str, ...]
+    friction: np.ndarray  # (n,) derivative of the residuals by log mu_cd of their own run
 
 
 def gain_deviation(balances: Balances) -> float:
     """Prior deviation of an axle's brake gain [-]."""
     return MEASURED_GAIN if balances.campaign.vehicle.brake_torque_source == "measured" else GAIN
-
-
-def friction_column(columns: np.ndarray) -> np.ndarray:
-    """Return the derivative (n,) of the residuals by log mu_cd of their own run from `law_columns`."""
-    result: np.ndarray = columns[:, 1:].sum(axis=1)
-    return result
 
 
 def law_columns(balances: Balances, model: Model, base: np.ndarray) -> np.ndarray:
@@ -82,7 +77,7 @@ def nuisances(balances: Balances, model: Model, base: np.ndarray) -> Nuisances:
     # A stiffer contact acts as more slip: df/dlog k is about s df/ds (exact at small creepage, where alone it counts).
     stiffness = -np.concatenate(slopes)
     radius = np.concatenate(speeds)
-    friction = law[:, 1:].sum(axis=1)
+    friction: np.ndarray = law[:, 1:].sum(axis=1)
     track = friction[:, None] * _hats(rows.place, rows.balance != VEHICLE)
     by_run = rows.run[:, None] == np.arange(len(balances.stops))
 
@@ -105,7 +100,7 @@ def nuisances(balances: Balances, model: Model, base: np.ndarray) -> Nuisances:
     names = tuple(name for name, columns, _ in groups for _ in range(columns.shape[1]))
     columns = np.column_stack([columns * (deviation or 1.0) for _, columns, deviation in groups])
     prior = np.concatenate([np.full(columns.shape[1], deviation > 0.0) for _, columns, deviation in groups])
-    return Nuisances(columns, prior, names)
+    return Nuisances(columns, prior, names, friction)
 
 
 def _hats(place: np.ndarray, wheels: np.ndarray) -> np.ndarray:

@@ -1,0 +1,66 @@
+"""Least squares with nuisances against the plain augmented problem; gains, estimates, null probabilities."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wsp_env.diagnosis.gls import Projector, fit
+from wsp_env.diagnosis.search import Products, conditioned, surprise
+
+
+def augmented_cost(columns: np.ndarray, prior: np.ndarray, y: np.ndarray) -> float:
+    """Smallest sum of squares, by rows that say 0 +- 1 for every nuisance with a prior."""
+    rows = np.flatnonzero(prior)
+    extra = np.zeros((len(rows), columns.shape[1]))
+    extra[np.arange(len(rows)), rows] = 1.0
+    a, b = np.vstack([columns, extra]), np.concatenate([y, np.zeros(len(rows))])
+    best = np.linalg.lstsq(a, b, rcond=None)[0]
+    return float(((b - a @ best) ** 2).sum())
+
+
+@given(st.integers(0, 10_000), st.integers(1, 6), st.integers(1, 4))
+def test_projection_is_the_augmented_least_squares(seed, nuisances, wanted):
+    rng = np.random.default_rng(seed)
+    z, x, y = rng.standard_normal((40, nuisances)), rng.standard_normal((40, wanted)), rng.standard_normal(40)
+    prior = rng.random(nuisances) < 0.5
+    projector = Projector(z, prior)
+    cost = float(projector.inner(y[:, None], y[:, None])[0, 0])
+    assert cost == pytest.approx(augmented_cost(z, prior, y), rel=1e-9)
+    found = fit(projector.inner(x, x), projector.inner(x, y[:, None])[:, 0])
+    together = augmented_cost(np.column_stack([z, x]), np.concatenate([prior, np.zeros(wanted, dtype=bool)]), y)
+    assert cost - found.gain == pytest.approx(together, rel=1e-7, abs=1e-9)
+    assert projector.rest(y) == pytest.approx(y - z @ projector.amplitudes(y))
+
+
+def test_a_column_that_the_nuisances_explain_gains_nothing():
+    rng = np.random.default_rng(0)
+    z, y = rng.standard_normal((50, 3)), rng.standard_normal(50)
+    projector = Projector(z, np.zeros(3, dtype=bool))
+    x = z[:, :1] * 2.0
+    squares = (x**2).sum(axis=0)
+    assert fit(projector.inner(x, x), projector.inner(x, y[:, None])[:, 0], squares).gain == pytest.approx(0.0, abs=1e-6)
+
+
+@given(st.integers(0, 10_000))
+def test_conditioning_on_columns_is_projecting_off_them(seed):
+    rng = np.random.default_rng(seed)
+    x, y = rng.standard_normal((60, 5)), rng.standard_normal(60)
+    products = Products(x.T @ x, x.T @ y, float(y @ y), 60)
+    index, others = np.array([0, 3]), np.array([1, 4])
+    gram, against, _ = conditioned(products, index, others, np.zeros(5))
+    projector = Projector(x[:, others], np.zeros(2, dtype=bool))
+    assert gram == pytest.approx(projector.inner(x[:, index], x[:, index]), rel=1e-6, abs=1e-8)
+    assert against == pytest.approx(projector.inner(x[:, index], y[:, None])[:, 0], rel=1e-6, abs=1e-8)
+
+
+@given(st.floats(0.0, 1e6), st.floats(1.0, 100.0))
+def test_surprise_rises_with_the_gain_and_stays_finite(gain, mean):
+    nulls = mean * np.array([0.5, 1.0, 1.5])
+    assert 0.0 <= surprise(gain, nulls) <= surprise(gain + 1.0, nulls) <= 300.0
+
+
+def test_surprise_of_a_chi_square():
+    # A gain of one column in Gaussian noise: 3.84 is exceeded in 5 % of cases.
+    nulls = np.random.default_rng(0).chisquare(1, 20_000)
+    assert surprise(3.84, nulls) == pytest.approx(-np.log10(0.05), abs=0.05)
