@@ -54,6 +54,7 @@ def test_wheel_has_the_command_and_the_licence(wheel):
 @pytest.mark.slow
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_code_in_the_documents_runs(document, tmp_path, monkeypatch):
+    (tmp_path / "agents").symlink_to(ROOT / "agents")  # read from the repository's root, written beside it
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"^```python\n(.*?)^```", document.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
     exec(compile("\n".join(blocks), str(document), "exec"), {"__name__": "__main__"})
