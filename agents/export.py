@@ -139,7 +139,7 @@ def export(
             external_data=False,
             verbose=False,
         )
-        content = path.read_bytes()
+        content = without_traces(path.read_bytes())
     session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
     observation = np.random.default_rng(0).normal(0.0, 1.0, (1000, size)).astype(np.float32)
     difference = disagreement(policy, normalisation, observation, session.run(["raw"], {INPUT: observation})[0])
@@ -151,3 +151,19 @@ def export(
     (folder / NETWORK).write_bytes(content)
     (folder / CONTRACT).write_text(json.dumps(dataclasses.asdict(contract), indent=2) + "\n", encoding="utf-8")
     return difference
+
+
+def without_traces(content: bytes) -> bytes:
+    """Return a network without what the exporter notes of its making: file names and line numbers of this machine."""
+    import onnx
+
+    model = onnx.load_from_string(content)
+    model.doc_string = model.graph.doc_string = ""
+    parts = [model.graph, *model.functions]
+    for holder in [model, *parts, *(node for part in parts for node in part.node)]:
+        del holder.metadata_props[:]
+    for node in (node for part in parts for node in part.node):
+        node.doc_string = ""
+    for value in [*model.graph.input, *model.graph.output, *model.graph.value_info, *model.graph.initializer]:
+        del value.metadata_props[:]
+    return bytes(model.SerializeToString())

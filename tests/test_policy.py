@@ -4,6 +4,7 @@ import hashlib
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -190,3 +191,9 @@ def test_a_missing_sensor_is_said():
 def test_the_description_of_an_observation_has_its_length(vehicle, sensors):
     env = gym.make(f"wsp_env/{vehicle.name.title()}-v0", pressure_sensors=sensors)
     assert env.observation_space.shape == (len(describe_observation(vehicle.axles, sensors)),)
+
+
+def test_shipped_networks_do_not_tell_where_they_were_made():
+    networks = sorted((Path(__file__).parents[1] / "agents" / "trained").glob("*/policy.onnx"))
+    assert networks
+    assert not any(b'File "' in network.read_bytes() for network in networks)
