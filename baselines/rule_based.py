@@ -12,6 +12,7 @@ import dataclasses
 import numpy as np
 
 from baselines.reference_speed import ReferenceParameters, ReferenceSpeed
+from baselines.safety_timer import SafetyParameters, SafetyTimer
 from wsp_env.envs.observation import Measurement
 from wsp_env.parameters.quantity import quantity
 from wsp_env.parameters.vehicle import Vehicle
@@ -23,7 +24,7 @@ _TUNED = "assumption: chosen on the test programme (wsp evaluate)"
 
 
 @dataclasses.dataclass(frozen=True)
-class RuleBasedParameters(ReferenceParameters):
+class RuleBasedParameters(ReferenceParameters, SafetyParameters):
     """Thresholds and times of the rules."""
 
     slip_base_mps: float = quantity(0.1, "m/s", _TUNED + "; slip threshold at standstill", 0.0, 10.0)
@@ -39,9 +40,7 @@ class RuleBasedParameters(ReferenceParameters):
     pulse_off_s: float = quantity(0.26, "s", _TUNED + "; hold between pulses", 0.0, 2.0)
     pulsing_s: float = quantity(1.5, "s", _TUNED + "; pulses, then full application", 0.0, 20.0)
     calm_s: float = quantity(3.0, "s", _TUNED + "; all axles applied for so long: the slide is over", 0.0, 60.0)
-    safety_timer_s: float = quantity(10.0, "s", "assumption: EN 15595, venting at most 10 s", 0.1, 60.0)
-    safety_rest_s: float = quantity(1.0, "s", "assumption: then the brake stays applied for so long", 0.0, 60.0)
-    blind_rest_s: float = quantity(0.3, "s", _TUNED + "; the same for an axle without sensor: too short to lock", 0.0, 60.0)
+    blind_rest_s: float = quantity(0.3, "s", _TUNED + "; safety_rest_s of an axle without sensor: too short to lock", 0.0, 60.0)
     cut_out_mps: float = quantity(1.4, "m/s", "assumption: EN 15595, no WSP below 3 to 5 km/h", 0.0, 10.0)
 
 
@@ -63,8 +62,8 @@ class RuleBasedWSP:
         self.wheels = ReferenceSpeed(self.parameters, n, vehicle)
         self._state = np.full(shape, APPLY)
         self._since = np.zeros(shape)  # in this state [s]
-        self._unbraked = np.zeros(shape)  # since the last application [s]
-        self._rest = np.zeros(shape)  # the safety timer keeps the axle applied for so long [s]
+        self._timer = SafetyTimer(shape)
+        self._expired = np.zeros(shape, dtype=bool)  # the safety timer applies the axle
         self._calm = np.full(n, np.inf)  # all axles applied for so long [s]
         self._command = np.ones(shape)
         self._blind = np.zeros(shape, dtype=bool)  # released, as its sensor failed and the rail is slippery
@@ -103,11 +102,8 @@ class RuleBasedWSP:
         # Degraded mode: an axle that cannot be watched is not braked while others slide; with no sensor left all are.
         self._blind = failed & ~failed.all(axis=1, keepdims=True) & (self._calm <= p.calm_s)[:, None]
         braking = ((after == APPLY) | (after == PULSE)) & ~self._blind
-        self._unbraked = np.where(braking, 0.0, self._unbraked + step[:, None])
-        expired = self._unbraked > p.safety_timer_s
         rest = np.where(failed, p.blind_rest_s, p.safety_rest_s)
-        self._rest = np.where(expired, rest, np.maximum(self._rest - step[:, None], 0.0))
-        self._unbraked[expired] = 0.0
+        self._expired = self._timer.expired(braking, step[:, None], p.safety_timer_s, rest)
 
     def _commands(self) -> np.ndarray:
         p = self.parameters
@@ -119,6 +115,6 @@ class RuleBasedWSP:
         command[(state == PULSE) & (np.mod(self._since, period) >= p.pulse_on_s - 1e-9)] = 0.0
         command[failed] = 1.0
         command[self._blind] = -1.0
-        command[self._rest > 0.0] = 1.0
+        command[self._expired] = 1.0
         command[self.wheels.reference < p.cut_out_mps] = 1.0
         return command

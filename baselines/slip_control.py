@@ -9,6 +9,7 @@ import dataclasses
 import numpy as np
 
 from baselines.reference_speed import ReferenceParameters, ReferenceSpeed
+from baselines.safety_timer import SafetyParameters, SafetyTimer
 from wsp_env.envs.observation import Measurement
 from wsp_env.parameters.quantity import quantity
 from wsp_env.parameters.vehicle import Vehicle
@@ -17,7 +18,7 @@ _TUNED = "assumption: chosen on the test programme (wsp evaluate)"
 
 
 @dataclasses.dataclass(frozen=True)
-class SlipParameters(ReferenceParameters):
+class SlipParameters(ReferenceParameters, SafetyParameters):
     """Set-point and gains."""
 
     creepage: float = quantity(0.15, "-", _TUNED + "; set-point", 0.0, 1.0)
@@ -54,6 +55,7 @@ class SlipController:
         self._integral = np.ones(shape)  # share of full pressure
         self._engaged = np.zeros(shape, dtype=bool)
         self._calm = np.full(n, np.inf)
+        self._timer = SafetyTimer(shape)
         self._command = np.ones(shape)
         self._set_point = np.full(shape, self.parameters.creepage)
 
@@ -81,6 +83,7 @@ class SlipController:
         command = np.where(self._engaged, command, 1.0)
         command[self.wheels.released] = -1.0
         command[self.wheels.failed] = 1.0
+        command[self._timer.expired(command > 0.5, step, p.safety_timer_s, p.safety_rest_s)] = 1.0
         command[(reference < p.cut_out_mps)[:, 0]] = 1.0
         self._calm = np.where((command > 0.5).all(axis=1), self._calm + step[:, 0], 0.0)
         self._command = command

@@ -8,7 +8,7 @@ import pytest
 from baselines.extremum_seeking import ExtremumSeeker
 from baselines.none import NoWSP
 from baselines.reference_speed import ReferenceParameters, ReferenceSpeed
-from baselines.rule_based import RuleBasedParameters, RuleBasedWSP
+from baselines.rule_based import RuleBasedWSP
 from baselines.slip_control import SlipController, SlipParameters
 from wsp_env.envs.batch import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
 from wsp_env.envs.observation import Measurement
@@ -123,9 +123,10 @@ def measured(time, speeds, vehicle=BOGIE):
     return Measurement(np.array([time]), np.array([speeds]) / vehicle.wheel_radius_m, np.ones(1))
 
 
-def test_safety_timer_ends_endless_venting():
-    parameters = RuleBasedParameters(safety_timer_s=3.0)
-    controller = RuleBasedWSP(parameters)
+@pytest.mark.parametrize("make", PROTECTING)
+def test_safety_timer_ends_endless_venting(make):
+    controller = make()
+    controller.parameters = dataclasses.replace(controller.parameters, safety_timer_s=3.0)
     controller.reset(1, BOGIE)
     longest = unbraked = 0.0
     for step in range(1000):  # rolls for a second, then one wheel stands for ever though it is vented
@@ -133,7 +134,7 @@ def test_safety_timer_ends_endless_venting():
         commands = controller.act(measured(time, [25.0, np.clip(25.0 - 20.0 * (time - 1.0), 0.0, 25.0)]))
         unbraked = 0.0 if commands[0, 1] > 0.0 else unbraked + INTERVAL_S
         longest = max(longest, unbraked)
-    assert 2.0 < longest <= parameters.safety_timer_s + 2 * INTERVAL_S
+    assert 2.0 < longest <= controller.parameters.safety_timer_s + 2 * INTERVAL_S
     assert controller.wheels.standing.tolist() == [[False, True]]
 
 
