@@ -17,7 +17,7 @@ from wsp_env.evaluation import results
 from wsp_env.evaluation.bound import SlideLimit, ceiling
 from wsp_env.evaluation.compare import compare
 from wsp_env.evaluation.controller import load, read_settings
-from wsp_env.evaluation.evaluate import BOUND, REFERENCE, evaluate
+from wsp_env.evaluation.evaluate import BOUND, KEYS, REFERENCE, evaluate
 from wsp_env.evaluation.figures import FIGURES, figures, losses
 from wsp_env.evaluation.programme import (
     STANDARD,
@@ -29,7 +29,8 @@ from wsp_env.evaluation.programme import (
     read_programme,
     select_cases,
 )
-from wsp_env.evaluation.runner import Run, run
+from wsp_env.evaluation.runner import Conduct, Run, run
+from wsp_env.evaluation.sources import code_digest, imported_beside
 from wsp_env.evaluation.summary import interval, judge, summarise
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import BOGIE, COACH, WHEELSET
@@ -95,6 +96,7 @@ def test_the_standard_programme_holds_what_the_standard_tests():
     names = {case.name for case in programme.cases}
     assert {"dry-160", "low-120", "low-160", "low-200", "extremely-low-160", "change-up-160", "change-down-160"} <= names
     assert {"patches-160", "downhill-160", "worn-wheelset-160", "failed-sensor-160", "low-160-full"} <= names
+    assert {"dry-worn-160", "dry-failed-160"} <= names
     assert all("EN 15595" in r.source or "assumption" in r.source for r in programme.requirements)
     assert select_cases(programme, COACH) == programme.cases
     slow = dataclasses.replace(COACH, max_speed_mps=36.0)
@@ -230,8 +232,13 @@ def test_every_controller_has_every_stop_and_is_never_better_than_the_bound_with
     stops = result.stops
     assert not result.failures
     assert stops.group_by("controller").len()["len"].to_list() == [6] * 4  # 2 draws of dry, and of low under both laws
-    inside = stops.filter((polars.col("beyond_limit_s") == 0.0) & (polars.col("controller") != BOUND))
+    inside = stops.filter(polars.col("within_limit"))
+    assert {BOUND, REFERENCE} <= set(inside["controller"])
     assert (inside["ratio_bound"] >= 1.0).all()
+    left = stops.filter(~polars.col("within_limit"))
+    assert (left["beyond_limit_s"] > 0.0).all()
+    assert (left["largest_creepage"] > SMALL.limit.creepage).all()
+    assert "none" in set(left["controller"])
     assert (stops.filter(polars.col("controller") == BOUND)["ratio_bound"] == 1.0).all()
     assert (stops.filter(polars.col("controller") == REFERENCE)["ratio_reference"] == 1.0).all()
     dry = stops.filter((polars.col("controller") == "none") & (polars.col("case") == "dry"))
@@ -247,10 +254,14 @@ def test_every_controller_has_every_stop_and_is_never_better_than_the_bound_with
         (polars.col("controller") == own) & (polars.col("case") == "low") & (polars.col("law") == "classic")
     )
     assert row["distance_m"][0] == pytest.approx(own_stops["distance_m"].mean())
-    traces = [t for t in result.traces if (t.controller, t.case, t.law) == (own, "low", "classic")]
-    assert len(traces) == 1
-    assert traces[0].speed[-1] == 0.0
-    assert traces[0].rim.shape == (*traces[0].time.shape, 1)
+    drawn = {(t.controller, t.case, t.law, t.draw): t for t in result.traces}
+    assert set(drawn) == set(stops.filter(polars.col("controller") != BOUND).select(KEYS).iter_rows())
+    for key, distance in zip(own_stops.select(KEYS).iter_rows(), own_stops["distance_m"], strict=True):
+        trace = drawn[key]
+        assert (trace.time[0], trace.speed[-1]) == (0.0, 0.0)
+        assert trace.position[-1] == pytest.approx(distance)
+        assert (np.diff(trace.time) >= 0.0).all()
+        assert trace.rim.shape == trace.pressure.shape == (*trace.time.shape, 1)
 
 
 def test_what_is_there_is_not_computed_again_and_nothing_half_written_counts(tmp_path, own, monkeypatch):
@@ -279,6 +290,39 @@ def test_what_is_there_is_not_computed_again_and_nothing_half_written_counts(tmp
     Path(own).write_text(OWN + "\n# changed\n")
     run_small({own: {}}, folder)
     assert len(worked) == 11  # other code too
+
+
+def test_a_damaged_result_is_computed_again(tmp_path, own):
+    folder = tmp_path / "cases"
+    whole = run_small({own: {}}, folder)
+    files = sorted(folder.glob("*.npz"))
+    assert len(files) == 4
+    data = files[0].read_bytes()
+    files[0].write_bytes(data[: len(data) // 2])
+    files[1].write_bytes(b"")
+    files[2].write_bytes(data[:200] + bytes(byte ^ 255 for byte in data[200:400]) + data[400:])
+    with pytest.warns(UserWarning, match="cannot be read and is computed again") as warned:
+        again = run_small({own: {}}, folder)
+    assert {str(warning.message).split()[0] for warning in warned} >= {str(file) for file in files[:3]}
+    assert again.stops.equals(whole.stops)
+
+
+def test_a_file_may_import_what_lies_beside_it_and_is_run_again_when_that_changes(tmp_path):
+    for name, slip in (("one", 0.04), ("two", 0.06)):
+        (tmp_path / name / "kit").mkdir(parents=True)
+        (tmp_path / name / "own.py").write_text("from helper import SLIP\n" + OWN.replace("0.05", "SLIP"))
+        (tmp_path / name / "helper.py").write_text("import kit.numbers\nSLIP = kit.numbers.SLIP\n")
+        (tmp_path / name / "kit" / "numbers.py").write_text(f"SLIP = {slip}\n")
+        (tmp_path / name / "stranger.py").write_text("")
+    files = [str(tmp_path / name / "own.py") for name in ("one", "two")]
+    assert [load(file).parameters.slip for file in files] == [0.04, 0.06]  # each its own helper
+    beside = {path.relative_to(tmp_path / "one").as_posix() for path in imported_beside(tmp_path / "one" / "own.py")}
+    assert beside == {"own.py", "helper.py", "kit/numbers.py"}
+    first = code_digest(files[0])
+    (tmp_path / "one" / "stranger.py").write_text("# not imported\n")
+    assert code_digest(files[0]) == first
+    (tmp_path / "one" / "kit" / "numbers.py").write_text("SLIP = 0.03\n")
+    assert code_digest(files[0]) != first
 
 
 def test_a_result_is_written_whole_or_not_at_all(tmp_path):
@@ -312,11 +356,37 @@ def test_bad_controllers_are_reported_and_the_others_evaluated(tmp_path, own):
     assert set(result.stops["controller"]) == {BOUND, REFERENCE, own}
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_controller_that_ends_its_process_is_reported_and_the_others_evaluated(tmp_path, own, jobs):
+    bad = write_controller(tmp_path, "ends", "__import__('os')._exit(3)")
+    result = run_small({bad: {}, own: {}}, tmp_path / "cases", jobs=jobs)
+    assert [(f.controller, f.case, f.message) for f in result.failures] == [
+        (bad, case.name, "ended the process it ran in") for case in SMALL.cases
+    ]
+    assert set(result.stops["controller"]) == {BOUND, REFERENCE, own}
+    assert result.stops.filter(polars.col("controller") == own).height == 6
+
+
+def test_a_stop_that_ran_on_meets_no_requirement(tmp_path):
+    result = evaluate({"none": {}}, SMALL, SMALL.cases[:1], WHEELSET, tmp_path, draws=1, conduct=Conduct(time_limit_s=2.0))
+    verdicts = judge(result.stops, SMALL.requirements)
+    assert [verdict.passed for verdict in verdicts if verdict.controller == "none"] == [False, False]
+    assert all("ran on" in verdict.where for verdict in verdicts)
+    cells = summarise(result.stops).filter(polars.col("controller") == "none")
+    assert cells["stopped"].to_list() == [0]
+
+
 def test_settings_from_the_command_line():
     assert read_settings(("a.py:B", "none"), ("a.py:B.slip=0.5",)) == {"a.py:B": {"slip": 0.5}, "none": {}}
     for wrong in ("a.py:B.slip", "other.slip=1", "slip=1"):
         with pytest.raises(ParameterError, match=r"CONTROLLER\.PARAMETER=VALUE"):
             read_settings(("a.py:B",), (wrong,))
+
+
+def test_a_text_for_a_number_is_refused(own):
+    with pytest.raises(ParameterError, match=r"slip of .* must be a number, got 'abc'"):
+        load(own, {"slip": "abc"})
 
 
 def test_the_command_evaluates_a_file_and_reports(tmp_path, own, capsys):
@@ -339,6 +409,8 @@ def test_the_command_evaluates_a_file_and_reports(tmp_path, own, capsys):
     document = json.loads(capsys.readouterr().out)
     assert {row["controller"] for row in document["summary"]} == {BOUND, REFERENCE, own}
     assert document["failures"] == []
+    assert len(document["stops"]) == 2 * 2 * 3
+    assert all(stop["within_limit"] for stop in document["stops"] if stop["controller"] == BOUND)
     table = polars.read_parquet(tmp_path / "out" / "stops.parquet")
     assert set(FIGURES) <= set(table.columns)
     assert polars.read_csv(tmp_path / "out" / "stops.csv").height == table.height
@@ -400,5 +472,7 @@ def test_the_command_compares(tmp_path, capsys):
     assert pairs[0]["gained_m"] == pytest.approx(pairs[0]["classic_m"] - pairs[0]["recovering_m"])
     assert "mu_cd 0.03" in page.read_text()
     assert cli.main(["compare", *arguments, "--out", str(page)]) == 0
-    assert "parted" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "parted" in printed
+    assert "\\" not in printed
     assert cli.main(["compare", "--tau", "0"]) == 2

@@ -81,7 +81,9 @@ def main(
         print(json.dumps({"stop": title, "parted_mps": PARTED_MPS, "pairs": pairs}, indent=2))
         return
     console = Console()
-    (console if console.is_terminal else Console(width=150)).print(title, terminal_table(table), markup=False)
+    console = console if console.is_terminal else Console(width=150)
+    console.print(title, markup=False)
+    console.print(terminal_table(table))
     if written:
         print(f"\n{out}")
 

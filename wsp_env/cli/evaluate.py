@@ -5,6 +5,7 @@ import json
 import math
 import os
 import sys
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,7 +20,7 @@ from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.evaluate import BOUND, Evaluation, evaluate
 from wsp_env.evaluation.figures import FIGURES
 from wsp_env.evaluation.programme import STANDARD, read_programme, select_cases
-from wsp_env.evaluation.report import write_report
+from wsp_env.evaluation.report import LEFT_LIMIT, write_report
 from wsp_env.evaluation.runner import Conduct
 from wsp_env.evaluation.summary import Verdict, judge, summarise
 from wsp_env.parameters.quantity import ParameterError
@@ -39,6 +40,7 @@ _COLUMNS = (
     ("air_nl", "air\n[Nl]", 0),
     ("contact_energy_mj", "energy\n[MJ]", 2),
 )
+_RATIO = [figure for figure, _, _ in _COLUMNS].index("ratio_bound")
 
 
 def main(
@@ -72,7 +74,7 @@ def main(
     seed
         Of the draws.
     jobs
-        Processes; 0: one per processor.
+        Processes; 0: one per processor. The results do not depend on it.
     set
         Parameters of controllers, as rule-based.slip_base_mps=0.4.
     programme
@@ -82,7 +84,7 @@ def main(
     out
         Folder of the results.
     json_
-        Print summary, verdicts and failures as JSON.
+        Print stops, summary, verdicts and failures as JSON.
 
     """
     if vehicle not in VEHICLES:
@@ -116,12 +118,12 @@ def main(
     summary, verdicts = summarise(result.stops), judge(result.stops, table.requirements)
     _write(out, result, summary)
     labels = _labels(controllers)
-    shown = summary.with_columns(polars.col("controller").replace(labels))
-    judged = tuple(dataclasses.replace(v, controller=labels.get(v.controller, v.controller)) for v in verdicts)
-    traces = tuple(dataclasses.replace(t, controller=labels.get(t.controller, t.controller)) for t in result.traces)
+    shown, judged = _labelled(summary, labels), _relabelled(verdicts, labels)
+    pictured = Evaluation(
+        _labelled(result.stops, labels), _relabelled(result.traces, labels), _relabelled(result.failures, labels)
+    )
     try:
-        pictured = dataclasses.replace(result, traces=traces)
-        write_report(out / "report.html", pictured, shown, judged, f"{table.name}, {vehicle}, {draws} draws")
+        write_report(out / "report.html", pictured, shown, judged, f"{table.name}, {vehicle}, {_counted(draws)}")
         written = ", report.html"
     except ModuleNotFoundError as missing:  # the tables do without
         errors.print(f"no report.html: {missing}")
@@ -135,10 +137,22 @@ def main(
         sys.exit(1)
 
 
+def _counted(draws: int) -> str:
+    return "1 draw" if draws == 1 else f"{draws} draws"
+
+
 def _labels(controllers: tuple[str, ...]) -> dict[str, str]:
     """Return what to call each controller in tables: a file without its folders, where that leaves it unique."""
     short = {name: name.rstrip("/").rpartition("/")[2] for name in controllers}
     return {name: label if list(short.values()).count(label) == 1 else name for name, label in short.items()}
+
+
+def _labelled(table: polars.DataFrame, labels: Mapping[str, str]) -> polars.DataFrame:
+    return table.with_columns(polars.col("controller").replace(labels))
+
+
+def _relabelled(items: Iterable[Any], labels: Mapping[str, str]) -> tuple[Any, ...]:
+    return tuple(dataclasses.replace(item, controller=labels.get(item.controller, item.controller)) for item in items)
 
 
 def _write(out: Path, result: Evaluation, summary: polars.DataFrame) -> None:
@@ -151,6 +165,7 @@ def _plain(result: Evaluation, summary: polars.DataFrame, verdicts: tuple[Verdic
     """Return what `--json` prints; a number that is not finite becomes null."""
     document = {
         "figures": {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in FIGURES.items()},
+        "stops": result.stops.to_dicts(),
         "summary": summary.to_dicts(),
         "verdicts": [vars(verdict) for verdict in verdicts],
         "failures": [vars(failure) for failure in result.failures],
@@ -170,7 +185,8 @@ def _print(summary: polars.DataFrame, verdicts: tuple[Verdict, ...], draws: int)
     console = Console()
     if not console.is_terminal:
         console = Console(width=170)
-    table = Table(title=f"Means of {draws} draws; distances with 95 % confidence intervals")
+    title = f"Means of {draws} draws; distances with 95 % confidence intervals" if draws > 1 else "1 draw"
+    table = Table(title=title, caption=LEFT_LIMIT, caption_justify="left")
     for heading in ("case", "law", "controller"):
         table.add_column(heading, no_wrap=True)
     for _, heading, _ in _COLUMNS:
@@ -183,6 +199,7 @@ def _print(summary: polars.DataFrame, verdicts: tuple[Verdict, ...], draws: int)
             cells = [_cell(row, figure, digits) for figure, _, digits in _COLUMNS]
             if row["stopped"] < row["draws"]:
                 cells[0] += f" ({row['draws'] - row['stopped']} ran on)"
+            cells[_RATIO] += "*" * (row["within_limit"] < row["draws"])
             first = (case, law) if i == 0 else ("", "")
             table.add_row(*first, row["controller"], *cells, end_section=i == len(group) - 1)
     console.print(table)

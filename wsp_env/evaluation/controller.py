@@ -5,11 +5,12 @@ measurements only, so that the same object runs in an environment, on replayed c
 """
 
 import ast
+import contextlib
 import dataclasses
 import importlib
 import importlib.util
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -48,9 +49,9 @@ def load(name: str, parameters: Mapping[str, Any] | None = None) -> Controller:
     """Return the controller of a name, with `parameters` replacing fields of its `parameters` dataclass.
 
     `name` is one of `SHORT_NAMES`, a policy's folder (see `wsp_env.evaluation.policy`), an import path `package.module:Class`
-    or a file `path/to/file.py:Class` (the class may be left out where the file holds one only). `ParameterError` says what
-    could not be found. A file is run as Python: load only controllers that you trust; policies of others come as folders
-    without code.
+    or a file `path/to/file.py:Class` (the class may be left out where the file holds one only), which may import, at its top,
+    what lies beside it. `ParameterError` says what could not be found. A file is run as Python: load only controllers that you
+    trust; policies of others come as folders without code.
     """
     if name not in SHORT_NAMES and Path(name).is_dir():
         if parameters:
@@ -74,8 +75,12 @@ def load(name: str, parameters: Mapping[str, Any] | None = None) -> Controller:
     if not isinstance(controller, Controller):
         raise ParameterError(f"controller {name!r} lacks reset(n, vehicle) or act(measurement)")
     if parameters:
-        if not dataclasses.is_dataclass(getattr(controller, "parameters", None)):
+        present = getattr(controller, "parameters", None)
+        if not dataclasses.is_dataclass(present):
             raise ParameterError(f"controller {name!r} has no parameters to set")
+        for key, value in parameters.items():
+            if _is_number(getattr(present, key, None)) and not _is_number(value):
+                raise ParameterError(f"parameter {key} of {name} must be a number, got {value!r}")
         changed = replace(controller.parameters, dict(parameters), f"parameter of {name}")  # type: ignore[attr-defined]
         controller = _made(name, made, changed)
     return controller
@@ -101,10 +106,14 @@ def read_settings(controllers: Sequence[str], settings: Sequence[str]) -> dict[s
     return chosen
 
 
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 def _made(name: str, made: Any, *parameters: Any) -> Any:
     try:
         return made(*parameters) if isinstance(made, type) else made
-    except Exception as error:  # whatever a stranger's class raises
+    except (Exception, SystemExit) as error:  # whatever a stranger's class raises
         raise ParameterError(f"controller {name!r} cannot be made: {type(error).__name__}: {error}") from error
 
 
@@ -119,8 +128,9 @@ def _module(name: str, place: str) -> Any:
         module = importlib.util.module_from_spec(spec)
         sys.modules[spec.name] = module  # dataclasses look their module up there
         try:
-            spec.loader.exec_module(module)
-        except Exception as error:  # whatever a stranger's file raises
+            with _beside(path):
+                spec.loader.exec_module(module)
+        except (Exception, SystemExit) as error:  # whatever a stranger's file raises
             raise ParameterError(f"controller {name!r}: {place} cannot be run: {type(error).__name__}: {error}") from error
         return module
     try:
@@ -130,3 +140,20 @@ def _module(name: str, place: str) -> Any:
             f"controller {name!r} was not found ({error}); valid: {', '.join(SHORT_NAMES)}, package.module:Class, "
             "file.py:Class, the folder of a policy"
         ) from None
+
+
+@contextlib.contextmanager
+def _beside(path: Path) -> Iterator[None]:
+    """Let a file import what lies beside it, and forget these modules then: beside another file may lie others so named."""
+    folder = str(path.resolve().parent)
+    before = set(sys.modules)
+    sys.path.insert(0, folder)
+    try:
+        yield
+    finally:
+        sys.path.remove(folder)
+        known = {name.partition(".")[0] for name in before}
+        for name in set(sys.modules) - before:
+            origin = getattr(sys.modules[name], "__file__", None) or ""
+            if name.partition(".")[0] not in known and Path(origin).is_relative_to(folder):
+                del sys.modules[name]

@@ -1,10 +1,7 @@
 """Runs controllers through the programme, in processes if wanted, and gathers one table of stops."""
 
 import dataclasses
-import multiprocessing
-import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +12,12 @@ from wsp_env.evaluation import results
 from wsp_env.evaluation.bound import ceiling
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.figures import CAUSES, FIGURES, figures, losses
+from wsp_env.evaluation.processes import work_in_processes
 from wsp_env.evaluation.programme import Case, Conditions, Programme, draw_conditions
 from wsp_env.evaluation.reference import clean_rail, perfect_knowledge
 from wsp_env.evaluation.results import Task
 from wsp_env.evaluation.runner import Conduct, ControllerFailure, run
+from wsp_env.evaluation.sources import code_digest
 from wsp_env.parameters.vehicle import Vehicle
 
 #: Rows of the table that are no controllers: the shortest stop, and the controller that knows everything.
@@ -46,6 +45,7 @@ class Trace:
     controller: str
     case: str
     law: str
+    draw: int
     time: np.ndarray  # (T,) [s]
     position: np.ndarray  # (T,) [m]
     speed: np.ndarray  # (T,) [m/s]
@@ -55,9 +55,12 @@ class Trace:
 
 @dataclasses.dataclass(frozen=True)
 class Evaluation:
-    """What came out: one row per stop, the traces of the first draws, the controllers that failed."""
+    """What came out: one row per stop, the traces of the stops but the bound's, the controllers that failed.
 
-    stops: polars.DataFrame  # KEYS, stopped, FIGURES, lost_CAUSE_m, energy_wheel_K_mj
+    `within_limit` says of a stop that no wheel was beyond the slide limit at the end of any control interval.
+    """
+
+    stops: polars.DataFrame  # KEYS, stopped, within_limit, FIGURES, lost_CAUSE_m, energy_wheel_K_mj
     traces: tuple[Trace, ...]
     failures: tuple[Failure, ...]
 
@@ -71,7 +74,7 @@ def evaluate(
     *,
     draws: int = 5,
     seed: int = 0,
-    jobs: int = 1,
+    jobs: int | None = None,
     conduct: Conduct = _CONDUCT,
     done: Callable[[str], None] = lambda what: None,
 ) -> Evaluation:
@@ -81,7 +84,7 @@ def evaluate(
     ----------
     controllers : names (see `wsp_env.evaluation.controller.load`) and the parameters to set
     folder : where the results of each controller in each case are kept
-    jobs : processes; the results do not depend on it
+    jobs : processes, and the results do not depend on how many; None: this one, which a controller may then end
     done : called with a line for every controller and case that is ready
 
     `ParameterError` for a controller that cannot be found or made; one that fails while braking is reported in the result.
@@ -91,43 +94,33 @@ def evaluate(
         load(name, parameters)
     tasks = [
         Task(name, parameters, case, programme.limit, programme.scenario, vehicle, draws, seed, conduct, folder, code)
-        for name, parameters, code in [(None, {}, results.code_digest(None))]
-        + [(name, parameters, results.code_digest(name)) for name, parameters in controllers.items()]
+        for name, parameters, code in [(None, {}, code_digest(None))]
+        + [(name, parameters, code_digest(name)) for name, parameters in controllers.items()]
         for case in cases
     ]
-    failures = []
-    open_tasks = []
+    found = {task.path: data for task in tasks if (data := results.read(task.path)) is not None}
+    failures = {}
     for task in tasks:
-        if task.path.exists():
+        if task.path in found:
             done(f"{task.controller or REFERENCE}: {task.case.name}")
+    for task, failure in _work_all([task for task in tasks if task.path not in found], jobs):
+        data = None if failure else results.read(task.path)
+        if data is not None:
+            found[task.path] = data
+        elif task.controller is None:
+            raise RuntimeError(f"{task.case.name}: what the controllers are compared with was not computed ({failure})")
         else:
-            open_tasks.append(task)
-    for task, failure in _work_all(open_tasks, jobs):
-        if failure:
-            failures.append(Failure(str(task.controller), task.case.name, failure))
+            failures[task.path] = Failure(task.controller, task.case.name, failure or "its results cannot be read")
         done(f"{task.controller or REFERENCE}: {task.case.name}")
-    failures.sort(key=lambda failure: [(t.controller, t.case.name) for t in tasks].index((failure.controller, failure.case)))
-    return _gather(tasks, tuple(failures))
+    return _gather(tasks, found, tuple(failures[task.path] for task in tasks if task.path in failures))
 
 
-def _work_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, str | None]]:
-    if jobs == 1 or len(tasks) < 2:
-        for task in tasks:
-            yield task, work(task)
+def _work_all(tasks: Sequence[Task], jobs: int | None) -> Iterator[tuple[Task, str | None]]:
+    if jobs is not None:
+        yield from work_in_processes(work, tasks, jobs)
         return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=context, initializer=_ignore_interrupt) as pool:
-        futures = {pool.submit(work, task): task for task in tasks}
-        try:
-            for future in as_completed(futures):
-                yield futures[future], future.result()
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)  # tasks under way finish and keep their results
-            raise
-
-
-def _ignore_interrupt() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for task in tasks:
+        yield task, work(task)
 
 
 def work(task: Task) -> str | None:
@@ -146,10 +139,9 @@ def work(task: Task) -> str | None:
             result = run(controller, task.vehicle, conditions.stops, task.conduct, conditions.sensor_fails_s)
         except ControllerFailure as failure:
             return str(failure)
-    first = [row for row, draw in enumerate(conditions.draws) if draw == 0]
     arrays = {f"figure_{name}": values for name, values in figures(result, top).items()}
     arrays |= {f"loss_{name}": values for name, values in losses(result, top).items()}
-    arrays |= results.traces(result, first) | _names(conditions) | extra
+    arrays |= results.traces(result) | _names(conditions) | extra
     results.write(task.path, arrays | {"stopped": result.stopped, "energy": 0.5e-6 * result.contact_work})
     return None
 
@@ -158,22 +150,21 @@ def _names(conditions: Conditions) -> dict[str, np.ndarray]:
     return {"law": np.array(conditions.laws), "draw": np.array(conditions.draws)}
 
 
-def _gather(tasks: Sequence[Task], failures: tuple[Failure, ...]) -> Evaluation:
+def _gather(tasks: Sequence[Task], found: Mapping[Path, dict[str, np.ndarray]], failures: tuple[Failure, ...]) -> Evaluation:
     tables, traces = [], []
     compared: dict[str, dict[str, np.ndarray]] = {}
     for task in tasks:
-        if not task.path.exists():
+        if task.path not in found:
             continue
-        data = results.read(task.path)
+        data = found[task.path]
         if task.controller is None:
             compared[task.case.name] = data
             tables.append(_table(BOUND, task.case, data, data, {"figure_distance_m": data["bound"]}))
         name = task.controller or REFERENCE
         tables.append(_table(name, task.case, data, compared[task.case.name], data))
-        for row, law in enumerate(data["law"][data["draw"] == 0]):
-            keep = slice(0, int(np.argmax(data["trace_speed"][:, row] <= 0.0)) + 1 or None)
-            columns = (data[f"trace_{what}"][keep, row] for what in ("position", "speed", "rim", "pressure"))
-            traces.append(Trace(name, task.case.name, str(law), data["trace_time"][keep], *columns))
+        for row, (law, draw) in enumerate(zip(data["law"], data["draw"], strict=True)):
+            columns = (data[f"trace_{what}"][:, row] for what in ("time", "position", "speed", "rim", "pressure"))
+            traces.append(Trace(name, task.case.name, str(law), int(draw), *columns))
     return Evaluation(polars.concat(tables, how="diagonal"), tuple(traces), failures)
 
 
@@ -189,6 +180,7 @@ def _table(
             "ratio_bound": reached / compared["bound"],
             "ratio_reference": reached / np.where(compared["stopped"], compared["figure_distance_m"], np.inf),
         }
+    within = values.get("figure_beyond_limit_s", np.zeros(len(reached))) == 0.0  # the bound's by its nature
     own = {figure: values[f"figure_{figure}"] for figure in FIGURES if f"figure_{figure}" in values}
     lost = {f"lost_{cause}_m": values[f"loss_{cause}"] for cause in CAUSES if f"loss_{cause}" in values}
     energy = values.get("energy")
@@ -196,4 +188,4 @@ def _table(
     count = len(data["law"])
     keys = {"controller": [name] * count, "case": [case.name] * count, "law": data["law"].tolist(), "draw": data["draw"]}
     ordered = {figure: (own | ratios)[figure] for figure in FIGURES if figure in own | ratios}
-    return polars.DataFrame(keys | {"stopped": stopped} | ordered | lost | wheels)
+    return polars.DataFrame(keys | {"stopped": stopped, "within_limit": within} | ordered | lost | wheels)

@@ -1,30 +1,28 @@
 """One case's results on disk: written whole or not at all, named by a hash of everything that determines them."""
 
 import dataclasses
-import functools
 import hashlib
-import importlib.util
 import json
 import os
 import re
-import sys
 import tempfile
-from collections.abc import Iterable, Mapping
-from importlib.metadata import version
+import warnings
+import zipfile
+import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from wsp_env.evaluation.bound import SlideLimit
-from wsp_env.evaluation.controller import SHORT_NAMES
 from wsp_env.evaluation.programme import Case
 from wsp_env.evaluation.runner import Conduct, Run
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.scenario import Scenario
 
-#: Traces are kept of the first draw under each law, so often [s].
-TRACE_INTERVAL_S = 0.2
+#: So many samples are kept of the course of a stop.
+TRACE_SAMPLES = 250
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,43 +60,6 @@ def _plain(value: Any) -> Any:
     return value if isinstance(value, str | int | float | bool | type(None)) else repr(value)
 
 
-def code_digest(controller: str | None) -> str:
-    """Return a hash of this package's sources, of the versions it runs on and, if any, of the controller's sources."""
-    files: list[Path] = []
-    place = SHORT_NAMES.get(controller or "", controller or "").partition(":")[0]
-    if Path(place).suffix == ".py" and Path(place).is_file():
-        files.append(Path(place))
-    elif place and Path(place).is_dir():
-        files += [file for file in Path(place).rglob("*") if file.is_file()]
-    elif place:
-        files += _module_files(place)
-    return _digest(_package_digest(), files)
-
-
-@functools.cache  # what this process runs is what it has imported, whatever happens to the files meanwhile
-def _package_digest() -> str:
-    package = Path(__file__).parents[1]
-    files = [
-        file for kind in ("*.py", "*.toml") for file in package.rglob(kind) if "cli" not in file.relative_to(package).parts
-    ]
-    return _digest(" ".join([sys.version, *(version(name) for name in ("numpy", "scipy", "numba"))]), files)
-
-
-def _digest(start: str, files: Iterable[Path]) -> str:
-    digest = hashlib.sha256(start.encode())
-    for file in sorted(files):
-        digest.update(file.name.encode() + file.read_bytes())
-    return digest.hexdigest()
-
-
-def _module_files(module: str) -> list[Path]:
-    found = importlib.util.find_spec(module)
-    if found is None or found.origin is None:
-        return []
-    origin = Path(found.origin)
-    return list(origin.parent.rglob("*.py")) if "." in module else [origin]
-
-
 def write(path: Path, arrays: Mapping[str, Any]) -> None:
     """Write the results at once: an interrupted run leaves the file complete or absent."""
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -113,22 +74,27 @@ def write(path: Path, arrays: Mapping[str, Any]) -> None:
         raise
 
 
-def read(path: Path) -> dict[str, np.ndarray]:
-    """Return the arrays of a result file."""
-    with np.load(path, allow_pickle=False) as file:
-        return {name: file[name] for name in file.files}
+def read(path: Path) -> dict[str, np.ndarray] | None:
+    """Return the arrays of a result file; None if there is none, or, with a warning, if it cannot be read."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return {name: file[name] for name in file.files}
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        warnings.warn(f"{path} cannot be read and is computed again ({error})", stacklevel=2)
+        return None
 
 
-def traces(result: Run, rows: list[int]) -> dict[str, np.ndarray]:
-    """Return time (T,), speed (T, R) and per axle (T, R, A) rim speed and pressure of the stops `rows`, thinned out."""
-    every = max(round(TRACE_INTERVAL_S / float(result.time[1])), 1)
-    last = int(result.steps[rows].max())
-    chosen = np.unique(np.append(np.arange(0, last, every), last))
-    speed = result.speed[chosen][:, rows]
+def traces(result: Run) -> dict[str, np.ndarray]:
+    """Return time, speed and position (K, N), rim speed and pressure (K, N, A) of N stops, each thinned out to K samples."""
+    chosen = np.rint(np.linspace(0, result.steps, TRACE_SAMPLES)).astype(int)  # (K, N)
+    rows = np.arange(len(result.steps))
+    speed = result.speed[chosen, rows]
     return {
         "trace_time": result.time[chosen],
         "trace_speed": speed,
-        "trace_rim": speed[..., None] - result.slip[chosen][:, rows],
-        "trace_pressure": result.pressure[chosen][:, rows],
-        "trace_position": result.position[chosen][:, rows],
+        "trace_rim": speed[..., None] - result.slip[chosen, rows],
+        "trace_pressure": result.pressure[chosen, rows],
+        "trace_position": result.position[chosen, rows],
     }

@@ -23,21 +23,23 @@ class Verdict:
     requirement: str
     controller: str
     passed: bool
-    worst: float
+    worst: float  # inf for a stop that ran on: it meets no requirement
     at_most: float
-    where: str  # case, law and draw of the worst stop
+    where: str  # case, law and draw of the worst stop, and whether it ran on
     source: str
 
 
 def summarise(stops: polars.DataFrame) -> polars.DataFrame:
     """Return a row per controller, case and law: every figure's mean over the draws and `_ci`, half its interval's width.
 
+    `stopped` and `within_limit` count the draws that ended at rest and that were never beyond the slide limit.
+
     The interval is Student's at `CONFIDENCE`, without meaning (nan) for one draw; figures that a row has not are null.
     """
     rows = []
     for (controller, case, law), group in stops.group_by(["controller", "case", "law"], maintain_order=True):
         row: dict[str, object] = {"controller": controller, "case": case, "law": law, "draws": group.height}
-        row["stopped"] = int(group["stopped"].sum())
+        row |= {what: int(group[what].sum()) for what in ("stopped", "within_limit")}
         for figure in [*FIGURES, *(f"lost_{cause}_m" for cause in CAUSES)]:
             mean, half = interval(group[figure].to_numpy()) if group[figure].null_count() == 0 else (None, None)
             row |= {figure: mean, f"{figure}_ci": half}
@@ -67,7 +69,7 @@ def judge(stops: polars.DataFrame, requirements: Sequence[Requirement]) -> tuple
                 rows = rows.filter(polars.col("law").is_in(list(requirement.laws)))
             if rows.height == 0:
                 continue
-            values = rows[requirement.figure].to_numpy()
+            values = np.where(rows["stopped"].to_numpy(), rows[requirement.figure].to_numpy(), np.inf)
             worst = int(np.argmax(values))
             row = rows.row(worst, named=True)
             verdicts.append(
@@ -77,7 +79,7 @@ def judge(stops: polars.DataFrame, requirements: Sequence[Requirement]) -> tuple
                     passed=bool(values[worst] <= requirement.at_most),
                     worst=float(values[worst]),
                     at_most=requirement.at_most,
-                    where=f"{row['case']}, {row['law']}, draw {row['draw'] + 1}",
+                    where=f"{row['case']}, {row['law']}, draw {row['draw'] + 1}{'' if row['stopped'] else ': ran on'}",
                     source=requirement.source,
                 )
             )
