@@ -184,7 +184,7 @@ def _finite(value: Any) -> Any:
 def _print(summary: polars.DataFrame, verdicts: tuple[Verdict, ...], draws: int) -> None:
     console = Console()
     if not console.is_terminal:
-        console = Console(width=170)
+        console = Console(width=175)
     title = f"Means of {draws} draws; distances with 95 % confidence intervals" if draws > 1 else "1 draw"
     table = Table(title=title, caption=LEFT_LIMIT, caption_justify="left")
     for heading in ("case", "law", "controller"):
@@ -199,7 +199,7 @@ def _print(summary: polars.DataFrame, verdicts: tuple[Verdict, ...], draws: int)
             cells = [_cell(row, figure, digits) for figure, _, digits in _COLUMNS]
             if row["stopped"] < row["draws"]:
                 cells[0] += f" ({row['draws'] - row['stopped']} ran on)"
-            cells[_RATIO] += "*" * (row["within_limit"] < row["draws"])
+            cells[_RATIO] += "*" if row["within_limit"] < row["draws"] else " "
             first = (case, law) if i == 0 else ("", "")
             table.add_row(*first, row["controller"], *cells, end_section=i == len(group) - 1)
     console.print(table)

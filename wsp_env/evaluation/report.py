@@ -20,7 +20,7 @@ from wsp_env.report import COLOURS, Section, Table, axes, plotly, write_page
 LEFT_LIMIT = "* at least one draw left the slide limit: it violates it, and the bound does not hold for it"
 
 _DIGITS = {"m": 0, "m/s": 2, "s": 1, "Nl": 0, "MJ": 3, "-": 3}
-_SLIP_TICKS = (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20)
+_SLIP_TICKS = [digit * 10.0**power for power in range(-4, 3) for digit in (1, 2, 5)]
 _CAUSE_COLOURS = dict(zip(CAUSES, ("#bbbbbb", COLOURS[0], COLOURS[4], COLOURS[1]), strict=True))
 
 
@@ -114,7 +114,7 @@ def _front(summary: polars.DataFrame) -> Section:
 def _marker(colour: str, rows: polars.DataFrame) -> dict[str, Any]:
     """Return filled points, hollow where a stop left the slide limit."""
     symbols = ["circle" if row["within_limit"] == row["draws"] else "circle-open" for row in rows.to_dicts()]
-    return {"color": colour, "size": 9, "symbol": symbols, "line": {"width": 2}}
+    return {"color": colour, "size": 9, "symbol": symbols, "line": {"width": 2, "color": colour}}
 
 
 def _limit_kept(row: Mapping[str, Any]) -> str:
@@ -155,6 +155,7 @@ def _lost_under(summary: polars.DataFrame, law: str) -> Any:
             )
     axes(figure, "", "", height=180 + 26 * len(cases), barmode="relative", title=f"{law} law: metres beyond the bound [m]")
     figure.update_layout(margin={"l": 160, "t": 90, "b": 70}, legend={"orientation": "h", "yref": "container", "y": 0.01})
+    figure.update_xaxes(nticks=5)
     figure.update_yaxes(categoryorder="array", categoryarray=cases[::-1])
     return figure
 
