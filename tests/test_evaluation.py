@@ -354,6 +354,9 @@ def test_bad_controllers_are_reported_and_the_others_evaluated(tmp_path, own):
     for failure in result.failures:
         assert bad[failure.controller] in failure.message
     assert set(result.stops["controller"]) == {BOUND, REFERENCE, own}
+    verdicts = judge(result.stops, SMALL.requirements, result.failures)
+    assert all(not verdict.passed and "failed" in verdict.where for verdict in verdicts if verdict.controller in bad)
+    assert {verdict.controller for verdict in verdicts} == {REFERENCE, own, *bad}
 
 
 @pytest.mark.slow

@@ -101,7 +101,7 @@ def _returning(value):
     [
         (np.full((2, 2), np.nan), "returned nan for axle 1 of stop 1 at 0.00 s"),
         (np.ones((2, 3)), r"returned shape \(2, 3\) at 0.00 s, expected \(2, 2\)"),
-        (None, "returned"),
+        (None, "returned NoneType instead of numbers"),
         ("vent", "returned str instead of numbers"),
     ],
 )

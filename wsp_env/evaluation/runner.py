@@ -154,6 +154,8 @@ def check_command(controller: Controller, given: Any, shape: tuple[int, ...], ti
     """Return the commands as floats; `ControllerFailure` when they are not finite numbers of that shape."""
     who = type(controller).__name__
     try:
+        if given is None:  # numpy would take it for nan
+            raise TypeError
         command = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
         raise ControllerFailure(f"{who}.act returned {type(given).__name__} instead of numbers at {time:.2f} s") from None

@@ -8,7 +8,7 @@ import numpy as np
 import polars
 from scipy.stats import t
 
-from wsp_env.evaluation.evaluate import BOUND, REFERENCE
+from wsp_env.evaluation.evaluate import BOUND, REFERENCE, Failure
 from wsp_env.evaluation.figures import CAUSES, FIGURES
 from wsp_env.evaluation.programme import Requirement
 
@@ -23,7 +23,7 @@ class Verdict:
     requirement: str
     controller: str
     passed: bool
-    worst: float  # inf for a stop that ran on: it meets no requirement
+    worst: float  # inf for a stop that ran on, and where the controller failed
     at_most: float
     where: str  # case, law and draw of the worst stop, and whether it ran on
     source: str
@@ -56,34 +56,43 @@ def interval(values: np.ndarray) -> tuple[float, float]:
     return mean, float(t.ppf(0.5 + 0.5 * CONFIDENCE, count - 1) * np.std(values, ddof=1) / math.sqrt(count))
 
 
-def judge(stops: polars.DataFrame, requirements: Sequence[Requirement]) -> tuple[Verdict, ...]:
-    """Apply every requirement to every controller; one whose cases were not run is left out."""
+def judge(
+    stops: polars.DataFrame, requirements: Sequence[Requirement], failures: Sequence[Failure] = ()
+) -> tuple[Verdict, ...]:
+    """Apply every requirement to every controller; one whose cases were not run is left out.
+
+    A stop that ran on and a case in which the controller failed meet no requirement.
+    """
+    names = [*stops["controller"].unique(maintain_order=True), *(failure.controller for failure in failures)]
     verdicts = []
-    names = [name for name in stops["controller"].unique(maintain_order=True) if name != BOUND]
     for requirement in requirements:
-        for name in names:
-            rows = stops.filter(polars.col("controller") == name)
-            if requirement.cases:
-                rows = rows.filter(polars.col("case").is_in(list(requirement.cases)))
-            if requirement.laws:
-                rows = rows.filter(polars.col("law").is_in(list(requirement.laws)))
-            if rows.height == 0:
-                continue
-            values = np.where(rows["stopped"].to_numpy(), rows[requirement.figure].to_numpy(), np.inf)
-            worst = int(np.argmax(values))
-            row = rows.row(worst, named=True)
-            verdicts.append(
-                Verdict(
-                    requirement=requirement.name,
-                    controller=name,
-                    passed=bool(values[worst] <= requirement.at_most),
-                    worst=float(values[worst]),
-                    at_most=requirement.at_most,
-                    where=f"{row['case']}, {row['law']}, draw {row['draw'] + 1}{'' if row['stopped'] else ': ran on'}",
-                    source=requirement.source,
-                )
-            )
+        for name in dict.fromkeys(name for name in names if name != BOUND):
+            found = _worst(stops.filter(polars.col("controller") == name), requirement)
+            failed = [
+                f.case for f in failures if f.controller == name and (not requirement.cases or f.case in requirement.cases)
+            ]
+            if failed:
+                found = math.inf, f"{failed[0]}: failed"
+            if found:
+                worst, where = found
+                passed = worst <= requirement.at_most
+                verdicts.append(Verdict(requirement.name, name, passed, worst, requirement.at_most, where, requirement.source))
     return tuple(verdicts)
+
+
+def _worst(stops: polars.DataFrame, requirement: Requirement) -> tuple[float, str] | None:
+    """Return the largest figure among the stops that the requirement concerns, and which stop it was; None without any."""
+    if requirement.cases:
+        stops = stops.filter(polars.col("case").is_in(list(requirement.cases)))
+    if requirement.laws:
+        stops = stops.filter(polars.col("law").is_in(list(requirement.laws)))
+    if stops.height == 0:
+        return None
+    values = np.where(stops["stopped"].to_numpy(), stops[requirement.figure].to_numpy(), np.inf)
+    worst = int(np.argmax(values))
+    row = stops.row(worst, named=True)
+    ran_on = "" if row["stopped"] else ": ran on"
+    return float(values[worst]), f"{row['case']}, {row['law']}, draw {row['draw'] + 1}{ran_on}"
 
 
 def controllers_of(stops: polars.DataFrame) -> list[str]:
