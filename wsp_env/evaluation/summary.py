@@ -8,7 +8,7 @@ import numpy as np
 import polars
 from scipy.stats import t
 
-from wsp_env.evaluation.evaluate import BOUND, REFERENCE, Failure
+from wsp_env.evaluation.evaluate import BOUND, Failure
 from wsp_env.evaluation.figures import CAUSES, FIGURES
 from wsp_env.evaluation.programme import Requirement
 
@@ -93,8 +93,3 @@ def _worst(stops: polars.DataFrame, requirement: Requirement) -> tuple[float, st
     row = stops.row(worst, named=True)
     ran_on = "" if row["stopped"] else ": ran on"
     return float(values[worst]), f"{row['case']}, {row['law']}, draw {row['draw'] + 1}{ran_on}"
-
-
-def controllers_of(stops: polars.DataFrame) -> list[str]:
-    """Return the controllers in the table, without what they are compared with."""
-    return [name for name in stops["controller"].unique(maintain_order=True) if name not in (BOUND, REFERENCE)]
