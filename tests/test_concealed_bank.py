@@ -1,8 +1,7 @@
-"""The proof's truth model, bank and score: physics, nulls, independence, format, labels, figures on made-up answers."""
+"""The proof's truth model and plan: physics, nulls, independence, sensors, normal variation."""
 
 import ast
 import dataclasses
-import hashlib
 import math
 from pathlib import Path
 
@@ -10,18 +9,16 @@ import numpy as np
 import pytest
 
 import experiments.concealed as package
-from experiments.concealed import bank, concealment, interest
+from experiments.concealed import interest
 from experiments.concealed.campaign import build
 from experiments.concealed.effects import ALL, FOREIGN, LIBRARY, Place
 from experiments.concealed.plan import CONFOUNDED, SHARES, Case, plan
 from experiments.concealed.records import Effects
-from experiments.concealed.score import found, rate, score
 from experiments.concealed.sensors import DEVIATION, QUANTUM, SAMPLE_S, record
-from experiments.concealed.setup import GRAVITY_MPS2, RUNS, Setup, draw, make_law, reference
+from experiments.concealed.setup import GRAVITY_MPS2, Setup, draw, make_law, reference
 from experiments.concealed.truth import STEP_S, limit, rub, simulate, solve
 from wsp_env.contact.degraded import degraded_adhesion
 from wsp_env.parameters import velim
-from wsp_env.recordings import read_campaign
 
 TRUTH = ("truth", "records", "setup", "effects", "sensors", "interest", "campaign", "plan")
 SIZES = interest.sizes()
@@ -210,123 +207,3 @@ def test_draws_are_the_case_s_own_and_sizes_do_not_disturb_them():
     assert smaller[0].size == pytest.approx(0.5 * effects[0].size)
     assert effects[0].multiple == pytest.approx(2.0)
     assert one.runs["A1"].slope == pytest.approx(effects[0].size)
-
-
-@pytest.fixture(scope="module")
-def small_bank(tmp_path_factory):
-    """Return the folder of the small bank and its digest."""
-    out = tmp_path_factory.mktemp("bank")
-    return out, bank.make(out, 5, 11, 1)
-
-
-@pytest.mark.slow
-def test_bank_is_readable_concealed_labelled_and_reproducible(small_bank):
-    out, digest = small_bank
-    labels = bank.read_labels(out)
-    assert hashlib.sha256((out / "labels.json").read_bytes()).hexdigest() == digest
-    assert {label["class"] for label in labels.values()} == set(SHARES)
-    for name, label in labels.items():
-        campaign = read_campaign(out / "campaigns" / name)
-        assert (*campaign.tune, *campaign.validate) == RUNS
-        assert campaign.vehicle.axles == label["axles"]
-        assert (campaign.vehicle.brake_torque_source == "measured") == label["measured_torque"]
-        assert concealment.passes(concealment.worst_error(out / "campaigns" / name))
-        assert label["mechanisms"] == [e["name"] for e in label["effects"] if e["name"] in LIBRARY]
-        assert label["verdict"] == {"null": "adequate", "foreign": "unknown"}.get(label["class"], "named")
-        text = (out / "campaigns" / name / "campaign.toml").read_text(encoding="utf-8").replace("wheel_radius_m", "")
-        assert not [effect for effect in ALL if effect in text]  # nothing tells what is concealed
-    parts = sorted((out / "labels").glob("*.json"))
-    before = parts[0].read_text(encoding="utf-8")
-    for file in (out / "campaigns" / parts[0].stem).iterdir():
-        file.unlink()
-    parts[0].unlink()
-    assert bank.make(out, 5, 11, 1) == digest  # goes on, and makes the same again
-    assert parts[0].read_text(encoding="utf-8") == before
-
-
-@pytest.mark.slow
-def test_bank_refuses_other_numbers_and_changed_labels(small_bank):
-    out, _ = small_bank
-    with pytest.raises(bank.BankError, match="another bank"):
-        bank.make(out, 6, 11, 1)
-    kept = (out / "labels.json").read_bytes()
-    (out / "labels.json").write_bytes(kept.replace(b"null", b"none"))
-    with pytest.raises(bank.BankError, match="changed since its hash"):
-        bank.read_labels(out)
-    (out / "labels.json").write_bytes(kept)
-
-
-def test_labels_need_a_finished_bank(tmp_path):
-    with pytest.raises(bank.BankError, match="no finished bank"):
-        bank.read_labels(tmp_path)
-
-
-def truth(kind: str, *names: str, size: float = 1.0, multiple: float = 2.0) -> dict:
-    """Return a label."""
-    effects = [{"name": name, "size": size, "unit": ALL[name].unit, "multiple": multiple} for name in names]
-    mechanisms = [name for name in names if name in LIBRARY]
-    return {"class": kind, "mechanisms": mechanisms, "effects": effects, "noise": 1.0, "axles": 4, "distance_change": -0.02}
-
-
-def answer(verdict: str, *names: str, alternatives: tuple[str, ...] = (), confidence: float = 0.9, **parameters) -> dict:
-    """Return a diagnosis that removes three fourths of what can be removed."""
-    mechanisms = [
-        {"name": name, "confidence": confidence, "alternatives": [name, *alternatives], "parameters": parameters}
-        for name in names
-    ]
-    fit = {"noise_floor": 1.0, "baseline": {"validate": 5.0}, "extended": {"validate": 2.0}}
-    return {"verdict": verdict, "mechanisms": mechanisms, "fit": fit}
-
-
-def test_score_of_made_up_answers():
-    gradient = {"value": 0.0011, "unit": "-", "interval90": [0.0008, 0.0013]}
-    pairs = {
-        "n1": (truth("null"), answer("adequate")),
-        "n2": (truth("null"), answer("named", "wheel_radius", confidence=0.6)),
-        "n3": (truth("null"), answer("insufficient")),
-        "s1": (truth("single", "track_gradient", size=0.001), answer("named", "track_gradient", gradient=gradient)),
-        "s2": (truth("single", "load_transfer"), answer("ambiguous", "flash_temperature", alternatives=("load_transfer",))),
-        "s3": (truth("single", "load_transfer", multiple=1.0), answer("adequate")),
-        "p1": (truth("pair", "wheel_radius", "load_transfer"), answer("named", "load_transfer", "wheel_radius")),
-        "p2": (truth("pair", "wheel_radius", "load_transfer"), answer("named", "load_transfer")),
-        "c1": (truth("confounded", "track_gradient"), answer("insufficient")),
-        "c2": (truth("confounded", "track_gradient"), answer("named", "vehicle_mass")),
-        "f1": (truth("foreign", "sanding"), answer("unknown")),
-        "f2": (truth("foreign", "sanding"), answer("named", "falling_friction")),
-    }
-    figures = score({k: v[0] for k, v in pairs.items()}, {k: v[1] for k, v in pairs.items()})
-    assert figures["false_alarms"][:3] == (1, 3, 1 / 3)
-    assert figures["singles"]["right_name_first"][:2] == (1, 3)
-    assert figures["singles"]["in_set"][:2] == figures["singles"]["in_set_of_two"][:2] == (2, 3)
-    assert figures["singles_by_size"]["1.5 to 3"]["in_set"].share == 1.0
-    assert figures["singles_by_size"]["0.75 to 1.5"]["in_set"].share == 0.0
-    assert figures["pairs_both_found"][:2] == figures["pairs_one_found"][:2] == (1, 2)
-    assert figures["confounded_honest"][:2] == (1, 2)
-    assert figures["foreign_named_wrongly"][:2] == (1, 2)
-    assert figures["foreign_seen"].share == 1.0
-    assert figures["removed_share"]["mean"] == pytest.approx(0.75)
-    assert figures["parameters"]["relative_error"]["mean"] == pytest.approx(0.1)
-    assert figures["parameters"]["interval90_covers"].share == 1.0
-    assert figures["calibration"]["claims"] == 8
-    assert figures["confusion"]["load_transfer"] == {"flash_temperature": 1, "adequate": 1}
-
-
-def test_score_needs_every_answer():
-    with pytest.raises(bank.BankError, match="no answer for 1 of 1"):
-        score({"n1": truth("null")}, {})
-
-
-def test_two_truths_need_two_mechanisms():
-    both = answer("ambiguous", "wheel_radius", alternatives=("load_transfer",))
-    assert found(["wheel_radius", "load_transfer"], both) == 1
-    assert found(["load_transfer"], both) == 1
-    assert found(["load_transfer"], both, largest_set=1) == 0
-    assert found([], both) == 0
-
-
-def test_rate_bounds_are_clopper_and_pearson_s():
-    none = rate([False] * 60)
-    assert none.upper95 == pytest.approx(1.0 - 0.05 ** (1 / 60))  # the closed form for no event
-    assert none.lower95 == 0.0
-    assert rate([True] * 60).lower95 == pytest.approx(0.05 ** (1 / 60))
-    assert rate([]).share is None

@@ -1,4 +1,4 @@
-"""Every mechanism alike: it vanishes at its null, acts at its typical values, runs forward and along, keeps the energy."""
+"""Every mechanism alike: it vanishes at its null, acts at its typical values, forward as along, and is found again."""
 
 import functools
 import math
@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from plant_cases import a_stop
+from scipy.optimize import least_squares
 from scipy.special import lambertw
 
 from wsp_env.contact.degraded import degraded_adhesion
@@ -174,6 +175,33 @@ def test_wheel_and_vehicle_balance_along(name):
     smooth = np.ones(20) / 20
     rest = np.convolve(braking + force.sum(axis=1) + said.resistance_n, smooth, "valid")
     assert np.sqrt(np.mean(rest**2)) < 0.005 * np.sqrt(np.mean(braking**2))
+
+
+def residuals(measured, choice):
+    """Residuals of the four axles' adhesion (T, 4) and of the vehicle's balance over its weight, both [-], in a row."""
+    said = along(measured, RUN, model(COACH, choice))
+    rate = np.gradient(said.wheel_speed_radps, STEP_S, axis=0)
+    force = (said.torque_factor * measured.brake_torque_nm + COACH.wheelset_inertia_kgm2 * rate) / said.radius_m
+    rest = said.mass_kg * np.gradient(said.speed_mps, STEP_S) + force.sum(axis=1) + said.resistance_n
+    vehicle = np.convolve(rest, np.ones(20) / 20, "valid") / (said.mass_kg * COACH.gravity_mps2)
+    return np.concatenate([(force / (2.0 * said.wheel_load_n) - said.adhesion).ravel(), vehicle])
+
+
+@every
+def test_recovers_its_own_parameters(name):
+    """Least squares along the plant's own stop, from next to nothing, give back the sizes that the stop was braked with."""
+    measured, _ = recorded(name)
+    sought = [one for one in ALL[name].sizes if one.typical != one.null]
+
+    def at(shares):
+        values = {one.name: one.null + share * (one.typical - one.null) for one, share in zip(sought, shares, strict=True)}
+        return residuals(measured, {name: typical(name) | values})
+
+    ends = np.sort([[(end - one.null) / (one.typical - one.null) for end in (one.low, one.high)] for one in sought])
+    start = np.full(len(sought), 1e-3)
+    found = least_squares(at, start, diff_step=1e-3, bounds=(ends[:, 0] - 1e-9, ends[:, 1]))
+    assert_allclose(found.x, 1.0, atol=0.03)
+    assert found.cost < 0.05 * 0.5 * (at(start) ** 2).sum()
 
 
 @every

@@ -1,4 +1,7 @@
-"""Command: `python -m experiments.concealed [bank | diagnose | score | interest]`; without a subcommand the first three."""
+"""Command: `python -m experiments.concealed [bank | diagnose | rivals | score | page | interest]`.
+
+Without a subcommand the first four, one after the other.
+"""
 
 import dataclasses
 import json
@@ -10,10 +13,11 @@ from typing import Any
 import tyro
 from rich import print as show
 
-from experiments.concealed import bank, diagnoses, interest
+from experiments.concealed import bank, diagnoses, interest, page, rivals
 from experiments.concealed.effects import ALL
 from experiments.concealed.plan import SHARES
-from experiments.concealed.score import Rate, read_answers, score
+from experiments.concealed.required import checks
+from experiments.concealed.score import plain, read_answers, score
 
 #: Cases of the small version: enough for every class.
 SMALL = 8
@@ -53,23 +57,47 @@ class Diagnose:
 
 
 @dataclasses.dataclass(frozen=True)
-class Score:
-    """Compare the answers with the labels; prints the figures and writes OUT/score.json."""
+class Rivals:
+    """Let the rivals answer every case of the bank, into OUT/rivals/NAME."""
 
     out: Path = Path("out/concealed")
-    answers: Path | None = None  # folder of CASE/diagnosis.json; a rival's, else OUT/diagnoses
+    jobs: int = multiprocessing.cpu_count()
 
     def run(self) -> None:
         """Run."""
-        figures = score(bank.read_labels(self.out), read_answers(self.answers or self.out / "diagnoses"))
-        target = (self.answers or self.out) / "score.json"
-        target.write_text(json.dumps(plain(figures), indent=1) + "\n", encoding="utf-8")
-        for name in ("false_alarms", "pairs_both_found", "confounded_honest", "foreign_named_wrongly", "foreign_seen"):
-            show(f"{name:24s} {_rate(figures[name])}")
-        for size, rates in figures["singles_by_size"].items():
-            show(f"singles of size {size:12s} first {_rate(rates['right_name_first'])}; in set {_rate(rates['in_set'])}")
-        show(f"removed share            {figures['removed_share']}")
-        show(f"all figures: {target}")
+        rivals.run(self.out, self.jobs)
+
+
+@dataclasses.dataclass(frozen=True)
+class Score:
+    """Compare all answers with the labels; prints what is required, writes OUT/score.json and OUT/rivals/NAME/score.json."""
+
+    out: Path = Path("out/concealed")
+
+    def run(self) -> None:
+        """Run."""
+        labels = bank.read_labels(self.out)
+        figures = score(labels, read_answers(self.out / "diagnoses"))
+        for one in checks(figures):
+            mark = {True: "met", False: "NOT MET", None: "nothing to measure"}[one.met]
+            show(f"{mark:8s} {one.what}: {one.measured}, required {one.required}")
+        _write(self.out / "score.json", figures)
+        for name in rivals.NAMES:
+            if (folder := self.out / "rivals" / name).is_dir():
+                _write(folder / "score.json", score(labels, read_answers(folder)))
+        show(f"all figures: {self.out / 'score.json'}, of the rivals: {self.out / 'rivals'}")
+
+
+@dataclasses.dataclass(frozen=True)
+class Page:
+    """Put the figures of OUT into docs/concealed.md and the pictures beside it."""
+
+    out: Path = Path("out/concealed")
+    docs: Path = Path("docs")
+
+    def run(self) -> None:
+        """Run."""
+        page.fill(self.out, self.docs)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,30 +117,23 @@ class Interest:
 
 @dataclasses.dataclass(frozen=True)
 class Everything(Bank):
-    """Generate the bank, diagnose it, score it."""
+    """Generate the bank, diagnose it, let the rivals answer it, score all answers."""
 
     def run(self) -> None:
         """Run."""
         super().run()
         Diagnose(self.out, self.jobs).run()
+        Rivals(self.out, self.jobs).run()
         Score(self.out).run()
 
 
-def plain(value: Any) -> Any:
-    """Return figures as JSON takes them: rates with their fields' names."""
-    if isinstance(value, Rate):
-        return value._asdict()
-    return {key: plain(one) for key, one in value.items()} if isinstance(value, dict) else value
-
-
-def _rate(one: Rate) -> str:
-    share = "none" if one.share is None else f"{one.share:.1%} [{one.lower95:.1%}, {one.upper95:.1%}]"
-    return f"{share} ({one.events} of {one.of})"
+def _write(file: Path, figures: dict[str, Any]) -> None:
+    file.write_text(json.dumps(plain(figures), indent=1) + "\n", encoding="utf-8")
 
 
 def main() -> int:
     """Run the command line; 1 after an error that the user can mend."""
-    named = {"bank": Bank, "diagnose": Diagnose, "score": Score, "interest": Interest}
+    named = {"bank": Bank, "diagnose": Diagnose, "rivals": Rivals, "score": Score, "page": Page, "interest": Interest}
     try:
         if len(sys.argv) > 1 and sys.argv[1] in named:
             tyro.cli(named[sys.argv[1]], args=sys.argv[2:], prog=f"python -m experiments.concealed {sys.argv[1]}").run()

@@ -3,7 +3,7 @@
 import itertools
 import json
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,20 +11,31 @@ import numpy as np
 from scipy.stats import beta
 
 from experiments.concealed.bank import BankError
-from experiments.concealed.setup import MASS_PER_AXLE_KG, RADIUS_M
+from experiments.concealed.effects import SENSOR_FAULTS
+from experiments.concealed.setup import GAIN_SPREAD, RADIUS_SPREAD, TRACK_SPREAD
 
 Label = dict[str, Any]
 Answer = dict[str, Any]
+Cases = list[tuple[Label, Answer]]
 
 #: Verdicts that say that something is missing.
 ALARMS = ("named", "ambiguous", "unknown")
 #: Edges of the classes of size, in multiples of the smallest effect of interest as it is in the case.
 SIZES = (0.0, 0.75, 1.5, 3.0, 6.0, np.inf)
-#: Effects whose parameter means the same in any model; sign conventions of a clock differ, so that one counts absolute.
-COMPARABLE = (
-    "track_gradient", "aerodynamic_drag", "vehicle_mass", "wheel_radius", "brake_gain_imbalance", "wheel_speed_lag",
-    "clock_offset",
-)  # fmt: skip
+#: Singles from this multiple on count as separable: the other classes hold what is confounded, and nobody looks at answers.
+SEPARABLE = 2.0 * (1.0 - 1e-9)
+#: What two sound axles, or stretches of track, may differ by: an effect within it is normal variation to look at.
+NORMAL_DIFFERENCE = {
+    "brake_gain_imbalance": 2.0 * GAIN_SPREAD, "wheel_radius": 2.0 * RADIUS_SPREAD, "adhesion_patch": 2.0 * TRACK_SPREAD,
+}  # fmt: skip
+#: Effects whose parameter means the same in any form: the library's name for it, and its value over the effect's size.
+COMPARABLE = {
+    "track_gradient": ("rise", 1.0), "aerodynamic_drag": ("c_ns2_per_m2", 1.0), "vehicle_mass": ("extra", 1.0),
+    "wheel_radius": ("change", 1.0), "brake_gain_imbalance": ("gain", 1.0), "wheel_speed_lag": ("lag_s", 1.0),
+    "clock_offset": ("offset_s", -1.0),  # a vehicle's speed sampled later than stamped is one that is late by less than 0
+}  # fmt: skip
+#: Drag that comes with rolling terms, (100 N, 5 N s/m, 1 N s2/m2) times its size, is compared by its force at 30 m/s.
+DRAG_WITH_ROLLING = 1.0 + 5.0 / 30.0 + 100.0 / 30.0**2
 PARAMETER_TOLERANCE = 0.2
 
 
@@ -77,25 +88,23 @@ def score(labels: dict[str, Label], answers: dict[str, Answer]) -> dict[str, Any
     """
     if missing := sorted(set(labels) - set(answers)):
         raise BankError(f"no answer for {len(missing)} of {len(labels)} cases, the first is {missing[0]}: diagnose them first")
-    by: dict[str, list[tuple[Label, Answer]]] = {kind: [] for kind in ("null", "single", "pair", "confounded", "foreign")}
+    by: dict[str, Cases] = {kind: [] for kind in ("null", "single", "pair", "confounded", "foreign")}
     for name, label in labels.items():
         by[label["class"]].append((label, answers[name]))
     singles, pairs = by["single"], by["pair"]
+    separable = [(t, a) for t, a in singles if t["effects"][0]["multiple"] >= SEPARABLE]
     return {
+        "cases": {kind: len(cases) for kind, cases in by.items()},
         "false_alarms": rate(a["verdict"] in ALARMS for _, a in by["null"]),
+        "separable": _singles(separable),
+        "separable_beyond_variation": _singles([(t, a) for t, a in separable if _abnormal(t["effects"][0])]),
         "singles": _singles(singles),
-        "singles_by_size": {
-            f"{low:g} to {high:g}": _singles([(t, a) for t, a in singles if low <= t["effects"][0]["multiple"] < high])
-            for low, high in itertools.pairwise(SIZES)
-        },
-        "singles_by_effect": {
-            name: _singles([(t, a) for t, a in singles if t["mechanisms"] == [name]])
-            for name in sorted({t["mechanisms"][0] for t, _ in singles})
-        },
-        "singles_by_noise": {
-            str(noise): _singles([(t, a) for t, a in singles if t["noise"] == noise])
-            for noise in sorted({t["noise"] for t, _ in singles})
-        },
+        "singles_by_size": _by_size(singles),
+        "singles_by_effect": _by(singles, lambda t: t["mechanisms"][0]),
+        "separable_by_effect": _by(separable, lambda t: t["mechanisms"][0]),
+        "singles_by_noise": _by(singles, lambda t: str(t["noise"])),
+        "power": {noise: _by_size(cases) for noise, cases in _groups(singles, lambda t: str(t["noise"])).items()},
+        "sensor_faults": _singles([(t, a) for t, a in separable if t["mechanisms"][0] in SENSOR_FAULTS]),
         "pairs_both_found": rate(found(t["mechanisms"], a) == 2 for t, a in pairs),
         "pairs_one_found": rate(found(t["mechanisms"], a) == 1 for t, a in pairs),
         "confounded_honest": rate(
@@ -104,76 +113,111 @@ def score(labels: dict[str, Label], answers: dict[str, Answer]) -> dict[str, Any
         ),
         "foreign_named_wrongly": rate(bool(a.get("mechanisms")) for _, a in by["foreign"]),
         "foreign_seen": rate(a["verdict"] in ALARMS for _, a in by["foreign"]),
-        "removed_share": _spread([r for t, a in singles + pairs if (r := _removed(t, a)) is not None]),
+        "foreign_by_effect": _by(by["foreign"], lambda t: t["effects"][0]["name"]),
+        "removed_share": _removed([a for _, a in singles + pairs]),
         "parameters": _parameters(singles + pairs),
         "distance_change": _distances(singles + pairs),
         "calibration": _calibration([pair for kind in by.values() for pair in kind]),
-        "confusion": _confusion([pair for kind in by.values() for pair in kind]),
+        "confusion": _confusion(by["null"] + singles + by["foreign"]),
     }
 
 
-def _singles(cases: list[tuple[Label, Answer]]) -> dict[str, Rate]:
-    def first(answer: Answer) -> str:
-        return str(answer["mechanisms"][0]["name"]) if answer.get("mechanisms") else ""
+def _abnormal(effect: dict[str, Any]) -> bool:
+    return float(abs(effect["size"])) > NORMAL_DIFFERENCE.get(effect["name"], 0.0)
 
+
+def _groups(cases: Cases, key: Callable[[Label], str]) -> dict[str, Cases]:
+    return {name: [(t, a) for t, a in cases if key(t) == name] for name in sorted({key(t) for t, _ in cases})}
+
+
+def _by(cases: Cases, key: Callable[[Label], str]) -> dict[str, dict[str, Rate]]:
+    return {name: _singles(members) for name, members in _groups(cases, key).items()}
+
+
+def _by_size(cases: Cases) -> dict[str, dict[str, Rate]]:
+    return {
+        f"{low:g} to {high:g}": _singles([(t, a) for t, a in cases if low <= t["effects"][0]["multiple"] < high])
+        for low, high in itertools.pairwise(SIZES)
+    }
+
+
+def _first(answer: Answer) -> str:
+    """Return the first name, or the verdict where there is none."""
+    return str(answer["mechanisms"][0]["name"]) if answer.get("mechanisms") else str(answer["verdict"])
+
+
+def _singles(cases: Cases) -> dict[str, Rate]:
     return {
         "seen": rate(a["verdict"] in ALARMS for _, a in cases),
-        "right_name_first": rate(first(a) == t["mechanisms"][0] for t, a in cases),
+        "right_name_first": rate([_first(a)] == t["mechanisms"] for t, a in cases),
         "in_set_of_two": rate(found(t["mechanisms"], a, 2) == 1 for t, a in cases),
         "in_set": rate(found(t["mechanisms"], a) == 1 for t, a in cases),
         "others_too": rate(len(a.get("mechanisms", ())) > 1 for _, a in cases),
     }
 
 
-def _removed(label: Label, answer: Answer) -> float | None:
-    """Share of the removable held-out residual that was removed, by the answer's own mean squares; nothing named: none."""
-    fit = answer.get("fit", {})
-    if not answer.get("mechanisms"):
-        return None
-    base, extended, floor = fit["baseline"]["validate"], fit["extended"]["validate"], fit["noise_floor"]
-    return (base - extended) / (base - floor) if base > floor else None
+def _removed(answers: list[Answer]) -> dict[str, Any]:
+    """Share of the removable held-out residual that was removed, by the answers' own mean squares.
+
+    Of each answer that names something; of all, where one that names nothing removes nothing; and of the sums over all.
+    """
+    named, every, excess, gone = [], [], 0.0, 0.0
+    for answer in answers:
+        fit = answer.get("fit")
+        if not fit or "validate" not in fit["baseline"] or fit["baseline"]["validate"] <= fit["noise_floor"]:
+            continue
+        base, extended = fit["baseline"]["validate"], fit["extended"]["validate"]
+        removable, removed = base - fit["noise_floor"], base - extended if answer["mechanisms"] else 0.0
+        excess, gone = excess + removable, gone + removed
+        every.append(removed / removable)
+        if answer["mechanisms"]:
+            named.append(removed / removable)
+    return {"named": _spread(named), "all": _spread(every), "of_sums": gone / excess if excess else None}
 
 
 def _spread(values: list[float]) -> dict[str, float | int | None]:
     if not values:
-        return {"count": 0, "mean": None, "median": None, "lowest": None}
-    return {"count": len(values), "mean": float(np.mean(values)), "median": float(np.median(values)), "lowest": min(values)}
+        return {"count": 0, "mean": None, "median": None, "lowest": None, "highest": None}
+    return {"count": len(values), "mean": float(np.mean(values)), "median": float(np.median(values)), "lowest": min(values),
+            "highest": max(values)}  # fmt: skip
 
 
-def true_value(label: Label, name: str, unit: str) -> float | None:
-    """Return a comparable effect's size in the unit that the answer uses; None where it cannot be put so."""
-    effect = next(one for one in label["effects"] if one["name"] == name)
-    size: float = effect["size"]
-    if unit == effect["unit"]:
-        return size
-    whole = {("vehicle_mass", "kg"): MASS_PER_AXLE_KG * label["axles"], ("wheel_radius", "m"): RADIUS_M}
-    return size * whole[name, unit] if (name, unit) in whole else None
+def true_value(effect: dict[str, Any]) -> float:
+    """Return a comparable effect's parameter as the library has it."""
+    factor = COMPARABLE[effect["name"]][1]
+    if effect["name"] == "aerodynamic_drag" and effect["variant"] % 2:
+        factor = DRAG_WITH_ROLLING
+    return float(effect["size"] * factor)
 
 
-def _parameters(cases: list[tuple[Label, Answer]]) -> dict[str, Any]:
-    errors, covered = [], []
+def _parameters(cases: Cases) -> dict[str, Any]:
+    """Compare the parameters of comparable effects that are named by their name; on a wrong axle there is nothing of them."""
+    errors: dict[str, list[float]] = {}
+    covered: dict[str, list[bool]] = {}
     for label, answer in cases:
+        effects = {one["name"]: one for one in label["effects"] if one["name"] in COMPARABLE}
         for one in answer.get("mechanisms", ()):
-            name = one["name"]
-            if name not in COMPARABLE or name not in label["mechanisms"]:
+            name, told = one["name"], one.get("parameters", {})
+            if name not in effects or COMPARABLE[name][0] not in told:
                 continue
-            for parameter in one.get("parameters", {}).values():
-                truth = true_value(label, name, parameter["unit"])
-                if truth is not None:
-                    value, interval = parameter["value"], parameter["interval90"]
-                    if name == "clock_offset":
-                        truth, value, interval = abs(truth), abs(value), sorted(map(abs, interval))
-                    errors.append(abs(value / truth - 1.0))
-                    covered.append(interval[0] <= truth <= interval[1])
-                    break
+            effect, parameter = effects[name], told[COMPARABLE[name][0]]
+            axle = effect["axle"] % label["axles"] + 1
+            placed = "axle" not in told or round(told["axle"]["value"]) == axle
+            truth, (low, high) = true_value(effect), parameter["interval90"]
+            errors.setdefault(name, []).append(abs(parameter["value"] / truth - 1.0) if placed else 1.0)
+            covered.setdefault(name, []).append(placed and low <= truth <= high)
+
+    def summary(errors: list[float], covered: list[bool]) -> dict[str, Any]:
+        within = rate(error <= PARAMETER_TOLERANCE for error in errors)
+        return {"relative_error": _spread(errors), "within_tolerance": within, "interval90_covers": rate(covered)}
+
     return {
-        "relative_error": _spread(errors),
-        f"within_{PARAMETER_TOLERANCE:.0%}": rate(error <= PARAMETER_TOLERANCE for error in errors),
-        "interval90_covers": rate(covered),
+        **summary(list(itertools.chain(*errors.values())), list(itertools.chain(*covered.values()))),
+        "by_effect": {name: summary(errors[name], covered[name]) for name in sorted(errors)},
     }
 
 
-def _distances(cases: list[tuple[Label, Answer]]) -> dict[str, Any]:
+def _distances(cases: Cases) -> dict[str, Any]:
     """Score an answer's optional `distance_change` (value, interval90), the change of stopping distance by all it found."""
     told = [(t["distance_change"], a["distance_change"]) for t, a in cases if "distance_change" in a]
     return {
@@ -182,29 +226,28 @@ def _distances(cases: list[tuple[Label, Answer]]) -> dict[str, Any]:
     }
 
 
-def _calibration(cases: list[tuple[Label, Answer]]) -> dict[str, Any]:
+def _calibration(cases: Cases) -> dict[str, Any]:
     """Confidence of every mechanism named, against whether it is there."""
     claims = [(float(one["confidence"]), one["name"] in t["mechanisms"]) for t, a in cases for one in a.get("mechanisms", ())]
     if not claims:
         return {"claims": 0, "brier": None, "expected_error": None, "bins": []}
     confidence, right = np.array([c for c, _ in claims]), np.array([r for _, r in claims], dtype=float)
     which = np.minimum((confidence * 10).astype(int), 9)
-    bins = [
-        {"from": i / 10, "claims": int((which == i).sum()), "confidence": float(confidence[which == i].mean()),
-         "right": float(right[which == i].mean())}
-        for i in range(10) if (which == i).any()
-    ]  # fmt: skip
-    expected = sum(b["claims"] * abs(b["confidence"] - b["right"]) for b in bins) / len(claims)
+    bins, expected = [], 0.0
+    for i in np.unique(which):
+        inside = which == i
+        stated, true = float(confidence[inside].mean()), rate(right[inside] > 0.0)
+        bins.append({"from": int(i) / 10, "confidence": stated, "rate": true})
+        expected += abs(stated - true.events / true.of) * true.of / len(claims)
     return {"claims": len(claims), "brier": float(np.mean((confidence - right) ** 2)), "expected_error": expected, "bins": bins}
 
 
-def _confusion(cases: list[tuple[Label, Answer]]) -> dict[str, dict[str, int]]:
-    """Count what was answered by what is true; names joined by + where there are several."""
+def _confusion(cases: Cases) -> dict[str, dict[str, int]]:
+    """Count the first name answered, or the verdict, by what is true."""
     table: dict[str, Counter[str]] = {}
     for label, answer in cases:
-        truth = "+".join(one["name"] for one in label["effects"]) or "nothing"
-        said = "+".join(one["name"] for one in answer.get("mechanisms", ())) or str(answer["verdict"])
-        table.setdefault(truth, Counter())[said] += 1
+        truth = label["effects"][0]["name"] if label["effects"] else "nothing"
+        table.setdefault(truth, Counter())[_first(answer)] += 1
     return {truth: dict(counts) for truth, counts in sorted(table.items())}
 
 
@@ -212,3 +255,21 @@ def read_answers(folder: Path) -> dict[str, Answer]:
     """Read FOLDER/CASE/diagnosis.json of all cases; a rival's answers in the same format score the same way."""
     files = sorted(folder.glob("*/diagnosis.json"))
     return {file.parent.name: json.loads(file.read_text(encoding="utf-8")) for file in files}
+
+
+def plain(value: Any) -> Any:
+    """Return figures as JSON takes them: rates with their fields' names."""
+    if isinstance(value, Rate):
+        return value._asdict()
+    if isinstance(value, dict):
+        return {key: plain(one) for key, one in value.items()}
+    return [plain(one) for one in value] if isinstance(value, list) else value
+
+
+def restored(value: Any) -> Any:
+    """Return figures with their rates, from what `plain` made of them."""
+    if isinstance(value, dict):
+        if set(value) == set(Rate._fields):
+            return Rate(**value)
+        return {key: restored(one) for key, one in value.items()}
+    return [restored(one) for one in value] if isinstance(value, list) else value

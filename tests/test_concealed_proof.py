@@ -1,0 +1,293 @@
+"""The proof's bank, answers and score: labels, every step on a small bank, figures on made-up answers, the page."""
+
+import hashlib
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.concealed import bank, black_box, concealment, diagnoses, page, rivals, workers
+from experiments.concealed.__main__ import Diagnose, Page, Rivals, Score
+from experiments.concealed.effects import ALL, LIBRARY
+from experiments.concealed.plan import SHARES
+from experiments.concealed.required import checks
+from experiments.concealed.score import found, plain, rate, restored, score, true_value
+from experiments.concealed.setup import RUNS
+from wsp_env.diagnosis.candidates import Candidate, Variant, step
+from wsp_env.diagnosis.search import Products, Scan
+from wsp_env.plant.mechanisms import clock_offset
+from wsp_env.recordings import CampaignError, read_campaign
+
+DOCS = Path(__file__).parents[1] / "docs"
+together = pytest.mark.xdist_group("small bank")  # it is made once
+
+
+@pytest.fixture(scope="module")
+def small_bank(tmp_path_factory):
+    """Return the folder of the small bank and its digest."""
+    out = tmp_path_factory.mktemp("bank")
+    return out, bank.make(out, 5, 11, 1)
+
+
+@pytest.mark.slow
+@together
+def test_bank_is_readable_concealed_labelled_and_reproducible(small_bank):
+    out, digest = small_bank
+    labels = bank.read_labels(out)
+    assert hashlib.sha256((out / "labels.json").read_bytes()).hexdigest() == digest
+    assert {label["class"] for label in labels.values()} == set(SHARES)
+    for name, label in labels.items():
+        campaign = read_campaign(out / "campaigns" / name)
+        assert (*campaign.tune, *campaign.validate) == RUNS
+        assert campaign.vehicle.axles == label["axles"]
+        assert (campaign.vehicle.brake_torque_source == "measured") == label["measured_torque"]
+        assert concealment.passes(concealment.worst_error(out / "campaigns" / name))
+        assert label["mechanisms"] == [e["name"] for e in label["effects"] if e["name"] in LIBRARY]
+        assert label["verdict"] == {"null": "adequate", "foreign": "unknown"}.get(label["class"], "named")
+        text = (out / "campaigns" / name / "campaign.toml").read_text(encoding="utf-8").replace("wheel_radius_m", "")
+        assert not [effect for effect in ALL if effect in text]  # nothing tells what is concealed
+    parts = sorted((out / "labels").glob("*.json"))
+    before = parts[0].read_text(encoding="utf-8")
+    for file in (out / "campaigns" / parts[0].stem).iterdir():
+        file.unlink()
+    parts[0].unlink()
+    assert bank.make(out, 5, 11, 1) == digest  # goes on, and makes the same again
+    assert parts[0].read_text(encoding="utf-8") == before
+
+
+@pytest.mark.slow
+@together
+def test_bank_refuses_other_numbers_and_changed_labels(small_bank):
+    out, _ = small_bank
+    with pytest.raises(bank.BankError, match="another bank"):
+        bank.make(out, 6, 11, 1)
+    kept = (out / "labels.json").read_bytes()
+    (out / "labels.json").write_bytes(kept.replace(b"null", b"none"))
+    with pytest.raises(bank.BankError, match="changed since its hash"):
+        bank.read_labels(out)
+    (out / "labels.json").write_bytes(kept)
+
+
+def test_labels_need_a_finished_bank(tmp_path):
+    with pytest.raises(bank.BankError, match="no finished bank"):
+        bank.read_labels(tmp_path)
+
+
+def truth(kind: str, *names: str, size: float = 1.0, multiple: float = 2.0) -> dict:
+    """Return a label."""
+    effects = [{"name": name, "size": size, "multiple": multiple, "axle": 1, "variant": 0} for name in names]
+    mechanisms = [name for name in names if name in LIBRARY]
+    return {"class": kind, "mechanisms": mechanisms, "effects": effects, "noise": 1.0, "axles": 4, "distance_change": -0.02}
+
+
+def answer(verdict: str, *names: str, alternatives: tuple[str, ...] = (), confidence: float = 0.9, **parameters) -> dict:
+    """Return a diagnosis that removes three fourths of what can be removed."""
+    mechanisms = [
+        {"name": name, "confidence": confidence, "alternatives": [name, *alternatives], "parameters": parameters}
+        for name in names
+    ]
+    fit = {"noise_floor": 1.0, "baseline": {"validate": 5.0}, "extended": {"validate": 2.0}}
+    return {"verdict": verdict, "mechanisms": mechanisms, "fit": fit}
+
+
+def test_score_of_made_up_answers():
+    rise = {"value": 0.0011, "unit": "-", "interval90": [0.0008, 0.0013]}
+    pairs = {
+        "n1": (truth("null"), answer("adequate")),
+        "n2": (truth("null"), answer("named", "wheel_radius", confidence=0.6)),
+        "n3": (truth("null"), answer("insufficient")),
+        "s1": (truth("single", "track_gradient", size=0.001), answer("named", "track_gradient", rise=rise)),
+        "s2": (truth("single", "load_transfer"), answer("ambiguous", "flash_temperature", alternatives=("load_transfer",))),
+        "s3": (truth("single", "load_transfer", multiple=1.0), answer("adequate")),
+        "p1": (truth("pair", "wheel_radius", "load_transfer"), answer("named", "load_transfer", "wheel_radius")),
+        "p2": (truth("pair", "wheel_radius", "load_transfer"), answer("named", "load_transfer")),
+        "c1": (truth("confounded", "track_gradient"), answer("insufficient")),
+        "c2": (truth("confounded", "track_gradient"), answer("named", "vehicle_mass")),
+        "f1": (truth("foreign", "sanding"), answer("unknown")),
+        "f2": (truth("foreign", "sanding"), answer("named", "falling_friction")),
+    }
+    figures = score({k: v[0] for k, v in pairs.items()}, {k: v[1] for k, v in pairs.items()})
+    assert figures["false_alarms"][:3] == (1, 3, 1 / 3)
+    assert figures["singles"]["right_name_first"][:2] == (1, 3)
+    assert figures["singles"]["in_set"][:2] == figures["singles"]["in_set_of_two"][:2] == (2, 3)
+    assert figures["singles_by_size"]["1.5 to 3"]["in_set"].share == 1.0
+    assert figures["singles_by_size"]["0.75 to 1.5"]["in_set"].share == 0.0
+    assert figures["pairs_both_found"][:2] == figures["pairs_one_found"][:2] == (1, 2)
+    assert figures["confounded_honest"][:2] == (1, 2)
+    assert figures["foreign_named_wrongly"][:2] == (1, 2)
+    assert figures["foreign_seen"].share == 1.0
+    assert figures["separable"]["right_name_first"][:2] == (1, 2)  # what is smaller than twice of interest does not count
+    assert figures["removed_share"]["named"]["mean"] == pytest.approx(0.75)
+    assert figures["removed_share"]["all"]["mean"] == pytest.approx(0.75 * 4 / 5)  # one of the singles and pairs is adequate
+    assert figures["removed_share"]["of_sums"] == pytest.approx(0.75 * 4 / 5)
+    assert figures["parameters"]["relative_error"]["mean"] == pytest.approx(0.1)
+    assert figures["parameters"]["interval90_covers"].share == 1.0
+    assert figures["calibration"]["claims"] == 8
+    assert figures["confusion"]["load_transfer"] == {"flash_temperature": 1, "adequate": 1}
+
+
+def test_score_needs_every_answer():
+    with pytest.raises(bank.BankError, match="no answer for 1 of 1"):
+        score({"n1": truth("null")}, {})
+
+
+def test_two_truths_need_two_mechanisms():
+    both = answer("ambiguous", "wheel_radius", alternatives=("load_transfer",))
+    assert found(["wheel_radius", "load_transfer"], both) == 1
+    assert found(["load_transfer"], both) == 1
+    assert found(["load_transfer"], both, largest_set=1) == 0
+    assert found([], both) == 0
+
+
+def test_rate_bounds_are_clopper_and_pearson_s():
+    none = rate([False] * 60)
+    assert none.upper95 == pytest.approx(1.0 - 0.05 ** (1 / 60))  # the closed form for no event
+    assert none.lower95 == 0.0
+    assert rate([True] * 60).lower95 == pytest.approx(0.05 ** (1 / 60))
+    assert rate([]).share is None
+
+
+def test_figures_survive_the_file_and_are_held_against_what_is_required():
+    figures = score(
+        {"n": truth("null"), "s": truth("single", "track_gradient", size=0.001), "f": truth("foreign", "sanding")},
+        {"n": answer("adequate"), "s": answer("named", "track_gradient"), "f": answer("named", "vehicle_mass")},
+    )
+    assert restored(json.loads(json.dumps(plain(figures)))) == figures
+    met = {one.what.split(",")[0]: one.met for one in checks(figures)}
+    assert met["cases"] is False
+    assert met["false alarms on nulls"] is True
+    assert met["right name first"] is True
+    assert met["out-of-library effects called by a library name"] is False
+    assert met["both of a pair found"] is None
+
+
+def test_page_is_filled_and_filled_again(tmp_path):
+    docs, out = tmp_path / "docs", tmp_path / "out"
+    docs.mkdir()
+    (out / "rivals" / "bic").mkdir(parents=True)
+    shutil.copy(DOCS / page.PAGE, docs)
+    labels = {"n": truth("null"), "s": truth("single", "track_gradient", size=0.001)}
+    answers = {"n": answer("adequate"), "s": answer("named", "track_gradient")}
+    figures = json.dumps(plain(score(labels, answers)))
+    for file in (out / "score.json", out / "rivals" / "bic" / "score.json"):
+        file.write_text(figures, encoding="utf-8")
+    (out / "bank.json").write_text('{"cases": 2, "seed": 1}', encoding="utf-8")
+    (out / "labels.sha256").write_text("abc  labels.json\n", encoding="utf-8")
+    Page(out, docs).run()
+    text = (docs / page.PAGE).read_text(encoding="utf-8")
+    assert "| false alarms on nulls | at most 5 % | 0.0 % (0 of 1; 0.0 % to 95.0 %) | yes |" in text
+    assert "`abc`" in text
+    pictures = [line.split("(")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")]
+    assert pictures
+    assert all((docs / picture).is_file() for picture in pictures)
+    Page(out, docs).run()
+    assert (docs / page.PAGE).read_text(encoding="utf-8") == text
+    (docs / page.PAGE).write_text(text.replace("<!-- begin: power -->", ""), encoding="utf-8")
+    with pytest.raises(bank.BankError, match="markers"):
+        Page(out, docs).run()
+    (out / "score.json").unlink()
+    with pytest.raises(bank.BankError, match=r"no score\.json"):
+        Page(out, docs).run()
+
+
+def test_comparable_parameters_have_the_library_s_sign():
+    """What the truth's late clock records is what the library's clock says of the parameter that it is scored by."""
+    speed, acceleration, late = 30.0, -0.8, 0.2
+    offset = true_value({"name": "clock_offset", "size": late, "variant": 0})
+    stamped = clock_offset.recorded(clock_offset.Parameters(offset), speed, acceleration)
+    assert stamped == pytest.approx(speed + late * acceleration)  # sampled later than stamped: slower already
+    drag = true_value({"name": "aerodynamic_drag", "size": 2.0, "variant": 1})
+    assert drag * 30.0**2 == pytest.approx(2.0 * (100.0 + 5.0 * 30.0 + 30.0**2))
+
+
+def test_refused_campaign_is_insufficient(monkeypatch):
+    def refuse(campaign):
+        raise CampaignError("no run can be diagnosed")
+
+    monkeypatch.setattr(diagnoses, "quietly_read", refuse)
+    said = diagnoses.answer(Path("anywhere"))
+    assert said["verdict"] == "insufficient"
+    assert said["notes"] == ["no run can be diagnosed"]
+
+
+def made_up_scan(rng: np.random.Generator, amplitude: float) -> Scan:
+    """Return a scan of gradient and mass, in which only the gradient is there."""
+    chosen = [Variant("track_gradient", ("rise",), {}), Variant("vehicle_mass", ("extra",), {})]
+    candidates = tuple(Candidate(one.name, np.zeros((0, 1)), one, (step(one.name, one.sizes[0])[1],)) for one in chosen)
+    x = rng.standard_normal((900, 2))
+    y = amplitude * x[:, 0] + rng.standard_normal(900)
+
+    def products(keep: slice) -> Products:
+        return Products(x[keep].T @ x[keep], x[keep].T @ y[keep], float(y[keep] @ y[keep]), len(y[keep]))
+
+    parts = (slice(0, 1), slice(1, 2))
+    return Scan(candidates, parts, 0, products(slice(None)), products(slice(600)), products(slice(600, None)))
+
+
+@pytest.mark.parametrize("name", rivals.RULES)
+def test_rivals_find_what_is_there_and_its_size(name):
+    said = rivals.select(made_up_scan(np.random.default_rng(1), 2.0), rivals.RULES[name])
+    assert said["mechanisms"][0]["name"] == "track_gradient"
+    assert said["mechanisms"][0]["confidence"] > 0.99
+    rise = said["mechanisms"][0]["parameters"]["rise"]
+    null, change = step("track_gradient", "rise")
+    assert rise["value"] == pytest.approx(null - 2.0 * change, rel=0.1)
+    assert rise["interval90"][0] < rise["value"] < rise["interval90"][1]
+
+
+def test_bic_wants_more_than_chance_and_held_out_does_not():
+    scans = [made_up_scan(np.random.default_rng(seed), 0.0) for seed in range(40)]
+    named = {name: sum(bool(rivals.select(one, rule)["mechanisms"]) for one in scans) for name, rule in rivals.RULES.items()}
+    assert named["bic"] <= 4  # 2 candidates, a gain above log(900) = 6.8 of each by chance in 0.9 %
+    assert named["held_out"] > 10  # every other candidate improves held-out runs by chance
+
+
+def test_black_box_learns_from_the_other_folds(tmp_path):
+    rng, targets = np.random.default_rng(0), {}
+    for i in range(40):
+        targets[f"case{i:03d}"] = (black_box.NOTHING, black_box.UNKNOWN, "wheel_radius", "track_gradient")[i % 4]
+        seen = {"noise": rng.standard_normal(), "gain": i % 4 + 0.1 * rng.standard_normal()}
+        workers.write_whole(tmp_path / "features" / f"case{i:03d}.json", seen)
+    dealt = black_box.folds([targets[name] for name in sorted(targets)])
+    assert np.bincount(dealt).tolist() == [8] * 5
+    workers.each(black_box.answer_fold, [black_box.Fold(tmp_path, targets, 0)], 1, "fold")  # in a process of one thread
+    said = {name.parent.name: json.loads(name.read_text()) for name in tmp_path.glob("black_box/*/diagnosis.json")}
+    assert sorted(said) == [name for name, fold in zip(sorted(targets), dealt, strict=True) if fold == 0]
+    first = {name: one["mechanisms"][0]["name"] if one["mechanisms"] else one["verdict"] for name, one in said.items()}
+    words = {black_box.NOTHING: "adequate"}
+    assert first == {name: words.get(targets[name], targets[name]) for name in said}
+
+
+@pytest.mark.slow
+@together
+def test_every_step_on_a_small_bank(small_bank, tmp_path):
+    """One case is diagnosed; the others were, it seems, before the command was broken off."""
+    out = tmp_path / "bank"
+    shutil.copytree(small_bank[0], out)
+    labels = bank.read_labels(out)
+    fresh = next(name for name, label in labels.items() if label["class"] == "single")
+    files = {name: out / "diagnoses" / name / "diagnosis.json" for name in labels}
+    workers.write_whole(out / "diagnoses" / "version.json", {"sha256": diagnoses.digest()})
+    for name in labels:
+        if name != fresh:
+            workers.write_whole(files[name], answer("adequate"))
+    before = {name: file.stat().st_mtime_ns for name, file in files.items() if name != fresh}
+    Diagnose(out, 1).run()
+    assert {name: file.stat().st_mtime_ns for name, file in files.items() if name != fresh} == before
+    said = json.loads(files[fresh].read_text(encoding="utf-8"))
+    assert said["verdict"] in ("adequate", "named", "ambiguous", "unknown", "insufficient")
+    assert {"mechanisms", "location", "fit", "detectable", "next_test"} <= set(said)
+    Rivals(out, 1).run()
+    Score(out).run()
+    figures = restored(json.loads((out / "score.json").read_text(encoding="utf-8")))
+    assert figures["cases"] == dict.fromkeys(("null", "single", "pair", "confounded", "foreign"), 1)
+    for name in rivals.NAMES:
+        assert (out / "rivals" / name / "score.json").is_file()
+        for case in labels:
+            told = json.loads((out / "rivals" / name / case / "diagnosis.json").read_text(encoding="utf-8"))
+            assert {one["name"] for one in told["mechanisms"]} <= set(LIBRARY)
+    workers.write_whole(out / "diagnoses" / "version.json", {"sha256": "another"})
+    with pytest.raises(bank.BankError, match="another version"):
+        Diagnose(out, 1).run()
