@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import polars
 import pytest
+from browser import BROWSER, open_page
 from scipy import stats
 
 from wsp_env import cli
@@ -29,6 +30,7 @@ from wsp_env.evaluation.programme import (
     read_programme,
     select_cases,
 )
+from wsp_env.evaluation.report import write_report
 from wsp_env.evaluation.runner import Conduct, Run, run
 from wsp_env.evaluation.sources import code_digest, imported_beside
 from wsp_env.evaluation.summary import interval, judge, summarise
@@ -427,6 +429,30 @@ def test_the_command_evaluates_a_file_and_reports(tmp_path, own, capsys):
     assert "no idea" in captured.err
     assert "own.py" in captured.out
     assert str(tmp_path) not in captured.out.partition("stops.csv")[0].rpartition("\n")[0]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium installed")
+def test_the_page_opens_without_a_network_and_draws_the_stop_that_is_chosen(tmp_path):
+    result = run_small({"none": {}}, tmp_path / "cases")
+    page = tmp_path / "report.html"
+    write_report(page, result, summarise(result.stops), judge(result.stops, SMALL.requirements), "small")
+    choose = """<script>for (const [name, value] of [["case", "low"], ["law", "recovering"], ["draw", "1"]]) {
+      const menu = document.getElementById("course-" + name);
+      menu.value = value;
+      menu.dispatchEvent(new Event("change"));
+    }
+    console.log("chosen: " + document.getElementById("course-note").textContent);</script></body>"""
+    page.write_text(page.read_text(encoding="utf-8").replace("</body>", choose), encoding="utf-8")
+    said, plots, titles = open_page(page, tmp_path / "profile")
+    assert plots == 4  # the front, the losses under both laws, the course
+    assert all(title.endswith("]") for title in titles), titles
+    shown = result.stops.filter(
+        (polars.col("case") == "low") & (polars.col("draw") == 1) & (polars.col("controller") == "none")
+    )
+    (distance,) = shown.filter(polars.col("law") == "recovering")["distance_m"]
+    assert len(said) == 1, said  # no error besides
+    assert f"chosen: Stopped after {distance:.0f} m" in said[0]
 
 
 @pytest.mark.parametrize(

@@ -91,7 +91,7 @@ def main(
 def _table(result: Comparison) -> Table:
     header = (
         "mu_cd [-]", "tau [1e-4 m/J]", "classic [m]", "recovering [m]", "gained [m]", "gained [%]", "parted at [m/s]",
-        "after [s]", "largest gap [m/s]", "mean slip classic [m/s]", "recovering [m/s]",
+        "after [s]", "largest gap [m/s]", "mean slip classic [m/s]", "mean slip recovering [m/s]",
     )  # fmt: skip
     rows = []
     for pair in result.pairs:

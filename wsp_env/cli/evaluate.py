@@ -224,6 +224,7 @@ def _verdict_table(verdicts: tuple[Verdict, ...]) -> Table:
     for verdict in verdicts:
         mark = "[green]pass[/green]" if verdict.passed else "[red]FAIL[/red]"
         name = "" if verdict.requirement == previous else verdict.requirement
-        table.add_row(name, verdict.controller, mark, f"{verdict.worst:.4g}", f"{verdict.at_most:.4g}", verdict.where)
+        worst = f"{verdict.worst:.4g}" if math.isfinite(verdict.worst) else "-"
+        table.add_row(name, verdict.controller, mark, worst, f"{verdict.at_most:.4g}", verdict.where)
         previous = verdict.requirement
     return table

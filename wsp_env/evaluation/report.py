@@ -71,7 +71,9 @@ def _verdicts(verdicts: Sequence[Verdict]) -> Table:
 
 
 def _verdict(verdict: Verdict) -> str:
-    return f"pass ({verdict.worst:.4g})" if verdict.passed else f"FAIL ({verdict.worst:.4g}: {verdict.where})"
+    if verdict.passed:
+        return f"pass ({verdict.worst:.4g})"
+    return f"FAIL ({verdict.worst:.4g}: {verdict.where})" if math.isfinite(verdict.worst) else f"FAIL ({verdict.where})"
 
 
 def _front(summary: polars.DataFrame) -> Section:
