@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import itertools
 import json
 import multiprocessing
 from pathlib import Path
@@ -15,9 +16,10 @@ from experiments.concealed.concealment import passes, worst_error
 from experiments.concealed.interest import drive, sizes
 from experiments.concealed.plan import Case, plan
 
-#: An effect that the paper's validation would see is made smaller by this factor, at most so often; then all is drawn anew.
+#: An effect that the paper's validation would see is made smaller by this factor, at most so often; then all is drawn anew, and
+#: when no draw helped, from the first draw on it is made smaller still.
 SHRINK, SHRINKS = 0.75, 6
-DRAWS = 8
+DRAWS, ROUNDS = 8, 2
 
 
 class BankError(ValueError):
@@ -48,8 +50,8 @@ def generate(job: Job) -> str:
 
 def _concealed(job: Job) -> dict[str, Any]:
     table, case, first = sizes(), job.case, True
-    for attempt in range(DRAWS):
-        for turn in range(SHRINKS if case.effects else 1):
+    for smaller, attempt in itertools.product(range(ROUNDS), range(DRAWS)):
+        for turn in range(smaller * SHRINKS, (smaller + 1) * SHRINKS if case.effects else smaller * SHRINKS + 1):
             setup, concealed = build(case, job.seed, attempt, table, SHRINK**turn)
             distances = write(job.out / "campaigns" / case.name, case, setup, job.seed, attempt)
             error = worst_error(job.out / "campaigns" / case.name)

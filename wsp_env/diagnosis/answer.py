@@ -14,6 +14,39 @@ class Estimate:
 
 
 @dataclasses.dataclass(frozen=True)
+class Curve:
+    """What a mechanism changes, over what it depends on; points (P,)."""
+
+    equation: str  # the balance that shows it best
+    over: str  # with its unit
+    change: str  # with its unit
+    x: tuple[float, ...]
+    observed: tuple[float, ...]
+    deviation: tuple[float, ...]  # of the observed
+    fitted: tuple[float, ...]
+    low: tuple[float, ...]  # of the fitted, 90 %
+    high: tuple[float, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class RunFigures:
+    """The paper's figures of one run, simulated before and after the mechanisms found; by axle where tuples."""
+
+    run: str
+    group: str
+    adhesion_error_before: tuple[float | None, ...]  # e, mean error over mean adhesion [-]; None: does not slide
+    adhesion_error_after: tuple[float | None, ...]
+    speed_error_before_mps: float  # E, eq. (19), of the vehicle's momentum with the measured torque
+    speed_error_after_mps: float
+    slide_mean_recorded_mps: tuple[float, ...]  # eq. (20)
+    slide_mean_before_mps: tuple[float, ...]
+    slide_mean_after_mps: tuple[float, ...]
+    slide_deviation_recorded_mps: tuple[float, ...]  # eq. (21)
+    slide_deviation_before_mps: tuple[float, ...]
+    slide_deviation_after_mps: tuple[float, ...]
+
+
+@dataclasses.dataclass(frozen=True)
 class Named:
     """An accepted mechanism."""
 
@@ -25,6 +58,7 @@ class Named:
     gain: float  # fall of the sum of squares
     null_gain: float  # largest gain of the same name in null recordings
     held_out_gain: float
+    curve: Curve | None = None  # none for creep curves, which are drawn themselves
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,6 +120,7 @@ class Diagnosis:
     confounding: dict[str, dict[str, float]]  # cosines between projected sensitivities
     model: dict[str, Any]  # what model.json holds
     residuals: dict[str, Any]  # for the report: mean squares by balance, run, axle, before and after
+    runs: tuple[RunFigures, ...]
     notes: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:

@@ -162,8 +162,9 @@ def library(
             continue
         if variant.name == "adhesion_patch":
             inside = _inside(balances.rows.place, variant.fixed["start_m"], variant.fixed["length_m"])
-            column = friction * inside * (balances.rows.balance != VEHICLE)
-            found.append(Candidate(variant.name, column[:, None], variant, (1.0,)))
+            _, change = step(variant.name, "change")
+            column = change * friction * inside * (balances.rows.balance != VEHICLE)
+            found.append(Candidate(variant.name, column[:, None], variant, (change,)))
         else:
             found.append(Candidate(variant.name, *_swapped(columns(balances, model, base, variant), variant)))
     return found

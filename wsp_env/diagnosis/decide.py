@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.balances import BALANCES, Balances
 from wsp_env.diagnosis.candidates import Variant, choice_of, refined
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
@@ -17,14 +17,24 @@ from wsp_env.recordings import rolling_radii
 #: -log10 of the probability in a null recording from which on a mechanism counts; some twenty names are searched.
 SURPRISE = 5.0
 #: Size over the smallest effect of interest from which on a mechanism counts.
-LEAST_MULTIPLE = 0.15
+LEAST_MULTIPLE = 0.25
 #: Gain over the largest one in null recordings, and gain, from which on it counts: whatever few null recordings say of tails.
 OVER_NULLS = 2.0
 LEAST_GAIN = 25.0
-#: Share of the runs' part of the gain that must show on the runs to validate.
-HELD_OUT_SHARE = 0.2
+#: Share of the runs' part of the gain that must show on the runs to validate, but for what chance may take of it.
+HELD_OUT_SHARE = 0.4
+_CHANCE = 1.645  # 5 % of true ones would show less
 #: Another mechanism must gain this share of what the first gained, times their squared cosine: less is the first one's form.
-LEAST_SHARE = 0.06
+LEAST_SHARE = 0.08
+#: And this share whatever the cosine: in general; where no balance shows both; and where the first
+#: has but one form, so that next to nothing of it is left.
+LEAST_SHARE_ANY = 0.03
+LEAST_SHARE_APART = 0.005
+LEAST_SHARE_EXACT = 0.002
+EXACT = (
+    "track_gradient", "aerodynamic_drag", "vehicle_mass", "wheel_radius", "brake_gain_imbalance", "wheel_speed_lag",
+    "clock_offset",
+)  # fmt: skip
 #: Alternatives: gains within this share of the best one's, or within `INDISTINCT`.
 SHARE_OF_GAIN = 0.1
 INDISTINCT = 9.0
@@ -40,6 +50,7 @@ class Accepted:
     """A mechanism that was accepted, and how."""
 
     found: Found
+    listed: Variant  # as the scans have it
     variant: Variant  # with what the refit moves free
     alternatives: tuple[str, ...]
     confidence: float
@@ -63,23 +74,48 @@ def select(
     balances: Balances, model: Model, weights: Weights, data: Scan, nulls: Sequence[Scan], tried: Sequence[Variant]
 ) -> Outcome:
     """Accept mechanisms one after the other, each refitted with all before it."""
-    first = search = Search(data, nulls, np.zeros(0, dtype=int))
+    first = search = Search(data, nulls, np.zeros(0, dtype=int), np.zeros(0))
     screened = found = search.found()
     accepted: list[Accepted] = []
     fitted = refit(balances, model, (), weights)
-    while len(accepted) < MOST:
-        trials = _trials(balances, fitted, search, found, weights, accepted)
-        if not trials:
+    for _ in range(MOST):
+        passed, others = _trials(balances, fitted, search, found, weights, accepted)
+        if not passed:
             break
-        best = trials[0]
-        fitted = best.fitted
-        alternatives, confidence = _alternatives(found, trials)
-        accepted.append(Accepted(best.found, best.variant, alternatives, confidence, best.multiple, best.tilt))
-        given = np.concatenate([columns_in(nulls[0], a.variant) for a in accepted])
+        best = passed[0]
+        alternatives, confidence = _alternatives(best, [one.found for one in passed[1:]] + others)
+        accepted.append(Accepted(best.found, best.listed, best.variant, alternatives, confidence, best.multiple, best.tilt))
+        accepted, fitted = _needed(balances, best.fitted, search, accepted, weights)
+        given = np.concatenate([columns_in(nulls[0], a.listed) for a in accepted])
         rescan = scan(balances, fitted.model, weights.deviation, tried, [a.variant for a in accepted])
-        search = Search(rescan, nulls, given)
+        search = Search(rescan, nulls, given, np.concatenate([a.tilt for a in accepted]))
         found = search.found()
+    accepted.sort(key=lambda one: -one.found.net)
+    order = [[v.name for v in fitted.variants].index(one.variant.name) for one in accepted]
+    fitted = dataclasses.replace(
+        fitted,
+        variants=tuple(fitted.variants[i] for i in order),
+        values=tuple(fitted.values[i] for i in order),
+        covariance=tuple(fitted.covariance[i] for i in order),
+    )
     return Outcome(fitted, tuple(accepted), first, search, tuple(screened), tuple(found))
+
+
+def _needed(
+    balances: Balances, fitted: Fitted, search: Search, accepted: list[Accepted], weights: Weights
+) -> tuple[list[Accepted], Fitted]:
+    """Drop what is not needed any more beside the last, which then has the gain of both: it was the last's form."""
+    last = accepted[-1]
+    for one in accepted[:-1]:
+        others = [other for other in accepted if other is not one]
+        choice = {name: values for name, values in fitted.model.choice.items() if name != one.variant.name}
+        model = dataclasses.replace(fitted.model, choice=choice)
+        without = refit(balances, model, [a.variant for a in others], weights, tilts=[a.tilt for a in others])
+        lost = without.cost - fitted.cost
+        whole = dataclasses.replace(last.found, gain=last.found.gain + one.found.gain - lost)
+        if lost < _least(search, one.found, one.listed, [dataclasses.replace(last, found=whole)]):
+            return _needed(balances, without, search, [*others[:-1], dataclasses.replace(last, found=whole)], weights)
+    return accepted, fitted
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,7 +123,8 @@ class Trial:
     """A mechanism refitted together with those accepted before."""
 
     found: Found  # with the gain of the refit
-    variant: Variant
+    listed: Variant  # as the scans have it
+    variant: Variant  # with what the refit moves free
     fitted: Fitted
     multiple: float
     tilt: np.ndarray
@@ -100,10 +137,13 @@ def _trials(
     found: Sequence[Found],
     weights: Weights,
     accepted: Sequence[Accepted],
-) -> list[Trial]:
-    """Refit the mechanisms that promise most; return those that pass every test, the one that gains most first."""
+) -> tuple[list[Trial], list[Found]]:
+    """Refit the mechanisms that promise most.
+
+    Returns those that pass every test, the one that gains most first, and the promising ones that were not refitted.
+    """
     library = [one for one in found if one.name in ALL and one.surprise >= SURPRISE]
-    library.sort(key=lambda one: float(one.nulls.mean()) - one.gain)
+    library.sort(key=lambda one: -one.net)
     promising = library[:TRIED]
     starts = {one.which: _null(v) - one.fit.amplitude * search.data.candidates[one.which].steps
               for one in promising for v in [_variant(search, one)]}  # fmt: skip
@@ -114,20 +154,32 @@ def _trials(
     passed = []
     for one in promising:
         trial = _trial(balances, fitted, search, one, starts[one.which], weights, accepted)
-        held_out = trial.found.held_out >= HELD_OUT_SHARE * expected(search, one) or rolling is not None
-        if trial.found.gain > _least(search, one, accepted) and held_out and trial.multiple >= LEAST_MULTIPLE:
+        held_out = trial.found.held_out >= least_held_out(expected(search, one)) or rolling is not None
+        if trial.found.gain > _least(search, one, trial.listed, accepted) and held_out and trial.multiple >= LEAST_MULTIPLE:
             passed.append(trial)
-    return sorted(passed, key=lambda trial: float(trial.found.nulls.mean()) - trial.found.gain)
+    return sorted(passed, key=lambda trial: -trial.found.net), library[TRIED:]
 
 
-def _least(search: Search, one: Found, accepted: Sequence[Accepted]) -> float:
+def _least(search: Search, one: Found, listed: Variant, accepted: Sequence[Accepted]) -> float:
     """Return the gain that a mechanism must have, beside those accepted before."""
     least = max(LEAST_GAIN, OVER_NULLS * float(one.nulls.max()))
-    null, its = search.nulls[0], search.twin[one.which]
+    null = search.nulls[0]
     for other in accepted:
-        cosine = largest_cosine(null.whole.gram, null.columns_of(its), columns_in(null, other.variant))
-        least = max(least, LEAST_SHARE * cosine**2 * other.found.gain)
+        cosine = largest_cosine(null.whole.gram, columns_in(null, listed), columns_in(null, other.listed))
+        least = max(least, max(LEAST_SHARE * cosine**2, _floor(one.name, other.found.name)) * other.found.gain)
     return least
+
+
+def _floor(one: str, other: str) -> float:
+    if other in EXACT:
+        return LEAST_SHARE_EXACT
+    shown = [{balance for balance in BALANCES if balance in ALL[name].trace} for name in (one, other)]
+    return LEAST_SHARE_ANY if shown[0] & shown[1] else LEAST_SHARE_APART
+
+
+def least_held_out(expected: float) -> float:
+    """Return the gain on held-out runs from which on an effect counts as seen there (a gain of g scatters by 2 sqrt(g))."""
+    return HELD_OUT_SHARE * expected - _CHANCE * 2.0 * float(np.sqrt(max(expected, 0.0)))
 
 
 def largest_cosine(gram: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
@@ -167,7 +219,7 @@ def _trial(
     assert best is not None
     gain = max(fitted.cost - best.cost, 0.0)
     added = effect(balances, fitted.model, {variant.name: best.model.choice[variant.name]})
-    return Trial(dataclasses.replace(one, gain=gain), free, best, added.multiple, tilt)
+    return Trial(dataclasses.replace(one, gain=gain), variant, free, best, added.multiple, tilt)
 
 
 def _rolling(balances: Balances, search: Search, found: Sequence[Found]) -> tuple[Found, np.ndarray] | None:
@@ -216,16 +268,13 @@ def columns_in(null: Scan, variant: Variant) -> np.ndarray:
     return null.columns_of((same or members)[0])
 
 
-def _alternatives(found: Sequence[Found], trials: Sequence[Trial]) -> tuple[tuple[str, ...], float]:
+def _alternatives(best: Trial, others: Sequence[Found]) -> tuple[tuple[str, ...], float]:
     """Return the names that gain nearly as much, best first, and the share of belief in the best."""
-    best = trials[0].found
-    net = {one.name: one.gain - float(one.nulls.mean()) for one in found if one.name in ALL}
-    top = best.gain - float(best.nulls.mean())
+    top = best.found.net
     # Without a refit a name is worth its linear gain, which cannot be more than the best refit's.
-    net = {name: min(gain, top) for name, gain in net.items()}
-    net |= {one.found.name: one.found.gain - float(one.found.nulls.mean()) for one in trials}
+    net = {one.name: min(one.net, top) for one in others}
     margin = max(INDISTINCT, SHARE_OF_GAIN * top)
-    near = sorted((name for name, gain in net.items() if gain >= top - margin and name != best.name), key=lambda n: -net[n])
+    near = sorted((name for name in net if net[name] >= top - margin), key=lambda name: -net[name])
     scale = max(2.0, 0.03 * top)
-    belief = 1.0 / sum(float(np.exp(min((gain - top) / (2.0 * scale), 0.0))) for gain in net.values())
-    return (best.name, *near), belief * (1.0 - 10.0 ** -min(best.surprise, 15.0))
+    belief = 1.0 / (1.0 + sum(float(np.exp((gain - top) / (2.0 * scale))) for gain in net.values()))
+    return (best.found.name, *near), belief * (1.0 - 10.0 ** -min(best.found.surprise, 15.0))

@@ -8,9 +8,9 @@ the gain is the fall of the sum of squares, in the prior's metric, that the best
 import dataclasses
 
 import numpy as np
-from scipy import sparse
+from scipy import linalg, sparse
 
-_NOTHING = 1e-11  # of the largest eigenvalue, below which a direction of the nuisances says nothing
+_NOTHING = 1e-11  # of the largest square of a nuisance's column, below which a direction says nothing
 
 
 class Projector:
@@ -26,11 +26,10 @@ class Projector:
     def __init__(self, columns: np.ndarray, prior: np.ndarray) -> None:
         # Most nuisances concern one run, one axle or one stretch of track: sparse, that is a hundred times less work.
         self._columns = sparse.csr_array(columns)
-        normal = (self._columns.T @ self._columns).toarray() + np.diag(prior.astype(float))
-        # Its eigenvectors, those free directions left out that say nothing.
-        values, vectors = np.linalg.eigh(normal)
-        kept = values > _NOTHING * values[-1]
-        self._root = vectors[:, kept] / np.sqrt(values[kept])
+        normal = (self._columns.T @ self._columns).toarray()
+        # Free directions that say nothing get next to nothing to say.
+        normal += np.diag(np.where(prior, 1.0, _NOTHING * max(float(np.diag(normal).max(initial=0.0)), 1.0)))
+        self._root = linalg.solve_triangular(linalg.cholesky(normal, lower=True), np.eye(len(prior)), lower=True).T
 
     def inner(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Inner products (k, l) of columns (n, k) and (n, l), projected."""

@@ -12,6 +12,7 @@ from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.variation import nuisances
 
 _LEAST_SHARE = 0.1  # of the removed residual, from which on a balance is told of
+_STRETCHES = 30  # of the track, in the map
 _AXLE_SHARE = 0.5  # of an equal share, from which on an axle or a run is told of
 
 
@@ -77,4 +78,20 @@ def residual_map(balances: Balances, model: Model, extended: Model, weights: Wei
                 if mine.any():
                     means = {key: float(values[mine].mean()) for key, values in squares.items()}
                     cells.append({"balance": name, "run": stop.name, "axle": axle + 1, **means})
-    return {"cells": cells}
+    return {"cells": cells, "places": _places(balances, squares)}
+
+
+def _places(balances: Balances, squares: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+    """Mean squares by balance, axle and stretch of track."""
+    rows, cells = balances.rows, []
+    edges = np.linspace(rows.place.min(), rows.place.max() + 1e-6, _STRETCHES + 1)
+    which = np.digitize(rows.place, edges) - 1
+    for balance, name in enumerate(BALANCES):
+        for axle in range(-1, balances.axles):
+            for i in range(_STRETCHES):
+                mine = (rows.balance == balance) & (rows.axle == axle) & (which == i)
+                if mine.any():
+                    means = {key: float(values[mine].mean()) for key, values in squares.items()}
+                    middle = round(float(0.5 * (edges[i] + edges[i + 1])), 1)
+                    cells.append({"balance": name, "axle": axle + 1, "place_m": middle, **means})
+    return cells

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from wsp_env.diagnosis.answer import Diagnosis
+from wsp_env.diagnosis.answer import Curve, Diagnosis
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.report import COLOURS, Section, Table, axes, plotly, write_page
 
@@ -25,7 +25,7 @@ def _where(found: Diagnosis) -> Section:
     text = ["Mean squares of the residuals in deviations of noise and normal variation: 1 is what a sound vehicle leaves."]
     if not rows:
         text.insert(0, "No balance is off by more than normal variation explains.")
-    return Section("Where", text, [*shows, _map(found)])
+    return Section("Where", text, [*shows, _map(found), _places(found)])
 
 
 def _map(found: Diagnosis) -> Any:
@@ -39,6 +39,19 @@ def _map(found: Diagnosis) -> Any:
     figure = objects.Figure(objects.Heatmap(z=z, x=runs, y=names, colorscale="YlOrRd", zmin=0.5, zmax=5.0))
     figure.update_layout(title="Residuals of the baseline, by balance and run", height=120 + 28 * len(series))
     return axes(figure, "run", "")
+
+
+def _places(found: Diagnosis) -> Any:
+    objects, _ = plotly()
+    cells = found.residuals["places"]
+    places = sorted({cell["place_m"] for cell in cells})
+    series = list(dict.fromkeys((cell["balance"], cell["axle"]) for cell in cells))
+    values = {(cell["balance"], cell["axle"], cell["place_m"]): cell["before"] for cell in cells}
+    z = [[values.get((*one, place)) for place in places] for one in series]
+    names = [f"{balance}, axle {axle}" if axle else balance for balance, axle in series]
+    figure = objects.Figure(objects.Heatmap(z=z, x=places, y=names, colorscale="YlOrRd", zmin=0.5, zmax=5.0))
+    figure.update_layout(title="The same along the track, all runs", height=120 + 28 * len(series))
+    return axes(figure, "place of the axle [m]", "")
 
 
 def _what(found: Diagnosis) -> Section:
@@ -96,8 +109,25 @@ def _fitted(found: Diagnosis) -> list[Section]:
             f"These data cannot tell it from: {others}." if others else "No other mechanism of the library comes near.",
         ]
         table = Table(("Parameter", "Value", "Unit", "90 % interval"), rows)
-        sections.append(Section(f"The fitted mechanism: {one.name.replace('_', ' ')}", text, [table]))
+        shows = [table, _curve(one.curve)] if one.curve else [table]
+        sections.append(Section(f"The fitted mechanism: {one.name.replace('_', ' ')}", text, shows))
     return sections
+
+
+def _curve(curve: Curve) -> Any:
+    objects, _ = plotly()
+    figure = objects.Figure()
+    figure.add_scatter(
+        x=[*curve.x, *curve.x[::-1]], y=[*curve.high, *curve.low[::-1]], fill="toself", mode="none", name="90 % interval",
+        fillcolor="rgba(0,114,178,0.2)",
+    )  # fmt: skip
+    figure.add_scatter(x=curve.x, y=curve.fitted, mode="lines+markers", name="mechanism", marker_color=COLOURS[0])
+    figure.add_scatter(
+        x=curve.x, y=curve.observed, mode="markers", name="recorded, with standard error", marker_color=COLOURS[1],
+        error_y={"array": curve.deviation},
+    )  # fmt: skip
+    figure.update_layout(title=f"What it changes in the {curve.equation} balance", height=420)
+    return axes(figure, curve.over, curve.change)
 
 
 def _before_after(found: Diagnosis) -> Section:
@@ -111,7 +141,40 @@ def _before_after(found: Diagnosis) -> Section:
     shows: list[Any] = [table]
     if found.mechanisms:
         shows.append(_after(found))
-    return Section("Before and after", text, shows)
+    return Section("Before and after", text, [*shows, *_runs(found)])
+
+
+def _runs(found: Diagnosis) -> list[Table]:
+    """Return the paper's figures by run and axle; before alone where nothing was found."""
+
+    def sides(*values: float | None) -> str:
+        shown = values if found.mechanisms else values[:-1]
+        return " / ".join("-" if value is None else f"{value:.3g}" for value in shown)
+
+    axles = [f"axle {k + 1}" for k in range(len(found.runs[0].adhesion_error_before))]
+    errors = [
+        (one.run, one.group,
+         *(sides(*(None if e is None else 100.0 * e for e in pair))
+           for pair in zip(one.adhesion_error_before, one.adhesion_error_after, strict=True)),
+         sides(one.speed_error_before_mps, one.speed_error_after_mps))
+        for one in found.runs
+    ]  # fmt: skip
+    slides = [
+        (one.run, one.group, *(f"{mean} ({deviation})" for mean, deviation in zip(
+            map(sides, one.slide_mean_recorded_mps, one.slide_mean_before_mps, one.slide_mean_after_mps),
+            map(sides, one.slide_deviation_recorded_mps, one.slide_deviation_before_mps, one.slide_deviation_after_mps),
+            strict=True)))
+        for one in found.runs
+    ]  # fmt: skip
+    then = " / after" if found.mechanisms else ""
+    return [
+        Table(("Run", "Group", *axles, "E [m/s]"), errors,
+              f"Error of the adhesion coefficient over its mean [%] while the axle slides (Table 4), and E of the speed by the "
+              f"measured torque (eq. 19): before{then}."),
+        Table(("Run", "Group", *axles), slides,
+              f"Mean slide and, in brackets, its deviation [m/s] (eqs. 20 and 21): recorded / before{then}. Whole stops "
+              "simulated with the recorded torque, which no controller corrects: compare the statistics, not instants."),
+    ]  # fmt: skip
 
 
 def _after(found: Diagnosis) -> Any:

@@ -17,6 +17,7 @@ from wsp_env.diagnosis.closures import closures
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.gls import Fit, Projector, fit
 from wsp_env.diagnosis.variation import nuisances
+from wsp_env.plant.mechanisms import ALL
 
 #: Share of its square that a direction must have left: less is nothing that the null recordings' mean can be taken from.
 _LEFT = 1e-3
@@ -124,6 +125,11 @@ class Found:
     fit: Fit
 
     @property
+    def net(self) -> float:
+        """Gain over that in null recordings."""
+        return self.gain - float(self.nulls.mean())
+
+    @property
     def surprise(self) -> float:
         """-log10 of the probability of such a gain in a null recording."""
         return surprise(self.gain, self.nulls)
@@ -138,6 +144,15 @@ def surprise(gain: float, nulls: np.ndarray) -> float:
     return float(min(-gamma.logsf(gain, mean**2 / variance, scale=variance / mean) / _LOG10, 300.0))
 
 
+def can_be(one: Candidate, fitted: Fit) -> bool:
+    """Whether a mechanism of one size whose null is a bound (no brake pushes) was fitted to its possible side."""
+    if one.variant is None or len(one.variant.sizes) != 1:
+        return True
+    size = next(p for p in ALL[one.name].parameters if p.name == one.variant.sizes[0])
+    change = -float(fitted.amplitude[0]) * one.steps[0]
+    return (size.null > size.low or change >= 0.0) and (size.null < size.high or change <= 0.0)
+
+
 class Search:
     """Gains of all candidates in the data against those in null recordings.
 
@@ -146,10 +161,11 @@ class Search:
     data : scan about the present model
     nulls : scans of null recordings about the baseline
     given : for every null scan the columns of the mechanisms accepted so far
+    tilt : mean inner product of the accepted mechanisms' columns, in the data's scan, with residuals of null recordings
 
     """
 
-    def __init__(self, data: Scan, nulls: Sequence[Scan], given: np.ndarray) -> None:
+    def __init__(self, data: Scan, nulls: Sequence[Scan], given: np.ndarray, tilt: np.ndarray) -> None:
         self.data, self.nulls, self.given = data, nulls, given
         k = len(data.whole.against)
         self.own = np.arange(k - data.accepted, k)  # columns of the accepted mechanisms in the data's scan
@@ -157,6 +173,7 @@ class Search:
         self.twin = [names.get(self._key(one), -1) for one in data.candidates]
         self.mean = np.mean([null.whole.against for null in nulls], axis=0)
         whole = self._offset()
+        whole[self.own] = tilt
         # The halves' own means would need the halves of all null recordings: by their share of the columns' squares.
         shares = [np.diag(half.gram) / np.maximum(np.diag(data.whole.gram), 1e-12) for half in (data.tune, data.validate)]
         self.offsets = {"whole": whole, "tune": whole * shares[0], "validate": whole * shares[1]}
@@ -173,8 +190,6 @@ class Search:
         for mine, its in enumerate(self.twin):
             if its >= 0:
                 offset[self.data.columns_of(mine)] = mean[self.nulls[0].columns_of(its)]
-        if len(self.own) == len(self.given):
-            offset[self.own] = mean[self.given]
         return offset
 
     def gain(self, index: np.ndarray, part: str = "whole") -> Fit:
@@ -197,12 +212,11 @@ class Search:
         index = self.nulls[0].columns_of(its)
         # Each is freed from the mean of the others: its own would make it look smaller than the data's.
         mean, count = self.mean, len(self.nulls)
-        gains = [
-            fit(
-                *conditioned(null.whole, index, self.given, (count * mean - null.whole.against) / max(count - 1, 1)), _LEFT
-            ).gain
-            for null in self.nulls
-        ]
+        gains = []
+        for null in self.nulls:
+            offset = (count * mean - null.whole.against) / max(count - 1, 1)
+            one = fit(*conditioned(null.whole, index, self.given, offset), _LEFT)
+            gains.append(one.gain if can_be(null.candidates[its], one) else 0.0)
         return np.array(gains)
 
     def found(self) -> list[Found]:
@@ -213,9 +227,10 @@ class Search:
         result = []
         for name, members in by_name.items():
             fits = [self.gain(self.data.columns_of(i)) for i in members]
-            best = int(np.argmax([one.gain for one in fits]))
+            gains = [one.gain * can_be(self.data.candidates[i], one) for i, one in zip(members, fits, strict=True)]
+            best = int(np.argmax(gains))
             nulls = np.max([self.null_gains(i) for i in members], axis=0)
             which = members[best]
             held_out = self.held_out(self.data.columns_of(which))
-            result.append(Found(name, fits[best].gain, nulls, held_out, which, fits[best]))
+            result.append(Found(name, gains[best], nulls, held_out, which, fits[best]))
         return sorted(result, key=lambda one: -one.surprise)

@@ -6,9 +6,11 @@ good the law is. Over the whole stop what the vehicle does as a whole, and stati
 """
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
+from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.parameters.vehicle import Brake, Vehicle
 from wsp_env.plant.plant import Plant
 from wsp_env.plant.state import Stop
@@ -53,6 +55,7 @@ def simulate(
     samples: int,
     mu_cd: float,
     tau: float,
+    mechanisms: Mapping[str, Mapping[str, float]] | None = None,
 ) -> Simulated:
     """Simulate N pieces of a stop with the recorded torque.
 
@@ -62,12 +65,17 @@ def simulate(
     starts : samples (N,) at which they start
     samples : length T of each, the start included
     mu_cd, tau : of the law [-], [m/J]; tau = 0 is the classic law
+    mechanisms : physics beyond the law, see `wsp_env.plant.mechanisms.make`
 
     """
     torque = run.brake_torque_nm
     largest = float(np.abs(torque).max()) or 1.0
     plant = Plant(
-        _vehicle(campaign, run, largest), len(starts), campaign.sample_time_s, mechanism_choice=None, pressure_control=True
+        _vehicle(campaign, run, largest),
+        len(starts),
+        campaign.sample_time_s,
+        mechanism_choice=mechanisms,
+        pressure_control=True,
     )
     for index, start in enumerate(starts):
         _start(plant, index, run, derived, radii_m, int(start), torque[start] / largest, mu_cd, tau)
@@ -140,7 +148,7 @@ def _vehicle(campaign: Campaign, run: Recording, largest_nm: float) -> Vehicle:
     a, b, c = described.resistance_n
     return Vehicle(
         name=campaign.name,
-        axle_positions_m=described.axle_positions_m or tuple(2.5 * k for k in range(described.axles)),  # no law here has places
+        axle_positions_m=described.axle_positions_m or COACH.axle_positions_m[: described.axles],
         mass_kg=run.mass_kg,
         wheelset_inertia_kgm2=described.wheelset_inertia_kgm2,
         wheel_radius_m=described.wheel_radius_m,

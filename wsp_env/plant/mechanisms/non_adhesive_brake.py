@@ -29,7 +29,7 @@ MECHANISM = Mechanism(
     name="non_adhesive_brake",
     summary="a track brake acts within a band of speed",
     parameters=(
-        Parameter("force_n", "N", 0.0, 5000.0, -2e4, 2e5, "assumption: a tenth of a coach's braking force"),
+        Parameter("force_n", "N", 0.0, 5000.0, 0.0, 2e5, "assumption: a tenth of a coach's braking force"),
         Parameter("lowest_mps", "m/s", 10.0, 10.0, -10.0, 100.0, "assumption: lifted at low speed", "shape"),
         Parameter("highest_mps", "m/s", 100.0, 100.0, 0.0, 200.0, "assumption: no upper limit", "shape"),
     ),

@@ -1,0 +1,130 @@
+"""What the found mechanisms do: each one's curve through the residuals, and held-out runs before and after."""
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from wsp_env.diagnosis.answer import Curve, Estimate, RunFigures
+from wsp_env.diagnosis.balances import ADHESION, BALANCES, VEHICLE, Balances
+from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.fitting import Weights
+from wsp_env.diagnosis.gls import Projector
+from wsp_env.diagnosis.interest import SENSORS
+from wsp_env.diagnosis.variation import nuisances
+from wsp_env.recordings import Recording, Smoothing, derive, replay, rolling_radii
+from wsp_env.recordings.derive import braking
+
+_BINS = 16
+_LEAST_ROWS = 5  # in a bin
+_ACTS = 0.02  # of a mechanism's largest change of a residual, from which on a row is one that it acts on
+#: What a mechanism's curve is drawn over where it is not the slip speed.
+_OVER = {
+    "contaminant_memory": "work", "recovery_shape": "work", "adhesion_patch": "place", "track_gradient": "time",
+    "vehicle_mass": "time", "aerodynamic_drag": "speed", "non_adhesive_brake": "speed", "pad_friction": "speed",
+    "speed_dependent_friction": "speed", "load_transfer": "axle", "brake_gain_imbalance": "axle", "wheel_radius": "speed",
+    "wheel_speed_lag": "deceleration", "clock_offset": "deceleration",
+}  # fmt: skip
+_UNITS = {"slip": "slip speed [m/s]", "work": "W_sp [J/m]", "place": "place [m]", "time": "time [s]", "speed": "speed [m/s]",
+          "axle": "axle [-]", "deceleration": "deceleration [m/s2]"}  # fmt: skip
+
+
+def curve(balances: Balances, extended: Model, weights: Weights, name: str, parameters: Mapping[str, Estimate]) -> Curve:
+    """Return a mechanism's change of the residual that shows it best, with what the recordings say of it.
+
+    Observed is the change that the mechanism explains plus what the extended model leaves (partial residuals).
+    """
+    without = dataclasses.replace(extended, choice={k: v for k, v in extended.choice.items() if k != name})
+    base = balances.raw(extended)
+    found = nuisances(balances, extended, base)
+    projector = Projector(found.columns / weights.deviation[:, None], found.prior)
+    rest = projector.rest(weights(base)) * weights.deviation
+    explained = balances.raw(without) - base
+    rows, shown = balances.rows, (explained / weights.deviation) ** 2
+    balance = int(np.argmax([shown[rows.balance == i].sum() for i in range(len(BALANCES))]))
+    mine = (rows.balance == balance) & (np.abs(explained) > _ACTS * np.abs(explained[rows.balance == balance]).max(initial=0.0))
+    over = _OVER.get(name, "slip")
+    values = rows.axle + 1.0 if over == "axle" else getattr(rows, over)
+    edges = np.unique(np.quantile(values[mine], np.linspace(0.0, 1.0, _BINS + 1))) if mine.any() else np.zeros(0)
+    if over == "axle":
+        edges = np.arange(balances.axles + 1) + 0.5
+    which = np.digitize(values, edges[1:-1])
+    points = []
+    for i in range(max(len(edges) - 1, 0)):
+        part = mine & (which == i)
+        if part.sum() >= _LEAST_ROWS:
+            observed = explained[part] + rest[part]
+            points.append(
+                (values[part].mean(), observed.mean(), rest[part].std() / np.sqrt(part.sum()), explained[part].mean())
+            )
+    x, observed, deviation, fitted = np.array(points).reshape(-1, 4).T
+    low, high = _interval(name, parameters)
+    bounds = np.sort([low * fitted, high * fitted], axis=0)
+    quantity = "speed [m/s]" if balance == VEHICLE else "adhesion coefficient [-]"
+    return Curve(
+        BALANCES[balance], _UNITS[over], f"change of the {quantity}", *(tuple(map(float, a)) for a in (
+            x, observed, deviation, fitted, bounds[0], bounds[1]))
+    )  # fmt: skip
+
+
+def _interval(name: str, parameters: Mapping[str, Estimate]) -> tuple[float, float]:
+    """Bounds of the first size over its value: how much smaller or larger the whole curve may be."""
+    first = next(iter(parameters.values()))
+    null = {"falling_friction": 1.0, "recovery_shape": 1.0, "initial_slope": 1.0}.get(name, 0.0)
+    size = first.value - null
+    if size == 0.0:
+        return 1.0, 1.0
+    low, high = sorted((bound - null) / size for bound in first.interval90)
+    return float(low), float(high)
+
+
+def held_out(balances: Balances, before: Model, after: Model) -> tuple[RunFigures, ...]:
+    """Return the paper's figures of every run, simulated before and after: Table 4 and eqs. (19) to (21).
+
+    Speeds are those of the whole stop simulated with the recorded torque: its statistics compare, sample by sample it parts.
+    """
+    smoothing, campaign = Smoothing(), balances.campaign
+    radii = rolling_radii(campaign, smoothing)
+    sides = [(model, balances.evaluate(model), balances.raw(model)) for model in (before, after)]
+    figures = []
+    for i, stop in enumerate(balances.stops):
+        run = campaign.runs[stop.name]
+        errors, speeds, slides = [], [], []
+        for model, evaluations, raw in sides:
+            errors.append(_adhesion_errors(balances, i, evaluations[i].force / (2.0 * evaluations[i].load), raw))
+            mine = (balances.rows.run == i) & (balances.rows.balance == VEHICLE)
+            speeds.append(float(np.abs(raw[mine]).max(initial=0.0)))
+            slides.append(_slide(balances, run, radii, smoothing, model, i))
+        figures.append(
+            RunFigures(
+                stop.name, stop.group, errors[0], errors[1], speeds[0], speeds[1],
+                *(value for key in ("mean", "deviation") for value in (
+                    getattr(slides[0], f"recorded_{key}_mps"), getattr(slides[0], f"simulated_{key}_mps"),
+                    getattr(slides[1], f"simulated_{key}_mps"))),
+            )
+        )  # fmt: skip
+    return tuple(figures)
+
+
+def _adhesion_errors(balances: Balances, i: int, measured: np.ndarray, raw: np.ndarray) -> tuple[float | None, ...]:
+    """Mean absolute error of the adhesion over its mean, of each axle of a stop while it slides; None where it does not."""
+    rows, part = balances.rows, balances.parts[i]
+    recorded = np.zeros(len(rows))
+    recorded[(rows.run == i) & (rows.balance != VEHICLE)] = part.wheel_rows(measured)
+    errors: list[float | None] = []
+    for axle in range(balances.axles):
+        mine = (rows.run == i) & (rows.axle == axle) & (rows.balance == ADHESION) & (rows.slip > 0.01 * rows.speed)
+        enough = mine.sum() >= _LEAST_ROWS
+        errors.append(float(np.abs(raw[mine]).mean() / np.abs(recorded[mine]).mean()) if enough else None)
+    return tuple(errors)
+
+
+def _slide(balances: Balances, run: Recording, radii: np.ndarray, smoothing: Smoothing, model: Model, i: int) -> replay.Slide:
+    campaign = balances.campaign
+    derived = derive(campaign, run, radii, smoothing)
+    start, end = braking(run, campaign.sample_time_s, smoothing)
+    fast = np.flatnonzero(derived.speed_mps > smoothing.least_speed_mps)
+    end = max(min(end, int(fast[-1]) + 1 if fast.size else start), start + 2)
+    choice = {name: values for name, values in model.choice.items() if name not in SENSORS}
+    whole = replay.simulate(campaign, run, derived, radii, np.array([start]), end - start, model.mu_cd[i], model.tau, choice)
+    return replay.slide(derived, whole, start)
