@@ -279,6 +279,7 @@ def test_every_step_on_a_small_bank(small_bank, tmp_path):
     said = json.loads(files[fresh].read_text(encoding="utf-8"))
     assert said["verdict"] in ("adequate", "named", "ambiguous", "unknown", "insufficient")
     assert {"mechanisms", "location", "fit", "detectable", "next_test"} <= set(said)
+    assert ("distance_change" in said) == bool(said["mechanisms"])
     Rivals(out, 1).run()
     Score(out).run()
     figures = restored(json.loads((out / "score.json").read_text(encoding="utf-8")))

@@ -7,6 +7,7 @@ from typing import Any
 
 import wsp_env
 from experiments.concealed.bank import BankError, read_labels
+from experiments.concealed.distances import distance_change
 from experiments.concealed.workers import each, quietly_read, write_whole
 from wsp_env.diagnosis import diagnose
 from wsp_env.recordings import CampaignError
@@ -26,11 +27,16 @@ def digest() -> str:
 
 
 def answer(campaign: Path) -> dict[str, Any]:
-    """Diagnose one campaign; one that the diagnosis refuses is an answer too."""
+    """Diagnose one campaign; one that the diagnosis refuses is an answer too.
+
+    To what `wsp diagnose` writes, `distance_change` is added where something is named.
+    """
     try:
-        return diagnose(quietly_read(campaign)).to_json()
+        recorded = quietly_read(campaign)
+        said = diagnose(recorded).to_json()
     except CampaignError as error:
         return {"verdict": "insufficient", "mechanisms": [], "notes": [str(error)]}
+    return said | ({"distance_change": distance_change(recorded, said)} if said["mechanisms"] else {})
 
 
 def _one(folders: tuple[Path, Path]) -> None:

@@ -110,8 +110,14 @@ def _parameters(figures: dict[str, Any]) -> str:
         [what, str(removed[key]["count"]), percent(removed[key]["mean"]), percent(removed[key]["median"])]
         for key, what in (("named", "of each that names something"), ("all", "of each, named or not"))
     ]
+    distances = figures["distance_change"]
+    claims = [
+        [str(distances["error"]["count"]), *(percent(distances[key]["mean"]) for key in ("truth", "error")),
+         percent(distances["error"]["highest"]), put(distances["interval90_covers"])]
+    ]  # fmt: skip
     return "\n".join([
         table(["parameter of", "cases", "median error", "within 20 %", "90 % interval covers"], rows),
+        table(["change of distance: cases", "mean", "mean error", "largest error", "90 % interval covers"], claims),
         table(["removable held-out residual removed", "cases", "mean", "median"], shares),
         f"Summed over all singles and pairs, {percent(removed['of_sums'])} of the removable residual is removed.\n",
     ])  # fmt: skip

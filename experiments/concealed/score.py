@@ -116,7 +116,7 @@ def score(labels: dict[str, Label], answers: dict[str, Answer]) -> dict[str, Any
         "foreign_by_effect": _by(by["foreign"], lambda t: t["effects"][0]["name"]),
         "removed_share": _removed([a for _, a in singles + pairs]),
         "parameters": _parameters(singles + pairs),
-        "distance_change": _distances(singles + pairs),
+        "distance_change": _distances(singles),
         "calibration": _calibration([pair for kind in by.values() for pair in kind]),
         "confusion": _confusion(by["null"] + singles + by["foreign"]),
     }
@@ -217,10 +217,15 @@ def _parameters(cases: Cases) -> dict[str, Any]:
     }
 
 
-def _distances(cases: Cases) -> dict[str, Any]:
-    """Score an answer's optional `distance_change` (value, interval90), the change of stopping distance by all it found."""
-    told = [(t["distance_change"], a["distance_change"]) for t, a in cases if "distance_change" in a]
+def _distances(singles: Cases) -> dict[str, Any]:
+    """Compare the change of stopping distance [-] of effects whose parameters mean other things in other forms."""
+    told = [
+        (t["distance_change"], a["distance_change"])
+        for t, a in singles
+        if t["mechanisms"][0] not in COMPARABLE and _first(a) == t["mechanisms"][0] and "distance_change" in a
+    ]
     return {
+        "truth": _spread([abs(truth) for truth, _ in told]),
         "error": _spread([abs(claim["value"] - truth) for truth, claim in told]),
         "interval90_covers": rate(claim["interval90"][0] <= truth <= claim["interval90"][1] for truth, claim in told),
     }
