@@ -185,11 +185,23 @@ def _print(summary: polars.DataFrame, verdicts: tuple[Verdict, ...], draws: int)
     console = Console()
     if not console.is_terminal:
         console = Console(width=175)
+    for columns in range(len(_COLUMNS), _RATIO, -1):  # as many as fit
+        table = _stops_table(summary, draws, columns)
+        if Console(width=1000).measure(table).maximum <= console.width:
+            break
+    console.print(table)
+    if verdicts:
+        console.print(_verdict_table(verdicts))
+
+
+def _stops_table(summary: polars.DataFrame, draws: int, columns: int) -> Table:
+    """Return the table with the first `columns` of the figures."""
     title = f"Means of {draws} draws; distances with 95 % confidence intervals" if draws > 1 else "1 draw"
-    table = Table(title=title, caption=LEFT_LIMIT, caption_justify="left")
+    caption = LEFT_LIMIT + ("" if columns == len(_COLUMNS) else "\nmore figures in summary.csv, or in a wider window")
+    table = Table(title=title, caption=caption, caption_justify="left")
     for heading in ("case", "law", "controller"):
         table.add_column(heading, no_wrap=True)
-    for _, heading, _ in _COLUMNS:
+    for _, heading, _ in _COLUMNS[:columns]:
         table.add_column(escape(heading), justify="right", no_wrap=True)
     rows = summary.to_dicts()
     seen = list(dict.fromkeys((row["case"], row["law"]) for row in rows if row["controller"] == BOUND))
@@ -201,10 +213,8 @@ def _print(summary: polars.DataFrame, verdicts: tuple[Verdict, ...], draws: int)
                 cells[0] += f" ({row['draws'] - row['stopped']} ran on)"
             cells[_RATIO] += "*" if row["within_limit"] < row["draws"] else " "
             first = (case, law) if i == 0 else ("", "")
-            table.add_row(*first, row["controller"], *cells, end_section=i == len(group) - 1)
-    console.print(table)
-    if verdicts:
-        console.print(_verdict_table(verdicts))
+            table.add_row(*first, row["controller"], *cells[:columns], end_section=i == len(group) - 1)
+    return table
 
 
 def _cell(row: dict[str, Any], figure: str, digits: int) -> str:
