@@ -92,6 +92,59 @@ def test_european_text_is_read(tmp_path, columns):
     assert_allclose(run.vehicle_speed_mps, columns["vehicle_speed_mps"], rtol=1e-12)
 
 
+def rows_of(folder):
+    return (folder / "A1.csv").read_text().splitlines()
+
+
+@pytest.mark.parametrize("comments", [("", ""), ("", "brake released"), ("x,5", "")])
+def test_a_column_of_comments_may_be_empty(tmp_path, columns, comments):
+    """An empty last cell is no missing one."""
+    folder = write_campaign(tmp_path, {"A1": columns})
+    head, *lines = [line.replace(",", ";").replace(".", ",") for line in rows_of(folder)]
+    lines = [f"{line};{comments[number == 300]}" for number, line in enumerate(lines)]
+    (folder / "A1.csv").write_text("\n".join([f"{head};comment", *lines]))
+    run = read_campaign(folder).runs["A1"]
+    assert run.warnings == ()
+    assert_allclose(run.vehicle_speed_mps, columns["vehicle_speed_mps"], rtol=1e-12)
+
+
+def test_lines_may_end_in_separators(tmp_path, columns):
+    for name, header_ends, ends in (("both", ",,", ",,"), ("rows", "", ",")):
+        folder = write_campaign(tmp_path / name, {"A1": columns})
+        head, *lines = rows_of(folder)
+        (folder / "A1.csv").write_text("\n".join([head + header_ends, *(line + ends for line in lines)]))
+        run = read_campaign(folder).runs["A1"]
+        assert run.warnings == ()
+        assert_allclose(run.vehicle_speed_mps, columns["vehicle_speed_mps"], rtol=1e-12)
+
+
+@pytest.mark.parametrize("preamble", [["Prüfung 5; Ort: Köln", ""], ["5", "Fahrzeug;3"], ["Prüfung 5" + ";" * 9]])
+def test_lines_before_the_names_and_a_line_of_units(tmp_path, columns, preamble):
+    folder = write_campaign(tmp_path, {"A1": columns})
+    head, *lines = [line.replace(",", ";").replace(".", ",") for line in rows_of(folder)]
+    units = ["s", "m/s"] + ["rad/s", "Nm"] * AXLES
+    lost = 200
+    lines[lost] = ";".join(["x", *lines[lost].split(";")[1:]])
+    text = "\r\n".join([*preamble, head, ";".join(units), *lines])
+    (folder / "A1.csv").write_bytes(text.encode("cp1252"))
+    with pytest.warns(CampaignWarning, match=rf"row {lost + 1} \(line {len(preamble) + 3 + lost} of a CSV\)"):
+        run = read_campaign(folder).runs["A1"]
+    kept = np.delete(np.arange(len(columns["time_s"])), lost)
+    assert_allclose(run.vehicle_speed_mps[kept], columns["vehicle_speed_mps"][kept], rtol=1e-12)
+
+
+def test_a_line_of_units_is_believed(tmp_path, columns):
+    folder = write_campaign(tmp_path, {"A1": columns | {"vehicle_speed_mps": 3.6 * columns["vehicle_speed_mps"]}})
+    head, *lines = rows_of(folder)
+    units = ["(s)", "(km/h)"] + ["(rad/s)", "-"] * AXLES
+    (folder / "A1.csv").write_text("\n".join([head.replace("vehicle_speed_mps", "v"), ",".join(units), *lines]))
+    with (folder / "campaign.toml").open("a") as toml:
+        toml.write('[channels]\nvehicle_speed = "v"\n')
+    run = read_campaign(folder).runs["A1"]
+    assert run.warnings == ()
+    assert_allclose(run.vehicle_speed_mps, columns["vehicle_speed_mps"], rtol=1e-12)
+
+
 def test_quoted_and_padded_numbers_are_read(tmp_path, columns):
     folder = write_campaign(tmp_path, {"A1": columns})
     head, *lines = (folder / "A1.csv").read_text().splitlines()

@@ -47,7 +47,7 @@ def test_channels_are_described(stranger):
         ("vehicle_speed_mps", "", "vehicle_speed"),
         ("Wheelset 2 speed", "rpm", "axle2_wheel_speed"),
         ("TorqueAxle4", "kNm", "axle4_brake_torque"),
-        ("Drehzahl_Achse1", "1/min", ""),
+        ("Drehzahl_Achse1", "1/min", "axle1_wheel_speed"),  # drafted in rpm, for a person to confirm
         ("Drehzahl_Achse1", "rpm", "axle1_wheel_speed"),
         ("TrainSpeed", "km/h", "vehicle_speed"),
         ("t", "s", "time"),
@@ -57,6 +57,32 @@ def test_channels_are_described(stranger):
 )
 def test_names_and_units_are_understood(column, unit, channel):
     assert inspection._named(column, unit) == channel
+
+
+def test_units_and_numbers_speak_where_names_do_not(tmp_path):
+    table = {"t [s]": [0.0, 0.01, 0.02], "V_Zug [km/h]": [9.0, 8.0, 7.0], "p0 [bar]": [5.0, 5.0, 5.0]}
+    for k in (1, 2):
+        table |= {f"n_{k} [1/min]": [9.0, 8.0, 7.0], f"p_C{k} [bar]": [0.0, 1.0, 2.0], f"T{k} [degC]": [7.0, 7.0, 7.0]}
+    pl.DataFrame(table).write_csv(tmp_path / "1.csv")
+    found = inspection.guess(open_table(tmp_path / "1.csv"), dict.fromkeys(table, 9.0))
+    assert {name: (source.column, source.unit) for name, source in found.items()} == {
+        "time": ("t [s]", "s"),
+        "vehicle_speed": ("V_Zug [km/h]", "km/h"),
+        "axle1_wheel_speed": ("n_1 [1/min]", "rpm"),
+        "axle1_cylinder_pressure": ("p_C1 [bar]", "bar"),
+        "axle2_wheel_speed": ("n_2 [1/min]", "rpm"),
+        "axle2_cylinder_pressure": ("p_C2 [bar]", "bar"),
+    }
+
+
+def test_files_of_the_same_columns_are_runs_of_the_draft(stranger, tmp_path):
+    for name in ("b.csv", "a.csv"):
+        (tmp_path / name).write_bytes(stranger.read_bytes())
+    (tmp_path / "other.csv").write_text("x,y\n1,2\n")
+    (tmp_path / "empty.csv").write_text("")
+    drafted = tomllib.loads(inspection.draft(tmp_path / "b.csv", inspection.inspect(tmp_path / "b.csv")))
+    assert drafted["campaign"]["tune"] == list(drafted["runs"]) == ["a", "b"]
+    assert drafted["vehicle"]["brake_torque_source"] == "cylinder pressure times the nominal gain"
 
 
 def test_a_draft_asks_for_what_only_a_person_knows(stranger, tmp_path, capsys):

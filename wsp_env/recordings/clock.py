@@ -33,6 +33,7 @@ class Clock:
     kept: np.ndarray | None  # (m,) rows of the file, None: all in order
     slots: np.ndarray | None  # (m,) number of each row's step on the even clock; None: it is not even
     rows: int  # in the file
+    first_line: int = 2  # of the file that holds the first row, where the file is text
 
     @property
     def grid_s(self) -> np.ndarray:
@@ -55,7 +56,7 @@ class Clock:
     def row(self, sample: int) -> str:
         """Name the file's row of a sample of `grid_s` (of the next one where it has none)."""
         position = sample if self.slots is None else int(np.searchsorted(self.slots, sample))
-        return row(position if self.kept is None else int(self.kept[position]))
+        return row(position if self.kept is None else int(self.kept[position]), self.first_line)
 
     def lay(self, values: np.ndarray) -> np.ndarray:
         """Lay a channel's rows on `grid_s`; nan where there is no row."""
@@ -68,12 +69,13 @@ class Clock:
         return grid
 
 
-def mend(time_s: np.ndarray, where: str) -> tuple[Clock, list[str]]:
+def mend(time_s: np.ndarray, where: str, first_line: int = 2) -> tuple[Clock, list[str]]:
     """Mend a clock [s] (n,): leave out rows without time and doubled ones, sort a few that are out of order.
 
     Parameters
     ----------
     where : file and column, with which messages begin
+    first_line : of the file that holds the first row, see `Table`
 
     Raises
     ------
@@ -91,29 +93,29 @@ def mend(time_s: np.ndarray, where: str) -> tuple[Clock, list[str]]:
         raise CampaignError(f"{where}: only {len(kept)} of {rows} rows have a time that fits their neighbours'")
     if len(kept) < rows:
         missing = np.setdiff1d(np.arange(rows), kept, assume_unique=True)
-        notes.append(f"{where}: {_rows(missing)} without a time that fits the neighbours' left out")
+        notes.append(f"{where}: {_rows(missing, first_line)} without a time that fits the neighbours' left out")
     time = time_s[kept]
     step = float(np.median(np.diff(time)))
     if not step > 0.0:
         raise CampaignError(f"{where}: the clock stands still or runs backwards in most rows; map the right column to time")
     few = max(_FEW_ROWS, rows // 100)
     if (np.diff(time) < 0.0).any():
-        kept, time = _sorted(kept, time, step, few, where, notes)
+        kept, time = _sorted(kept, time, step, few, where, notes, first_line)
     doubled = np.flatnonzero(np.diff(time) < JITTER * step) + 1
     if len(doubled) > few:
         raise CampaignError(
-            f"{where}: the clock repeats itself in {len(doubled)} rows, first in {row(kept[doubled[0]])}; "
+            f"{where}: the clock repeats itself in {len(doubled)} rows, first in {row(kept[doubled[0]], first_line)}; "
             "export it with more decimals or map another column to time"
         )
     if len(doubled):
-        notes.append(f"{where}: {_rows(kept[doubled])} doubled in time left out")
+        notes.append(f"{where}: {_rows(kept[doubled], first_line)} doubled in time left out")
         kept, time = np.delete(kept, doubled), np.delete(time, doubled)
     steps = np.diff(time)
     widest = int(np.argmax(steps))
     if steps[widest] > max(LONGEST_GAP_S, 1.5 * step):
         raise CampaignError(
-            f"{where}, {row(kept[widest + 1])}: the clock jumps from {time[widest]:g} s to {time[widest + 1]:g} s; more "
-            f"than {LONGEST_GAP_S:g} s cannot be bridged: cut the run there"
+            f"{where}, {row(kept[widest + 1], first_line)}: the clock jumps from {time[widest]:g} s to {time[widest + 1]:g} s; "
+            f"more than {LONGEST_GAP_S:g} s cannot be bridged: cut the run there"
         )
     counts = np.rint(steps / step).astype(np.int64)
     slots = np.concatenate([[0], np.cumsum(np.maximum(counts, 1))])
@@ -123,10 +125,11 @@ def mend(time_s: np.ndarray, where: str) -> tuple[Clock, list[str]]:
         at = int(np.argmax(counts > 1))
         lost = int((counts[counts > 1] - 1).sum())
         notes.append(
-            f"{where}: {lost} samples missing in {gaps} gap{'s' * (gaps > 1)}, the first after {row(kept[at])}; bridged"
+            f"{where}: {lost} samples missing in {gaps} gap{'s' * (gaps > 1)}, the first after {row(kept[at], first_line)}; "
+            "bridged"
         )
     whole = len(kept) == rows and bool((kept == np.arange(rows)).all())
-    return Clock(time, step, None if whole else kept, slots if even else None, rows), notes
+    return Clock(time, step, None if whole else kept, slots if even else None, rows, first_line), notes
 
 
 def _out_of_line(time: np.ndarray) -> np.ndarray:
@@ -142,7 +145,7 @@ def _out_of_line(time: np.ndarray) -> np.ndarray:
 
 
 def _sorted(
-    kept: np.ndarray, time: np.ndarray, step: float, few: int, where: str, notes: list[str]
+    kept: np.ndarray, time: np.ndarray, step: float, few: int, where: str, notes: list[str], first_line: int
 ) -> tuple[np.ndarray, np.ndarray]:
     back = int(np.argmax(np.diff(time) < 0.0)) + 1
     order = np.argsort(time, kind="stable")
@@ -150,10 +153,10 @@ def _sorted(
     gaps = np.diff(time[order])
     if moved.sum() > few or ((gaps > JITTER * step) & (gaps < 0.5 * step)).any():
         raise CampaignError(
-            f"{where}, {row(kept[back])}: the clock runs backwards, from {time[back - 1]:g} s to {time[back]:g} s; "
+            f"{where}, {row(kept[back], first_line)}: the clock runs backwards, from {time[back - 1]:g} s to {time[back]:g} s; "
             "cut the run there or map another column to time"
         )
-    notes.append(f"{where}: {_rows(kept[np.flatnonzero(moved)])} in the wrong order, sorted by time")
+    notes.append(f"{where}: {_rows(kept[np.flatnonzero(moved)], first_line)} in the wrong order, sorted by time")
     return kept[order], time[order]
 
 
@@ -222,12 +225,12 @@ def spread(time_s: np.ndarray, bad: np.ndarray, targets_s: np.ndarray) -> np.nda
     return touched
 
 
-def row(index: int) -> str:
+def row(index: int, first_line: int = 2) -> str:
     """Name a row as a person would look for it."""
-    return f"row {index + 1} (line {index + 2} of a CSV)"
+    return f"row {index + 1} (line {index + first_line} of a CSV)"
 
 
-def _rows(indices: np.ndarray) -> str:
+def _rows(indices: np.ndarray, first_line: int) -> str:
     if len(indices) == 1:
-        return row(int(indices[0]))
-    return f"{len(indices)} rows, the first {row(int(indices[0]))},"
+        return row(int(indices[0]), first_line)
+    return f"{len(indices)} rows, the first {row(int(indices[0]), first_line)},"

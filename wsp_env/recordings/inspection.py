@@ -34,7 +34,15 @@ _ENDINGS = {
     "m": "m", "ms": "ms", "s": "s",
 }  # fmt: skip
 
-_AXLE = re.compile(r"(?:axle|axl|ax|wheelset|wheel|ws|achse|w|a)[ _.-]?(\d{1,2})(?!\d)", re.IGNORECASE)
+_AXLE = re.compile(r"(?:axle|axl|ax|wheelset|wheel|ws|achse|rad|w|a)[ _.-]?(\d{1,2})(?!\d)", re.IGNORECASE)
+_TURNS = ("1/min", "min-1", "min^-1", "/min")  # of a wheel speed: guessed to be turns, which reading would not
+_BY_UNIT = ("wheel_speed", "brake_torque", "cylinder_pressure")  # what a unit and a number in the name may speak for
+_MOST_AXLES = 8
+_MEASURED = ('brake_torque_source = "measured"    # or "cylinder pressure times the nominal gain"',)
+_FROM_PRESSURES = (  # of a draft
+    "# torque_per_bar_nm = ...           # EDIT: required, torque of a wheelset for one bar in its brake cylinders",
+    'brake_torque_source = "cylinder pressure times the nominal gain"   # no torques found in the file',
+)
 _FASTEST_MPS = 60.0  # a vehicle speed without unit above this is taken for km/h
 
 
@@ -63,14 +71,16 @@ def inspect(file: Path) -> list[Found]:
     """
     table = open_table(file)
     raw: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
+    problem = CampaignError(f"{file} holds no channels")
     for name in table.units:  # one by one: one that cannot be read leaves the others
         try:
             samples = table.read([name])[name]
-        except CampaignError:
+        except CampaignError as error:
+            problem = error
             continue
         raw[name] = (samples.values, samples.time_s)
     if not raw:
-        raise CampaignError(f"{file}: none of its channels can be read: {', '.join(table.units)}")
+        raise problem
     guesses = guess(table, {name: _highest(values) for name, (values, _) in raw.items()})
     by_name = {source.column: (channel, source.unit or "") for channel, source in guesses.items()}
     time = guesses.get("time")
@@ -88,34 +98,58 @@ def inspect(file: Path) -> list[Found]:
 def guess(table: Table, highest: dict[str, float]) -> dict[str, Source]:
     """Guess which column is which channel, from native and common names and the units in them; the first that fits is taken."""
     guessed: dict[str, Source] = {}
-    for column, stated in table.units.items():
-        if column not in highest:
-            continue
-        unit = stated or _ending(column)
-        name = _named(column, unit)
-        if not name or name in guessed:
-            continue
-        kind = name.split("_", 1)[1] if name.startswith("axle") else name
-        if not unit:
-            unit = _WORDS[kind][1]
-            if name == "vehicle_speed" and highest[column] > _FASTEST_MPS:
-                unit = "km/h"
-        guessed[name] = Source(column, unit)
+    used = set()
+    for by_unit in (False, True):  # names first; what they leave open, units and numbers may tell
+        for column, stated in table.units.items():
+            if column not in highest or column in used:
+                continue
+            unit = stated or _ending(column)
+            name = _measured(column, unit) if by_unit else _named(column, unit)
+            if not name or name in guessed:
+                continue
+            kind = name.split("_", 1)[1] if name.startswith("axle") else name
+            if kind == "wheel_speed" and unit in _TURNS:
+                unit = "rpm"
+            if not unit:
+                unit = _WORDS[kind][1]
+                if name == "vehicle_speed" and highest[column] > _FASTEST_MPS:
+                    unit = "km/h"
+            guessed[name] = Source(column, unit)
+            used.add(column)
     return guessed
 
 
+def alike(file: Path, found: list[Found]) -> list[Path]:
+    """Return the file and those beside it of the same format that have its guessed columns, too, by name."""
+    columns = {channel.name for channel in found if channel.guess}
+    files = []
+    for other in sorted(file.parent.glob(f"*{file.suffix}")):
+        try:
+            same = other == file or columns <= set(open_table(other).units)
+        except CampaignError:
+            continue
+        if same:
+            files.append(other)
+    return files
+
+
 def draft(file: Path, found: list[Found]) -> str:
-    """Return a campaign.toml to edit: what is known is filled in, what only a person can know is left out and asked for."""
+    """Return a campaign.toml to edit: what is known is filled in, what only a person can know is left out and asked for.
+
+    Its runs are the file and those like it beside it, see `alike`.
+    """
+    runs = alike(file, found)
     guesses = {channel.guess: channel for channel in found if channel.guess}
     axles = max((int(match[1]) for name in guesses if (match := re.match(r"axle(\d+)_", name))), default=4)
     rates = [channel.rate_hz for channel in found if channel.rate_hz and channel.guess]
     step = 1.0 / max(rates) if rates and max(rates) < 100.0 else 0.01
+    pressures = any("pressure" in name for name in guesses) and not any("torque" in name for name in guesses)
     clocked = all(channel.rate_hz for channel in found)  # every channel brings its clock
     lines = [
         f"# Draft by `wsp inspect` from {file.name}. Lines with EDIT need you; check every guess.",
         "[campaign]",
         f"name = {json.dumps(file.stem)}",
-        f"tune = [{json.dumps(file.stem)}]      # EDIT: runs to tune on",
+        f"tune = {json.dumps([run.stem for run in runs])}      # EDIT: runs to tune on",
         "validate = []             # EDIT: runs that are only scored",
         f"sample_time_s = {step:.4g}      # all channels are brought to this clock",
         "",
@@ -125,8 +159,7 @@ def draft(file: Path, found: list[Found]) -> str:
         "# mass_kg = ...                     # EDIT: required",
         "# wheelset_inertia_kgm2 = ...       # EDIT: required; 160 for a coach's wheelset with discs",
         "# wheel_radius_m = ...              # EDIT: required",
-        "# torque_per_bar_nm = ...           # for files with cylinder pressures but no torques",
-        'brake_torque_source = "measured"    # or "cylinder pressure times the nominal gain"',
+        *(_FROM_PRESSURES if pressures else _MEASURED),
         "",
         "[contact]",
         'set = "velim"                       # the seed paper\'s Table 2; single values may be given instead',
@@ -138,11 +171,13 @@ def draft(file: Path, found: list[Found]) -> str:
         if name in guesses:
             entry = f"{{column = {json.dumps(guesses[name].name)}, unit = {json.dumps(guesses[name].guessed_unit)}}}"
             lines.append(f"{name} = {entry}   # guessed")
-        elif kind.required and not (name == "time" and clocked):
+        elif kind.required and not (name == "time" and clocked) and not (pressures and name.endswith("brake_torque")):
             example = f'{{column = "...", unit = "{kind.unit}"}}'
-            unless = ", or torque_per_bar_nm" if name.endswith("brake_torque") else ""
+            unless = ", or pressures and torque_per_bar_nm" if name.endswith("brake_torque") else ""
             lines.append(f"# {name} = {example}   # EDIT: required{unless}; none found")
-    lines += ["", f"[runs.{json.dumps(file.stem)}]", f"file = {json.dumps(file.name)}", "start_position_m = 0.0"]
+    for run in runs:
+        place = "start_position_m = 0.0   # of the leading axle along the track; 0 will do where nobody knows"
+        lines += ["", f"[runs.{json.dumps(run.stem)}]", f"file = {json.dumps(run.name)}", place]
     return "\n".join(lines) + "\n"
 
 
@@ -166,8 +201,20 @@ def _named(column: str, unit: str) -> str:
     return ""
 
 
-def _fits(unit: str, name: str) -> bool:
+def _measured(column: str, unit: str) -> str:
+    """Name the channel that a column may be by its unit and the last number in its name, "" for none."""
     if not unit:
+        return ""
+    number = re.search(r"(\d+)\D*$", re.sub(r"[\[(].*", "", column))
+    if not number:
+        return "vehicle_speed" if _fits(unit, "vehicle_speed") else ""
+    axle = int(number[1])
+    names = [f"axle{axle}_{kind}" for kind in _BY_UNIT] if 1 <= axle <= _MOST_AXLES else []
+    return next((name for name in names if _fits(unit, name)), "")
+
+
+def _fits(unit: str, name: str) -> bool:
+    if not unit or (unit in _TURNS and name.endswith("_wheel_speed")):
         return True
     try:
         channels.factor(unit, name, 1.0, "")

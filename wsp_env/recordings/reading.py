@@ -79,6 +79,7 @@ class _Reader:
 
     def __init__(self, table: Table, sources: dict[str, Source], wheel_radius_m: float):
         self.file, self.units, self.sources, self.radius = table.file, table.units, sources, wheel_radius_m
+        self.first_line = table.first_line
         self.notes: list[str] = []
         self._clocks: dict[str | int, Clock] = {}
 
@@ -114,7 +115,7 @@ class _Reader:
         if key not in self._clocks:
             where = f"{self.file}, column {column}" if own is None else f"{self.file}, clock of {self.sources[name].column}"
             time = own if own is not None else self.convert("time", raw[column].values, column)
-            self._clocks[key], notes = clock.mend(time, where)
+            self._clocks[key], notes = clock.mend(time, where, self.first_line)
             self.notes += notes
         mended = self._clocks[key]
         values = raw[self.sources[name].column].values
