@@ -12,8 +12,9 @@ import tyro
 
 from agents import train
 from agents.measure import COMPARED, HELD_OUT, INITIAL_ADHESION, INITIAL_SPEED_MPS, RECOVERY_M_PER_J, Yardstick
+from agents.rules import read_best
 from agents.train import record
-from baselines.rule_based import RuleBasedParameters, RuleBasedWSP
+from baselines.rule_based import RuleBasedWSP
 from wsp_env.evaluation.controller import Controller, load
 from wsp_env.evaluation.figures import FIGURES
 from wsp_env.evaluation.policy import Contract, load_policy
@@ -50,10 +51,8 @@ class Arguments:
 def competitors(folder: Path) -> dict[str, Controller]:
     """Return whom the policy is compared with, by name; the rules first."""
     found: dict[str, Controller] = {"rule-based": load("rule-based")}
-    if (folder / "rules.json").exists():
-        searched = json.loads((folder / "rules.json").read_text(encoding="utf-8"))
-        name = f"rule-based, best of {searched['stops']} stops"
-        found[name] = RuleBasedWSP(RuleBasedParameters(**searched["parameters"]))
+    for price, thresholds in read_best(folder).items():
+        found[f"rules, best at price {price}"] = RuleBasedWSP(thresholds)
     found |= {"slip controller": load("slip"), "extremum seeker": load("extremum"), "no WSP": load("none")}
     return found | {"policy": load_policy(folder)}
 
@@ -157,7 +156,7 @@ def main(arguments: Arguments) -> None:
     sections, figures = {}, {}
     for title, (law, mechanisms) in WORLDS.items():
         conduct = Conduct(mechanisms=mechanisms)
-        rows = measure(controllers, Yardstick(arguments.vehicle, law, arguments.stops, arguments.seed, conduct))
+        rows = measure(controllers, Yardstick.drawn(arguments.vehicle, law, arguments.stops, arguments.seed, conduct))
         sections[title], figures[title] = table(rows), rows
         print(title, sections[title], sep="\n", flush=True)
     (folder / "figures.json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")

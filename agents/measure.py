@@ -52,26 +52,37 @@ def low_adhesion(vehicle: Vehicle, law: str, count: int, seed: int) -> list[Stop
     return stops
 
 
+def mixed(vehicle: str, count: int, classic_share: float, seed: int) -> list[Stop]:
+    """Draw stops of which a share is under the classic law, the others under the recovering one."""
+    classic = round(classic_share * count)
+    kind = VEHICLES[vehicle]
+    return [*low_adhesion(kind, "recovering", count - classic, seed), *low_adhesion(kind, "classic", classic, seed)]
+
+
 class Yardstick:
     """The same stops for every controller that is measured.
 
     Parameters
     ----------
     vehicle : wheelset, bogie or coach
-    law : "recovering" or "classic"
-    count, seed : of the stops
+    stops : N conditions
     conduct : sensors and mechanisms
 
     """
 
-    def __init__(self, vehicle: str, law: str, count: int, seed: int, conduct: Conduct = _CONDUCT) -> None:
+    def __init__(self, vehicle: str, stops: Sequence[Stop], conduct: Conduct = _CONDUCT) -> None:
         self.vehicle: Vehicle = VEHICLES[vehicle]
-        self.stops: Sequence[Stop] = low_adhesion(self.vehicle, law, count, seed)
-        self.top: Ceiling = ceiling(self.vehicle, self.stops)
+        self.stops = stops
+        self.top: Ceiling = ceiling(self.vehicle, stops)
         self.conduct = conduct
 
+    @classmethod
+    def drawn(cls, vehicle: str, law: str, count: int, seed: int, conduct: Conduct = _CONDUCT) -> "Yardstick":
+        """Return one with low-adhesion stops of that law and seed."""
+        return cls(vehicle, low_adhesion(VEHICLES[vehicle], law, count, seed), conduct)
+
     def figures(self, controller: Controller) -> dict[str, np.ndarray]:
-        """Return the figures of all stops, their durations [s] and whether they came to an end, (count,) each."""
+        """Return the figures of all stops, their durations [s] and whether they came to an end, (N,) each."""
         result = run(controller, self.vehicle, self.stops, self.conduct)
         return figures(result, self.top) | {"duration_s": result.duration, "stopped": result.stopped}
 

@@ -1,26 +1,27 @@
 """The rule-based WSP with its own best thresholds, searched with as many simulated stops as a policy was trained with.
 
-`python -m agents.rules --vehicle bogie` writes `agents/trained/bogie/rules.json`: thresholds for the same objective as the
-policy's, metres travelled plus the price of the metres slid.
+`python -m agents.rules --vehicle bogie` writes `agents/trained/bogie/rules.json`: for each price of sliding the thresholds that
+make metres travelled plus the price of the metres slid least. The prices trace the front of what these rules can do.
+For the command line: `wsp evaluate --controllers rule-based --set $(python -m agents.rules --show 2)`.
 """
 
 import dataclasses
 import json
 from pathlib import Path
-from typing import Literal
+from types import SimpleNamespace
+from typing import Any, Literal
 
 import numpy as np
 import tyro
 from rich.progress import track
-from scipy.stats import qmc
 
-from agents.measure import Yardstick
+from agents.measure import Yardstick, mixed
 from baselines.rule_based import RuleBasedParameters, RuleBasedWSP
 
 #: Threshold -> range of the search, around the defaults of the rules.
 RANGES = {
     "slip_base_mps": (0.05, 1.0),
-    "slip_per_speed": (0.01, 0.2),
+    "slip_per_speed": (0.005, 0.2),
     "slip_large_factor": (1.2, 4.0),
     "slip_release_factor": (0.02, 0.8),
     "deceleration_mps2": (1.0, 8.0),
@@ -35,62 +36,112 @@ RANGES = {
 #: Seed of the stops of the search; others than those watched or held out.
 SEARCHED = 3_000_017
 
+#: Metres that a second of a locked wheel counts [m/s]: no locked wheel is worth its while (assumption).
+LOCKED_PRICE_MPS = 10.0
+
 
 @dataclasses.dataclass(frozen=True)
 class Search:
     """What a search is made of."""
 
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
-    stops: int = 2000  # simulated in all: about what a training brakes in 4 million decisions
-    each: int = 12  # of them for each trial, alternately under both laws with the share of the training
-    slide_price: float = 2.0  # as of the training
+    stops: int = 3072  # simulated for each price: as many as a training brakes in 6 million decisions
+    each: int = 12  # of them for each trial
+    trials: int = 16  # of a generation
+    elite: int = 5  # of them that the next generation is drawn around
+    classic_share: float = 0.25  # of the stops under the classic law, as in the training
+    slide_prices: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0)  # metres travelled that a metre of sliding is worth
     seed: int = 1
-    out: Path = Path("agents/trained/bogie")
+    out: Path = Path("agents/trained")
+    show: str = ""  # price whose thresholds found before are printed as settings; nothing is searched then
 
 
-def search(arguments: Search) -> dict[str, float]:
-    """Return the best thresholds: half of the trials spread over all ranges, the others around the best so far."""
-    laws = {"recovering": arguments.each * 3 // 4, "classic": arguments.each - arguments.each * 3 // 4}
-    yardsticks = [Yardstick(arguments.vehicle, law, count, SEARCHED) for law, count in laws.items()]
-    low, high = (np.array(ends) for ends in zip(*RANGES.values(), strict=True))
-    trials = max(2, arguments.stops // arguments.each)
-    spread = qmc.LatinHypercube(len(RANGES), rng=arguments.seed).random(trials // 2)
+class Trials:
+    """Many sets of thresholds braking the same stops at once."""
+
+    def __init__(self, arguments: Search) -> None:
+        self.trials = arguments.trials
+        stops = mixed(arguments.vehicle, arguments.each, arguments.classic_share, SEARCHED)
+        self.yardstick = Yardstick(arguments.vehicle, stops * arguments.trials)
+        self.low, self.high = (np.array(ends) for ends in zip(*RANGES.values(), strict=True))
+
+    def values(self, points: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the thresholds, each (P,), of points (P, thresholds) in the unit cube."""
+        scaled = self.low + points * (self.high - self.low)
+        return dict(zip(RANGES, scaled.T, strict=True))
+
+    def cost(self, points: np.ndarray, slide_price: float) -> np.ndarray:
+        """Return metres travelled and priced ones, mean over the stops, for each point: (P,) with P = trials."""
+        each = len(self.yardstick.stops) // self.trials
+        columns = {name: np.repeat(value, each)[:, None] for name, value in self.values(points).items()}
+        found = self.yardstick.figures(RuleBasedWSP(_thresholds(columns)))
+        slid = found["mean_slip_mps"] * found["duration_s"]
+        paid = found["distance_m"] + slide_price * slid + LOCKED_PRICE_MPS * found["locked_s"]
+        means: np.ndarray = paid.reshape(self.trials, each).mean(axis=1)
+        return means
+
+
+def _thresholds(columns: dict[str, np.ndarray]) -> Any:
+    """Return what the rules take for their parameters: one row (N, 1) of thresholds for each stop."""
+    return SimpleNamespace(**dataclasses.asdict(RuleBasedParameters()) | columns)
+
+
+def search(trials: Trials, arguments: Search, slide_price: float) -> dict[str, float]:
+    """Return the best thresholds for a price, by the cross-entropy method: each generation is drawn around the last's best.
+
+    The first generation spreads over the whole cube; the default thresholds are among it.
+    """
     rng = np.random.default_rng(arguments.seed)
     defaults = RuleBasedParameters()
-    best = (np.array([getattr(defaults, name) for name in RANGES]) - low) / (high - low)
-    least = cost(yardsticks, RuleBasedParameters(), arguments.slide_price)
-    for trial in track(range(1, trials), description="rules"):
-        if trial < len(spread):
-            point = spread[trial]
-        else:
-            width = 0.2 * (1.0 - trial / trials) + 0.02
-            changed = rng.uniform(size=len(best)) < 0.4
-            point = np.clip(best + changed * rng.normal(0.0, width, len(best)), 0.0, 1.0)
-        values = {name: float(value) for name, value in zip(RANGES, low + point * (high - low), strict=True)}
-        reached = cost(yardsticks, dataclasses.replace(defaults, **values), arguments.slide_price)
-        if reached < least:
-            least, best = reached, point
-    return {name: round(float(value), 4) for name, value in zip(RANGES, low + best * (high - low), strict=True)}
+    start = (np.array([getattr(defaults, name) for name in RANGES]) - trials.low) / (trials.high - trials.low)
+    points = rng.uniform(size=(arguments.trials, len(RANGES)))
+    points[0] = start
+    mean, deviation, best, least = start, np.full(len(RANGES), 0.3), start, np.inf
+    generations = max(2, arguments.stops // (arguments.each * arguments.trials))
+    for generation in track(range(generations), description=f"price {slide_price:g}"):
+        if generation > 0:
+            points = np.clip(rng.normal(mean, deviation, (arguments.trials, len(RANGES))), 0.0, 1.0)
+            points[0] = best
+        reached = trials.cost(points, slide_price)
+        order = np.argsort(reached)
+        if reached[order[0]] < least:
+            least, best = reached[order[0]], points[order[0]]
+        elite = points[order[: arguments.elite]]
+        mean = 0.3 * mean + 0.7 * elite.mean(axis=0)
+        deviation = 0.3 * deviation + 0.7 * elite.std(axis=0) + 0.02
+    values = trials.values(best[None])
+    return {name: round(float(value[0]), 4) for name, value in values.items()}
 
 
-def cost(yardsticks: list[Yardstick], parameters: RuleBasedParameters, slide_price: float) -> float:
-    """Return the mean over the stops of metres travelled, plus the price of metres slid and of a locked wheel (10 m/s)."""
-    total, count = 0.0, 0
-    for yardstick in yardsticks:
-        found = yardstick.figures(RuleBasedWSP(parameters))
-        slid = found["mean_slip_mps"] * found["duration_s"]
-        total += float(np.sum(found["distance_m"] + slide_price * slid + 10.0 * found["locked_s"]))
-        count += len(found["distance_m"])
-    return total / count
+def read_best(folder: Path) -> dict[str, RuleBasedParameters]:
+    """Return the thresholds found before, by price; none where no search was written."""
+    path = folder / "rules.json"
+    if not path.exists():
+        return {}
+    found = json.loads(path.read_text(encoding="utf-8"))["thresholds"]
+    return {price: RuleBasedParameters(**thresholds) for price, thresholds in found.items()}
+
+
+def show(folder: Path, price: str) -> str:
+    """Return the thresholds of a price as settings for `wsp evaluate --set`."""
+    best = read_best(folder)
+    if price not in best:
+        raise SystemExit(f"{folder / 'rules.json'} holds no price {price}; valid: {', '.join(best) or 'none'}")
+    return " ".join(f"rule-based.{name}={getattr(best[price], name):g}" for name in RANGES)
 
 
 def main(arguments: Search) -> None:
-    """Search and write."""
-    values = search(arguments)
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    searched = {"stops": arguments.stops, "slide_price": arguments.slide_price, "seed": arguments.seed, "parameters": values}
-    (arguments.out / "rules.json").write_text(json.dumps(searched, indent=2) + "\n", encoding="utf-8")
-    print(json.dumps(values))
+    """Search and write, or show."""
+    folder = arguments.out / arguments.vehicle
+    if arguments.show:
+        print(show(folder, arguments.show))
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    trials = Trials(arguments)
+    found = {f"{price:g}": search(trials, arguments, price) for price in arguments.slide_prices}
+    own = {name: value for name, value in dataclasses.asdict(arguments).items() if name not in ("out", "slide_prices", "show")}
+    (folder / "rules.json").write_text(json.dumps({"search": own, "thresholds": found}, indent=1) + "\n", encoding="utf-8")
+    print(json.dumps(found))
 
 
 if __name__ == "__main__":

@@ -177,7 +177,7 @@ class Watch:
         self.vehicle, self.task = arguments.vehicle, make_task(task_options(arguments))
         self.slide_price, self.classic_share = arguments.slide_price, arguments.classic_share
         self.yardsticks = {
-            law: Yardstick(self.vehicle, law, arguments.watched, WATCHED, GIVEN_UP) for law in ("recovering", "classic")
+            law: Yardstick.drawn(self.vehicle, law, arguments.watched, WATCHED, GIVEN_UP) for law in ("recovering", "classic")
         }
         rules = load("rule-based")
         self.rules = {law: yardstick.means(rules) for law, yardstick in self.yardsticks.items()}

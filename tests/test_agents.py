@@ -128,7 +128,7 @@ def test_onnx_and_sb3_agree(tmp_path, action):
     assert policy.action == action
     assert policy.contract.limits["mu_cd"] == [0.02, 0.09]
     assert json.loads((tmp_path / "policy" / "contract.json").read_text())["training"] == {"seed": 1}
-    yardstick = Yardstick("bogie", "recovering", 1, WATCHED)
+    yardstick = Yardstick.drawn("bogie", "recovering", 1, WATCHED)
     assert np.isfinite(yardstick.means(policy)["distance_m"])
 
 
@@ -217,7 +217,7 @@ def test_policies_are_shipped():
 @pytest.mark.parametrize("folder", SHIPPED, ids=lambda folder: folder.name)
 @pytest.mark.parametrize("law", ["recovering", "classic"])
 def test_shipped_policies_stop_without_locked_wheels(folder, law):
-    yardstick = Yardstick(folder.name, law, 4, HELD_OUT)
+    yardstick = Yardstick.drawn(folder.name, law, 4, HELD_OUT)
     found = yardstick.figures(load(str(folder)))
     assert found["stopped"].all()
     assert (found["locked_s"] == 0.0).all()
