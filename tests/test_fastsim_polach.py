@@ -259,7 +259,7 @@ def test_polach_is_the_same_one_by_one_and_in_batches():
 
 
 def test_measured_points_are_at_hand():
-    text = (files("wsp_env") / "data" / "eurosprinter_measured.csv").read_text()
+    text = (files("wsp_env") / "data" / "eurosprinter" / "measured.csv").read_text()
     points = np.array([[float(x) for x in row.values()] for row in csv.DictReader(io.StringIO(text))])
     assert points.shape == (180, 2)
     assert np.all((points[:, 0] > 0.0) & (points[:, 1] > 0.0) & (points[:, 1] < 0.5))

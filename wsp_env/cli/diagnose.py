@@ -1,6 +1,11 @@
-"""`wsp diagnose`: which physics a campaign's simulation lacks; writes diagnosis.json, model.json and report.html."""
+"""`wsp diagnose`: which physics a campaign's simulation lacks; writes diagnosis.json, model.json and report.html.
+
+A campaign of stops and a folder of creep curves (`[campaign] kind = "creep_curve"`) go to one engine each.
+"""
 
 import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -9,9 +14,13 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from wsp_env.diagnosis import Diagnosis, diagnose
+from wsp_env.diagnosis.creep_answer import CreepDiagnosis
+from wsp_env.diagnosis.creep_curve import diagnose_creep_curves
+from wsp_env.diagnosis.creep_report import write_creep_report
 from wsp_env.diagnosis.report import write_report
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import read_campaign
+from wsp_env.recordings.creep_curves import holds_creep_curves, read_creep_curves
 from wsp_env.report import write_text
 
 
@@ -23,12 +32,12 @@ def main(
     seed: int = 0,
     as_json: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
 ) -> None:
-    """Locate where recorded stops and the tuned law differ, and name the missing physics.
+    """Locate where recorded stops, or measured creep curves, and the law differ, and name the missing physics.
 
     Parameters
     ----------
     campaign
-        Folder that holds campaign.toml and one table per run.
+        Folder that holds campaign.toml and one table per run or creep curve.
     out
         Folder for diagnosis.json, model.json and report.html.
     effort
@@ -41,23 +50,37 @@ def main(
     """
     if not effort > 0.0:
         raise ParameterError(f"effort = {effort:g} is impossible: it must be above 0")
-    recorded = read_campaign(campaign)
-    with Progress(
-        SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), console=Console(stderr=True), transient=True
-    ) as bar:
-        task = bar.add_task("diagnosing")
-        found = diagnose(recorded, effort, seed, lambda step: bar.update(task, description=step))
+    found: Diagnosis | CreepDiagnosis
+    if holds_creep_curves(campaign):
+        curves = read_creep_curves(campaign)
+        with _progress() as told:
+            found = diagnose_creep_curves(curves, effort, seed, told)
+        write_creep_report(out / "report.html", found)
+    else:
+        recorded = read_campaign(campaign)
+        with _progress() as told:
+            found = diagnose(recorded, effort, seed, told)
+        write_report(out / "report.html", found)
     text = json.dumps(found.to_json(), indent=1, allow_nan=False)
     write_text(out / "diagnosis.json", text + "\n")
     write_text(out / "model.json", json.dumps(found.model, indent=1) + "\n")
-    write_report(out / "report.html", found)
     if as_json:
         print(text)
     else:
         _print(found, out)
 
 
-def _print(found: Diagnosis, out: Path) -> None:
+@contextmanager
+def _progress() -> Iterator[Callable[[str], None]]:
+    """Show what step the diagnosis is at."""
+    with Progress(
+        SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), console=Console(stderr=True), transient=True
+    ) as bar:
+        task = bar.add_task("diagnosing")
+        yield lambda step: bar.update(task, description=step)
+
+
+def _print(found: Diagnosis | CreepDiagnosis, out: Path) -> None:
     console = Console(highlight=False)
     console.print(f"[bold]{found.verdict}[/bold]: {found.sentence}")
     for one in found.mechanisms:
@@ -67,6 +90,9 @@ def _print(found: Diagnosis, out: Path) -> None:
     for place in found.location:
         axles = f", axles {', '.join(map(str, place.axles))}" if place.axles else ""
         console.print(f"  where: {place.equation} balance{axles}, {place.where} ({place.share:.0%} of it)")
+    if isinstance(found, CreepDiagnosis):
+        for tied in found.inseparable:
+            console.print(f"  left open: {tied.words}")
     console.print(f"  next test: {found.next_test}")
     for note in found.notes:
         console.print(f"  note: {note}")

@@ -29,7 +29,7 @@ def patch() -> Patch:
 
 def measured() -> tuple[np.ndarray, np.ndarray]:
     """Return creepage [-] and adhesion coefficient [-] of the measured points, both (180,)."""
-    file = files("wsp_env") / "data" / "eurosprinter_measured.csv"
+    file = files("wsp_env") / "data" / "eurosprinter" / "measured.csv"
     with file.open("r") as lines:
         points = np.loadtxt(lines, delimiter=",", skiprows=1)
     return points[:, 0], points[:, 1]

@@ -1,0 +1,128 @@
+"""The diagnosis of creep curves as a self-contained page; every number in it comes from the JSON."""
+
+from pathlib import Path
+from typing import Any
+
+from wsp_env.diagnosis.creep_answer import CreepDiagnosis, ShownCurve
+from wsp_env.plant.mechanisms import ALL
+from wsp_env.report import COLOURS, Section, Table, axes, plotly, write_page
+
+_TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)  # [%]
+
+
+def write_creep_report(path: Path, found: CreepDiagnosis) -> None:
+    """Write the page of a diagnosis."""
+    sections = [_where(found), _what(found), _fitted(found), _held_out(found), _open(found), _remains(found)]
+    write_page(path, f"Diagnosis of {found.campaign}: {found.verdict}", found.sentence, sections, "Written by: wsp diagnose")
+
+
+def _where(found: CreepDiagnosis) -> Section:
+    text = ["The baseline has Kalker's slope and the believed friction, its level fitted. The band is the fit's 90 % interval."]
+    if not found.location:
+        text.append("Nowhere do the points lie off the baseline by more than their scatter explains.")
+    rows = [(one.where, ", ".join(one.runs), f"{one.share:.0%}") for one in found.location]
+    caption = "Share: of what that law misses beyond the scatter."
+    table = [Table(("Where the law misses the points", "Curve", "Share"), rows, caption)] if rows else []
+    return Section("Where", text, [*(_curve(one, bool(found.mechanisms)) for one in found.curves), *table])
+
+
+def _curve(one: ShownCurve, extended: bool) -> Any:
+    objects, _ = plotly()
+    percent = [100.0 * e for e in one.grid]
+    figure = objects.Figure()
+    if extended:
+        figure.add_scatter(x=percent, y=one.low, mode="lines", line={"width": 0}, showlegend=False, hoverinfo="skip")
+        figure.add_scatter(
+            x=percent, y=one.high, mode="lines", line={"width": 0}, fill="tonexty", fillcolor="rgba(0, 158, 115, 0.25)",
+            name="90 % interval", hoverinfo="skip",
+        )  # fmt: skip
+    points = {"color": COLOURS[6], "size": 5, "opacity": 0.55}
+    figure.add_scatter(x=[100.0 * e for e in one.creepage], y=one.adhesion, mode="markers", name="measured", marker=points)
+    figure.add_scatter(x=percent, y=one.baseline, mode="lines", name="baseline", line={"color": COLOURS[1], "dash": "dash"})
+    if extended:
+        figure.add_scatter(x=percent, y=one.fitted, mode="lines", name="with the mechanisms found", line={"color": COLOURS[2]})
+    figure.update_layout(title=f"{one.name}, {one.speed_mps:g} m/s", height=460)
+    figure.update_xaxes(type="log", tickvals=_TICKS)
+    return axes(figure, "creepage [%]", "adhesion coefficient [-]", legend={"orientation": "h", "y": 1.1, "x": 0.3})
+
+
+def _what(found: CreepDiagnosis) -> Section:
+    rows = [
+        (one.name.replace("_", " "), f"{one.gain:.0f}", f"{max(one.null):.0f}", f"{one.held_out:.0f}",
+         f"{one.multiple:.1f}" if one.multiple else "-")
+        for one in found.evidence
+    ]  # fmt: skip
+    header = ("Candidate, alone", "Gain", "Largest null gain", "Held-out gain", "Size / smallest of interest")
+    caption = (
+        "Gain: fall of the sum of squares over the scatter's variance. A function of creepage is no mechanism: it shows how "
+        "much there is to explain."
+    )
+    text = [
+        "Every candidate's gain over the baseline in the measured points, against its gain in null recordings: the fitted "
+        "baseline with the points' own scatter, its sign drawn anew by blocks of neighbours."
+    ]
+    names = list(found.confounding)
+    cosines = [(a.replace("_", " "), *(f"{found.confounding[a][b]:.2f}" for b in names)) for a in names]
+    confusion = Table(("Cosine between", *(name.replace("_", " ") for name in names)), cosines, "1: the points cannot tell.")
+    return Section("What", text, [Table(header, rows, caption), confusion])
+
+
+def _fitted(found: CreepDiagnosis) -> Section:
+    text = []
+    for one in found.mechanisms:
+        others = ", ".join(name.replace("_", " ") for name in one.alternatives[1:])
+        apart = f" These points cannot tell it from {others}." if others else ""
+        summary = ALL[one.name].summary
+        text.append(
+            f"{one.name.replace('_', ' ').capitalize()}: {summary}. Confidence {one.confidence:.2f}; {one.multiple:.1f} times "
+            f"the smallest effect of interest; gain {one.gain:.0f} beside the others, against at most {one.null_gain:.0f} in "
+            f"null recordings; held out {one.held_out_gain:.0f}.{apart}"
+        )
+    estimates = {f"{one.name}: {name}": value for one in found.mechanisms for name, value in one.parameters.items()} | found.law
+    rows = [
+        (name.replace("_", " "), f"{one.value:.4g}", one.unit, f"{one.interval90[0]:.4g} to {one.interval90[1]:.4g}")
+        for name, one in estimates.items()
+    ]
+    table = Table(
+        ("Parameter", "Value", "Unit", "90 % interval"), rows, "Below the mechanisms' parameters: what the law then is."
+    )
+    return Section("The fitted law", text or ["No mechanism is added: the friction level alone is fitted."], [table])
+
+
+def _held_out(found: CreepDiagnosis) -> Section:
+    objects, _ = plotly()
+    score, fit = found.cross_validation, found.fit
+    removed = "" if fit.removed_validate is None else f" {fit.removed_validate:.0%} of the removable held-out residual is gone."
+    text = [f"{score.blocks} blocks of neighbouring creepages, each predicted by the law fitted to the others.{removed}"]
+    rows = [
+        (name, f"{score.fitted[name]:.4f}", f"{score.held_out[name]:.4f}", f"{score.scatter:.4f}")
+        for name in ("baseline", "extended")
+    ]
+    caption = "Root mean square errors of the adhesion coefficient [-]; no law can go below the scatter."
+    table = Table(("Law", "Fitted to all points", "Held out", "Scatter"), rows, caption)
+    figure = objects.Figure()
+    centres = [50.0 * (low + high) for low, high in score.creepage]
+    for name, colour in (("baseline", COLOURS[1]), ("extended", COLOURS[2])):
+        figure.add_scatter(x=centres, y=score.held_out_by_block[name], mode="lines+markers", name=name, line={"color": colour})
+    figure.add_hline(y=score.scatter, line_dash="dot", annotation_text="scatter of the points", annotation_position="top left")
+    figure.update_layout(title="Held-out error of every block", height=360)
+    figure.update_xaxes(type="log", tickvals=_TICKS)
+    figure.update_yaxes(rangemode="tozero")
+    return Section("Before and after", text, [table, axes(figure, "creepage [%]", "root mean square error [-]")])
+
+
+def _open(found: CreepDiagnosis) -> Section:
+    text = [f"{one.words}." for one in found.inseparable]
+    if not text:
+        text = ["No parameter makes up for another over these points."]
+    names = list(found.correlations)
+    rows = [(a.replace("_", " "), *(f"{found.correlations[a][b]:+.2f}" for b in names)) for a in names]
+    table = Table(("Rank correlation of", *(name.replace("_", " ") for name in names)), rows, "Estimates over null recordings.")
+    return Section("What these points cannot separate", text, [table] if len(names) > 1 else [])
+
+
+def _remains(found: CreepDiagnosis) -> Section:
+    text = [f"Next test: {found.next_test}.", *(f"{note[0].upper()}{note[1:]}." for note in found.notes)]
+    rows = [(name, size, f"{value:.3g}") for name, sizes in found.detectable.items() for size, value in sizes.items()]
+    table = Table(("Mechanism", "Parameter", "Smallest change that would have been seen"), rows)
+    return Section("What remains", text, [table] if rows else [])

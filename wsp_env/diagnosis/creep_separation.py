@@ -1,0 +1,149 @@
+"""What the points of creep curves leave open: intervals, correlations, and parameters that make up for each other."""
+
+import copy
+from collections.abc import Callable
+
+import numpy as np
+from scipy.stats import rankdata
+
+from wsp_env.contact.polach import falling_friction
+from wsp_env.diagnosis.answer import Estimate
+from wsp_env.diagnosis.creep_answer import Inseparable
+from wsp_env.diagnosis.creep_model import Fit
+from wsp_env.diagnosis.creep_search import CreepSearch, Gains
+from wsp_env.plant.mechanisms import wheel_radius
+
+_CLOSE = 0.9  # correlation from which on two parameters count as not separated
+_LOST = 2.71  # growth of the sum of squares, over the scatter's variance, that ends a 90 % interval of one parameter
+_PROFILE = 25  # values tried of a parameter
+_RADII = np.linspace(-0.02, 0.02, 9)  # relative errors of the wheel radius tried: assumption, wear that was not measured
+
+
+def quantities(search: CreepSearch, fit: Fit) -> dict[str, float]:
+    """Return the sizes of a fit, "mechanism.parameter", and its kinetic friction."""
+    keys = [f"{name}.{p.name}" for name in fit.names for p in search.model.sizes(name)]
+    law = search.model.law(search.model.choice(fit.names, fit.values))
+    kinetic = search.model.kinetic_friction(float(fit.values[0]), law)
+    return {"kinetic_friction": kinetic, **dict(zip(keys, map(float, fit.values[1:]), strict=True))}
+
+
+def _meaning(search: CreepSearch, fit: Fit) -> dict[str, tuple[float, str]]:
+    """Return what the fitted law means, by its name: value and unit."""
+    model = search.model
+    law = model.law(model.choice(fit.names, fit.values))
+    mu = model.kinetic_friction(float(fit.values[0]), law)
+    return {
+        "friction at the mean slip speed": (float(fit.values[0]), "-"),
+        "static friction": (float(falling_friction(0.0, mu, law.ratio_r, law.gamma_r)), "-"),
+        "kinetic friction": (mu, "-"),
+        "friction decrease rate": (law.gamma_r, "s/m"),
+        "initial slope": (4.0 / np.pi * law.stiffness / model.contact.wheel_load_n, "-"),
+    }
+
+
+class Spread:
+    """Fits that the points do not tell from the best one: refits to null recordings, and those along every size's profile.
+
+    A profile holds one size at a value and fits the rest; it is kept where the sum of squares is within a 90 % interval. Null
+    recordings alone would be too sure where the best fit stands at a bound.
+    """
+
+    def __init__(self, search: CreepSearch, fit: Fit, last: Gains) -> None:
+        self.search, self.fit, self.refits = search, fit, last.refits
+        sizes = [(f"{name}.{p.name}", p) for name in fit.names for p in search.model.sizes(name)]
+        self.bounds = {key: (p.low, p.high) for key, p in sizes}
+        self.profiles = {key: self._profile(key, p.low, p.high) for key, p in sizes}
+
+    def _profile(self, key: str, low: float, high: float) -> list[tuple[float, Fit]]:
+        """Values of a size that fit as well, rising, each with its fit."""
+        search, fit = self.search, self.fit
+        spaced = low + (high - low) * np.linspace(0.0, 1.0, _PROFILE) ** 2  # denser where sizes are small
+        kept = []
+        for value in sorted({quantities(search, fit)[key], *map(float, spaced)}):
+            held = search.model.fit(fit.names, search.measured, fit, held={key: value})
+            if held.cost - fit.cost <= _LOST * search.variance:
+                kept.append((value, held))
+        return kept
+
+    def interval(self, of: Callable[[Fit], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the 90 % interval of what a fit says, element by element: the wider of both kinds."""
+        low, high = np.quantile([of(one) for one in self.refits], (0.05, 0.95), axis=0)
+        along = [of(self.fit), *(of(one) for profile in self.profiles.values() for _, one in profile)]
+        return np.minimum(low, np.min(along, axis=0)), np.maximum(high, np.max(along, axis=0))
+
+
+def estimates(spread: Spread) -> tuple[dict[str, dict[str, Estimate]], dict[str, Estimate]]:
+    """Return every mechanism's parameters and the law's quantities, with 90 % intervals."""
+    search, fit = spread.search, spread.fit
+    low, high = spread.interval(lambda one: one.values)
+    values = zip(map(float, fit.values[1:]), map(float, low[1:]), map(float, high[1:]), strict=True)
+    found: dict[str, dict[str, Estimate]] = {}
+    for name in fit.names:
+        found[name] = {}
+        for p in search.model.sizes(name):
+            value, lowest, highest = next(values)
+            found[name][p.name] = Estimate(value, p.unit, (lowest, highest))
+    meaning = _meaning(search, fit)
+    low, high = spread.interval(lambda one: np.array([value for value, _ in _meaning(search, one).values()]))
+    law = {
+        key: Estimate(value, unit, (float(low[i]), float(high[i]))) for i, (key, (value, unit)) in enumerate(meaning.items())
+    }
+    return found, law
+
+
+def correlations(spread: Spread) -> dict[str, dict[str, float]]:
+    """Return the rank correlations of all estimates over null recordings of the fit."""
+    values = [quantities(spread.search, one) for one in spread.refits]
+    names = list(values[0])
+    ranks = np.column_stack([rankdata([one[name] for one in values]) for name in names])
+    ranks -= ranks.mean(axis=0)
+    lengths = np.linalg.norm(ranks, axis=0)
+    matrix = ranks.T @ ranks / np.where(np.outer(lengths, lengths) > 0.0, np.outer(lengths, lengths), 1.0)
+    return {a: {b: float(matrix[i, j]) for j, b in enumerate(names)} for i, a in enumerate(names)}
+
+
+def inseparable(spread: Spread) -> tuple[Inseparable, ...]:
+    """Return every size that other parameters make up for: over how wide a range, and what they then are."""
+    matrix, found = correlations(spread), []
+    for key, profile in spread.profiles.items():
+        tied = [other for other, r in matrix[key].items() if other != key and abs(r) >= _CLOSE]
+        ends = [(value, quantities(spread.search, one)) for value, one in (profile[0], profile[-1])]
+        open_ended = [value for value in spread.bounds[key] if value in (ends[0][0], ends[1][0])]
+        if tied or open_ended:
+            own = key.split(".")[0] + "."
+            others = [other for other in matrix if other in tied or (other.startswith(own) and other != key)]
+            found.append(_said(key, others or [other for other in matrix if other != key], ends, open_ended, matrix[key]))
+    return tuple(found)
+
+
+def _said(
+    key: str, others: list[str], at: list[tuple[float, dict[str, float]]], open_ended: list[float], row: dict[str, float]
+) -> Inseparable:
+    (low, first), (high, last) = at
+    ends = {other: (first[other], last[other]) for other in others}
+    along = ", ".join(f"{other} {a:.3g} to {b:.3g} (rank correlation {row[other]:+.2f})" for other, (a, b) in ends.items())
+    bound = f"; {' and '.join(f'{value:g}' for value in open_ended)} is its bound, the points set none" if open_ended else ""
+    text = f"{key} anywhere from {low:.3g} to {high:.3g} fits as well{bound}; with it go {along}"
+    return Inseparable((key, *others), (low, high), ends, text)
+
+
+def radius_note(search: CreepSearch, fit: Fit) -> str:
+    """Say what the initial slope would be if the wheel radius, and with it every creepage, were not as believed."""
+    if "initial_slope" not in fit.names:
+        return ""
+    radius = search.model.contact.wheel_radius_m
+    kept = []
+    for change in _RADII:
+        other = copy.copy(search.model)
+        turned = float(wheel_radius.radii(wheel_radius.Parameters(float(change), 1.0), [radius])[0]) / radius
+        other.creepage = 1.0 - turned * (1.0 - search.model.creepage)
+        if other.creepage.min() > 0.0:
+            found = other.fit(fit.names, search.measured, fit)
+            kept.append((found.cost, float(change), quantities(search, found)["initial_slope.factor"]))
+    allowed = [one for one in kept if one[0] - fit.cost <= _LOST * search.variance]
+    changes, factors = [one[1] for one in allowed], [one[2] for one in allowed]
+    return (
+        "an error of the wheel radius shifts all creepages and is not searched: its trace is in free rolling, which points "
+        f"that slide do not show; of radii up to {_RADII[-1]:.0%} off, those {min(changes):+.1%} to {max(changes):+.1%} off "
+        f"fit as well, with initial_slope.factor {factors[0]:.2f} to {factors[-1]:.2f}"
+    )
