@@ -26,7 +26,7 @@ def cosines():
         campaign = read_campaign(demo_campaign())
     balances = Balances(campaign, prepare(campaign)[0])
     model, weights = baseline(balances)
-    found = scan(balances, model, weights.deviation, list(variants(balances)), held_out=False)
+    found = scan(balances, model, weights, list(variants(balances)), held_out=False)
     members = {name: [i for i, one in enumerate(found.candidates) if one.variant and one.name == name] for name in ALL}
 
     def cosine(i, j):

@@ -120,7 +120,7 @@ def examine(campaign: Path) -> tuple[dict[str, dict[str, Any]], dict[str, float]
     stops, _ = prepare(recorded)
     balances = Balances(recorded, stops)
     model, weights = baseline(balances)
-    data = scan(balances, model, weights.deviation, list(variants(balances)))
+    data = scan(balances, model, weights, list(variants(balances)))
     gains = dict.fromkeys((*ALL, *(one.name for one in data.candidates)), 0.0)
     for i, one in enumerate(data.candidates):
         gains[one.name] = max(gains[one.name], _fit(data.whole, data.columns_of(i))[0].gain)

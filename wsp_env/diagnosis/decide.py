@@ -17,7 +17,7 @@ from wsp_env.recordings import rolling_radii
 #: -log10 of the probability in a null recording from which on a mechanism counts; some twenty names are searched.
 SURPRISE = 5.0
 #: Size over the smallest effect of interest from which on a mechanism counts.
-LEAST_MULTIPLE = 0.25
+LEAST_MULTIPLE = 0.5
 #: Gain over the largest one in null recordings, and gain, from which on it counts: whatever few null recordings say of tails.
 OVER_NULLS = 2.0
 LEAST_GAIN = 25.0
@@ -87,7 +87,7 @@ def select(
         accepted.append(Accepted(best.found, best.listed, best.variant, alternatives, confidence, best.multiple, best.tilt))
         accepted, fitted = _needed(balances, best.fitted, search, accepted, weights)
         given = np.concatenate([columns_in(nulls[0], a.listed) for a in accepted])
-        rescan = scan(balances, fitted.model, weights.deviation, tried, [a.variant for a in accepted])
+        rescan = scan(balances, fitted.model, weights, tried, [a.variant for a in accepted])
         search = Search(rescan, nulls, given, np.concatenate([a.tilt for a in accepted]))
         found = search.found()
     accepted.sort(key=lambda one: -one.found.net)

@@ -76,7 +76,7 @@ def diagnose(campaign: Campaign, effort: float = 1.0, seed: int = 0, progress: P
     weights = Weights(np.hypot(weights.deviation, _BIAS_SHARE * bias), bias)
     nulls = _null_scans(maker, weights, tried, max(round(REPLICATES * effort), 4), rng, progress)
     progress("searching the library")
-    data = scan(balances, model, weights.deviation, tried)
+    data = scan(balances, model, weights, tried)
     outcome = select(balances, model, weights, data, nulls, tried)
     progress("judging")
     return _answer(balances, model, weights, outcome, nulls, raws, notes)
@@ -113,7 +113,7 @@ def _null_scans(
     for i in range(count):
         progress(f"null recordings {i + 1} of {count}")
         (stops,) = maker.make(1, rng)
-        scans.append(scan(maker.balances.like(stops), maker.model, weights.deviation, tried, held_out=False))
+        scans.append(scan(maker.balances.like(stops), maker.model, weights, tried, held_out=False))
     return scans
 
 

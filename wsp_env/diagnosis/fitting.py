@@ -17,6 +17,7 @@ _TAU_START = 2e-4  # [m/J]
 _ITERATIONS = 5
 _LARGEST_STEP = 0.7  # [-] change of log tau or log mu_cd in one iteration
 _HALVINGS = 4
+_NEAR = 1.0  # mean square of the residuals' change, in deviations, within which the nuisances count as the same
 _LEAST_ROWS = 20  # blocks of sliding that say something on a run's friction
 
 
@@ -113,12 +114,13 @@ class _State:
     ) -> None:
         self.balances, self.model, self.variants, self.weights, self.keep = balances, model, tuple(variants), weights, keep
         self.base = balances.raw(model)
-        if before is None:
+        self.y = weights(self.base)[keep]
+        if before is None or np.mean((self.y - before.origin) ** 2) > _NEAR:
+            self.origin: np.ndarray = self.y
             self.nuisances: Nuisances = nuisances(balances, model, self.base)
             self.projector = Projector((self.nuisances.columns / weights.deviation[:, None])[keep], self.nuisances.prior)
         else:  # they change little on the way
-            self.nuisances, self.projector = before.nuisances, before.projector
-        self.y = weights(self.base)[keep]
+            self.nuisances, self.projector, self.origin = before.nuisances, before.projector, before.origin
         self.tilt = np.concatenate(tilts) if len(tilts) else np.zeros(sum(len(one.sizes) for one in self.variants))
         moved = [self._moved(one) for one in self.variants]
         self.cost = float(self.projector.inner(self.y[:, None], self.y[:, None])[0, 0])

@@ -51,7 +51,7 @@ def effect(balances: Balances, model: Model, choice: Choice) -> Effect:
             change = -(travelled * (moved - base) / np.maximum(base, _BRAKED_MPS2))[braked].sum()
             distances[bool(slides.mean() > 0.2)].append(float(change / travelled[braked].sum()))
     means = [float(np.mean(kind)) for kind in distances.values() if kind]
-    slip = float(np.nanmean(slips, axis=0).max()) if np.isfinite(slips).any() else 0.0
+    slip = float(np.ma.masked_invalid(slips).mean(axis=0).filled(0.0).max())
     return Effect(max(means, key=abs, default=0.0), slip)
 
 

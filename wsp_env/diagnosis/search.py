@@ -15,6 +15,7 @@ from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import Candidate, Variant, library
 from wsp_env.diagnosis.closures import closures
 from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.gls import Fit, Projector, fit
 from wsp_env.diagnosis.variation import nuisances
 from wsp_env.plant.mechanisms import ALL
@@ -54,7 +55,7 @@ class Scan:
 def scan(
     balances: Balances,
     model: Model,
-    deviation: np.ndarray,
+    weights: Weights,
     tried: Sequence[Variant],
     accepted: Sequence[Variant] = (),
     held_out: bool = True,
@@ -63,7 +64,7 @@ def scan(
 
     Parameters
     ----------
-    deviation : (n,) with which rows are whitened
+    weights : with which rows are whitened
     tried : variants of the library
     accepted : mechanisms that are on in the model
     held_out : whether the halves, runs to tune on and to validate, are wanted too
@@ -75,9 +76,9 @@ def scan(
     friction = nuisance.friction
     listed = library(balances, model, base, friction, tried) + closures(balances, model, friction)
     on = [candidates.columns(balances, model, base, one)[0] for one in accepted]
-    scale = deviation[:, None]
+    scale = weights.deviation[:, None]
     x = np.column_stack([*(one.columns for one in listed), *on]) / scale
-    free, y = nuisance.columns / scale, base / deviation
+    free, y = nuisance.columns / scale, weights(base)
     ends = np.cumsum([one.columns.shape[1] for one in listed])
     parts = tuple(slice(int(end) - one.columns.shape[1], int(end)) for one, end in zip(listed, ends, strict=True))
 
