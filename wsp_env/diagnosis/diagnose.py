@@ -216,7 +216,8 @@ def _named(balances: Balances, weights: Weights, outcome: Outcome, i: int) -> Na
         value = float(np.clip(values[j], units[name].low, units[name].high))
         form = 0.0 if units[name].kind == "shape" else _FORM * abs(value - units[name].null)
         half = _Z90 * float(np.hypot(spread * np.sqrt(max(covariance[j, j], 0.0)), form))
-        estimates[name] = Estimate(value, units[name].unit, (value - half, value + half))
+        low, high = np.clip([value - half, value + half], units[name].low, units[name].high)
+        estimates[name] = Estimate(value, units[name].unit, (float(low), float(high)))
     for name, fixed in one.variant.fixed.items():
         estimates[name] = Estimate(float(fixed), units[name].unit, (float(fixed), float(fixed)))
     nulls = one.found.nulls
