@@ -12,8 +12,8 @@ from numpy.testing import assert_allclose
 
 from wsp_env.cli import main
 from wsp_env.contact.polach import contact_stiffness, polach_adhesion
-from wsp_env.diagnosis.creep_curve import diagnose_creep_curves
-from wsp_env.diagnosis.creep_model import CreepModel
+from wsp_env.diagnosis.creep_curves import diagnose_creep_curves
+from wsp_env.diagnosis.creep_curves.model import CreepModel
 from wsp_env.parameters import eurosprinter
 from wsp_env.recordings.creep_curves import (
     CreepContact,

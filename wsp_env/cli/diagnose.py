@@ -14,9 +14,8 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from wsp_env.diagnosis import Diagnosis, diagnose
-from wsp_env.diagnosis.creep_answer import CreepDiagnosis
-from wsp_env.diagnosis.creep_curve import diagnose_creep_curves
-from wsp_env.diagnosis.creep_report import write_creep_report
+from wsp_env.diagnosis.creep_curves import CreepDiagnosis, diagnose_creep_curves
+from wsp_env.diagnosis.creep_curves.report import write_creep_report
 from wsp_env.diagnosis.report import write_report
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import read_campaign

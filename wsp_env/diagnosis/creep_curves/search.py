@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
-from wsp_env.diagnosis.creep_model import CreepModel, Fit
+from wsp_env.diagnosis.creep_curves.model import CreepModel, Fit
 
 NULLS = 99  # null recordings at effort 1: the rarest probability that they can show is 1 in 100
 RARE = 0.01  # probability in a null recording below which a gain counts; forward search is stopped by the same

@@ -8,9 +8,9 @@ from scipy.stats import rankdata
 
 from wsp_env.contact.polach import falling_friction
 from wsp_env.diagnosis.answer import Estimate
-from wsp_env.diagnosis.creep_answer import Inseparable
-from wsp_env.diagnosis.creep_model import Fit
-from wsp_env.diagnosis.creep_search import CreepSearch, Gains
+from wsp_env.diagnosis.creep_curves.answer import Inseparable
+from wsp_env.diagnosis.creep_curves.model import Fit
+from wsp_env.diagnosis.creep_curves.search import CreepSearch, Gains
 from wsp_env.plant.mechanisms import wheel_radius
 
 _CLOSE = 0.9  # correlation from which on two parameters count as not separated

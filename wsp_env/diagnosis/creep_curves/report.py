@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from wsp_env.diagnosis.creep_answer import CreepDiagnosis, ShownCurve
+from wsp_env.diagnosis.creep_curves.answer import CreepDiagnosis, ShownCurve
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.report import COLOURS, Section, Table, axes, plotly, write_page
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from wsp_env.diagnosis.answer import Closure, Estimate, Evidence, FitQuality, Location
-from wsp_env.diagnosis.creep_answer import CreepDiagnosis, CrossValidation, NamedOnCurve, ShownCurve
-from wsp_env.diagnosis.creep_model import CreepModel, Fit
-from wsp_env.diagnosis.creep_search import CLOSURE, FOLDS, NULLS, RARE, CreepSearch, Gains
-from wsp_env.diagnosis.creep_separation import Spread, correlations, estimates, inseparable
-from wsp_env.diagnosis.creep_words import next_test, notes, sentence
+from wsp_env.diagnosis.creep_curves.answer import CreepDiagnosis, CrossValidation, NamedOnCurve, ShownCurve
+from wsp_env.diagnosis.creep_curves.model import CreepModel, Fit
+from wsp_env.diagnosis.creep_curves.search import CLOSURE, FOLDS, NULLS, RARE, CreepSearch, Gains
+from wsp_env.diagnosis.creep_curves.separation import Spread, correlations, estimates, inseparable
+from wsp_env.diagnosis.creep_curves.words import next_test, notes, sentence
 from wsp_env.recordings.creep_curves import CreepCurves
 
 _INDISTINCT, _SHARE_OF_GAIN = (

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from wsp_env.diagnosis.answer import Closure
-from wsp_env.diagnosis.creep_answer import Inseparable, NamedOnCurve
-from wsp_env.diagnosis.creep_model import CreepModel, Fit
-from wsp_env.diagnosis.creep_search import CreepSearch
-from wsp_env.diagnosis.creep_separation import radius_note
+from wsp_env.diagnosis.creep_curves.answer import Inseparable, NamedOnCurve
+from wsp_env.diagnosis.creep_curves.model import CreepModel, Fit
+from wsp_env.diagnosis.creep_curves.search import CreepSearch
+from wsp_env.diagnosis.creep_curves.separation import radius_note
 from wsp_env.plant.mechanisms import ALL
 
 #: Why the other mechanisms of the library are not searched on creep curves.
