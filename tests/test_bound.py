@@ -68,7 +68,7 @@ def test_agrees_with_the_integral(mu_cd, tau, demand):
 
 
 @given(st.floats(1.0, 55.0), st.floats(0.02, 0.15), st.floats(0.0, 4e-4), st.floats(0.05, 1.0), st.floats(0.0, 1.0))
-@settings(max_examples=25)
+@settings(max_examples=60)
 def test_best_adhesion_is_the_largest_of_all(speed, mu_cd, tau, limit, film):
     best, slip = best_adhesion(speed, limit * speed, 53e3, mu_cd, tau, LAW, film)
     tried = degraded_adhesion(limit * speed * np.linspace(0.0, 1.0, 20001), speed, 53e3, mu_cd, tau, LAW, film)
