@@ -26,6 +26,7 @@ from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import Campaign, CampaignError, CampaignWarning, demo_campaign, read_campaign
 
 VERDICTS = {"adequate", "named", "ambiguous", "unknown", "insufficient"}
+pytestmark = pytest.mark.xdist_group("diagnosis")  # what several tests look at is diagnosed once
 
 
 def campaign_of(folder: Path) -> Campaign:
