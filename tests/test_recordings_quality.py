@@ -83,6 +83,18 @@ def test_slow_signals_pass_resampling_from_any_rate(source):
     assert_allclose(clock.resample(time, sines(time), targets), sines(targets), atol=2e-3)
 
 
+@given(st.integers(40, 900), st.integers(2, 12), st.integers(0, 20), st.integers(0, 2**31))
+def test_resampling_is_the_same_from_an_even_clock_as_from_any(samples, every, first, seed):
+    """Where the new clock takes every n-th time, a faster way is gone."""
+    rng = np.random.default_rng(seed)
+    time = 1e-3 * np.arange(samples)
+    values = np.cumsum(rng.standard_normal(samples))
+    beside = time + 1e-6 * rng.uniform(-1.0, 1.0, samples) * (time > 0) * (time < time[-1])  # uneven by a thousandth of a step
+    assert_allclose(
+        clock.resample(time, values, time[first::every]), clock.resample(beside, values, time[first::every]), atol=0.05
+    )
+
+
 def test_a_ramp_passes_to_its_very_ends():
     time = np.arange(0.0, 2.0, 1e-3)
     targets = np.arange(0.0, 1.99, STEP)
@@ -168,6 +180,7 @@ def scaled(columns, pattern, factor):
         ("axle2_wheel", 60.0 / (2 * np.pi), 'axle2_wheel_speed.* unit = "rpm"'),
         ("axle2_wheel", 0.0, "axle2_wheel_speed is 0 throughout: a dead channel"),
         ("speed", 3.6, "all speeds are in km/h"),
+        ("torque", 1e-3, 'unit = "kN\\*m"'),
     ],
 )
 def test_channels_in_another_unit_are_refused(tmp_path, columns, pattern, factor, said):
@@ -179,7 +192,8 @@ def test_channels_in_another_unit_are_refused(tmp_path, columns, pattern, factor
     ("change", "said"),
     [
         (lambda c: scaled(c, "torque", -1.0), "scale = -1"),
-        (lambda c: scaled(c, "torque", 1e-3), "slows .* times as much as its brakes explain"),
+        (lambda c: scaled(c, "torque", 0.1), "slows .* times as much as its brakes explain"),
+        (lambda c: scaled(c, "torque", 1e-6), "its brakes do not explain it"),
         (lambda c: scaled(c, "axle3_brake_torque", 0.0), "brake torque of axle 3 never changes"),
         (lambda c: scaled(c, "axle1_wheel", 0.7), "axle 1 turns 0.7"),
     ],
@@ -212,6 +226,30 @@ def test_channels_as_they_should_be_are_not_warned_of(tmp_path_factory, tau, pea
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert read_campaign(write_campaign(tmp_path_factory.mktemp("right"), {"A1": columns})).runs["A1"].warnings == ()
+
+
+def test_an_axle_with_a_dead_torque_is_never_compared_with_the_law(tmp_path, columns):
+    with pytest.warns(CampaignWarning, match="axle 3 never changes.*not compared"):
+        dead = tune(read_campaign(write_campaign(tmp_path / "dead", {"A1": scaled(columns, "axle3_brake_torque", 0.0)})))
+    whole = tune(read_campaign(write_campaign(tmp_path / "whole", {"A1": columns})))
+    assert dead.runs["A1"].error[2] is None
+    assert dead.tau_m_per_J == pytest.approx(whole.tau_m_per_J, rel=0.02)
+
+
+@pytest.mark.parametrize("absurd", [1e13, -1e200, 1e308])
+@pytest.mark.parametrize("name", ["vehicle_speed_mps", "axle2_wheel_speed_radps", "axle4_brake_torque_nm"])
+def test_absurd_numbers_are_bridged_or_refused(tmp_path, columns, name, absurd):
+    """However many there are, so that nothing overflows."""
+    for rows, said in ((slice(300, 330), "30 samples without a number or with one beyond"), (slice(300, None), "impossible")):
+        wrong = {key: values.copy() for key, values in columns.items()}
+        wrong[name][rows] = absurd
+        folder = write_campaign(tmp_path / str(rows.stop), {"A1": wrong})
+        if rows.stop:
+            with pytest.warns(CampaignWarning, match=said):
+                read_campaign(folder)
+        else:
+            with pytest.raises(CampaignError, match=said):
+                read_campaign(folder)
 
 
 def test_mended_samples_are_never_compared_with_the_law(tmp_path, columns):

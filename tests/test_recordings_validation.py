@@ -103,6 +103,15 @@ def test_a_wrong_law_is_said_to_do_worse(tmp_path):
     assert not found.criteria[0].met
 
 
+def test_nothing_is_called_validated_that_is_not(demo):
+    alone = dataclasses.replace(demo, campaign=dataclasses.replace(demo.campaign, validate=()))
+    assert "meets all" in alone.verdict
+    assert alone.verdict.endswith("this validates nothing.")
+    assert "only scored" not in report.criteria_table(alone).caption
+    open_ = dataclasses.replace(demo, tuning=dataclasses.replace(demo.tuning, interval95=(0.0, np.inf)))
+    assert open_.verdict.startswith("Nothing is validated: tau is open")
+
+
 def test_runs_that_roll_say_nothing(tmp_path):
     runs = {"A1": stop(TAU, MU_CD), "B1": stop(TAU, MU_CD, peak=0.002)}
     assert "say nothing" in validate(read_campaign(write_campaign(tmp_path, runs, ["A1"], ["B1"]))).verdict

@@ -1,5 +1,6 @@
 """Derived quantities and tuning: the equations' identities, and known truths found again."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -15,6 +16,7 @@ from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.velim import CONTACT
 from wsp_env.recordings import (
     CampaignError,
+    CampaignWarning,
     Smoothing,
     demo_campaign,
     derive,
@@ -226,8 +228,22 @@ def test_command_prints_json(demo, capsys):
     assert printed == {
         "tau_m_per_J": tuning.tau_m_per_J,
         "interval95": list(tuning.interval95),
-        "runs": {name: {"mu_cd": score.mu_cd, "error": list(score.error)} for name, score in tuning.runs.items()},
+        "determined": True,
+        "runs": {
+            name: {"group": score.group, "mu_cd": score.mu_cd, "mu_cd_tuned": True, "error": list(score.error)}
+            for name, score in tuning.runs.items()
+        },
     }
+
+
+def test_a_tau_that_the_runs_leave_open_is_said(demo):
+    """Where wheels hardly slide, recovery cannot be told from a rail with more friction."""
+    weak = dataclasses.replace(demo[0], tune=("A1", "A3"))
+    with pytest.warns(CampaignWarning, match="the runs to tune on do not determine it"):
+        tuning = tune(weak)
+    assert not tuning.determined
+    assert tuning.interval95 == (0.0, np.inf)
+    assert json.loads(json.dumps(tuning.to_json(), allow_nan=False))["interval95"] == [0.0, None]
 
 
 def test_command_prints_a_table(capsys):

@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import tyro
 
@@ -33,15 +33,9 @@ def main(
     """
     tuning = tune(read_campaign(campaign), smoothing, tune_friction=not fixed_mu_cd)
     if as_json:
-        print(json.dumps(to_json(tuning)))
+        print(json.dumps(tuning.to_json()))
     else:
         print_table(tuning)
-
-
-def to_json(tuning: Tuning) -> dict[str, Any]:
-    """Return the tuning as plain data: errors per axle, null where an axle never slides."""
-    runs = {name: {"mu_cd": score.mu_cd, "error": list(score.error)} for name, score in tuning.runs.items()}
-    return {"tau_m_per_J": tuning.tau_m_per_J, "interval95": list(tuning.interval95), "runs": runs}
 
 
 def print_table(tuning: Tuning) -> None:
@@ -51,7 +45,6 @@ def print_table(tuning: Tuning) -> None:
     from wsp_env.recordings.validation_report import adhesion_table
     from wsp_env.report import terminal_table
 
-    low, high = tuning.interval95
     console = Console(highlight=False)
-    console.print(f"tau = {tuning.tau_m_per_J:.3e} m/J, 95 % interval {low:.3e} to {high:.3e} m/J")
+    console.print(tuning.sentence)
     console.print(terminal_table(adhesion_table(tuning)))

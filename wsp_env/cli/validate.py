@@ -12,6 +12,8 @@ from wsp_env.recordings import Campaign, read_campaign
 from wsp_env.recordings.derive import Smoothing
 from wsp_env.recordings.validation import CLOSED_LOOP_BY, ClosedLoop, validate
 
+_WIDTH = 160  # of tables in a file or a pipe
+
 
 def main(
     campaign: tyro.conf.Positional[Path],
@@ -59,11 +61,10 @@ def main(
     from wsp_env.report import plotly, terminal_table
 
     plotly()  # says at once when it is missing
-    console = Console(highlight=False)
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
     recorded = read_campaign(campaign)
     validation = validate(recorded, smoothing, not fixed_mu_cd)
-    low, high = validation.tuning.interval95
-    console.print(f"tau = {validation.tuning.tau_m_per_J:.3e} m/J, 95 % interval {low:.3e} to {high:.3e} m/J")
+    console.print(validation.tuning.sentence)
     tables = [report.adhesion_table(validation.tuning)]
     tables += [table(validation) for table in (report.slide_table, report.window_table, report.criteria_table)]
     closed = None

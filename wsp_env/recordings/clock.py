@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.signal import upfirdn
 
 from wsp_env.compiled import kernel
 from wsp_env.recordings.table import CampaignError
@@ -21,6 +22,7 @@ MOST_MENDED = 0.2
 _FEW_ROWS = 10  # so many rows, or a hundredth of all, may stand in the wrong order or twice
 _PASS_BAND = 0.8  # cut-off of the anti-aliasing filter as a share of the new Nyquist frequency
 _HALF_WIDTH = 8  # lobes of the sinc on each side under the Hann window
+_EVEN = 1e-6  # of a step: deviations below are of rounding
 _TABLE = 512  # tabulated points per lobe; linear between them: error below 1e-5
 
 
@@ -169,21 +171,51 @@ def resample(time_s: np.ndarray, values: np.ndarray, targets_s: np.ndarray, hold
     if hold:
         held: np.ndarray = values[np.maximum(np.searchsorted(time_s, targets_s, side="right") - 1, 0)]
         return held
-    source, target = (float(np.median(np.diff(t))) for t in (time_s, targets_s))
+    every, source = _every(time_s, targets_s)
+    target = every * source
+    if not every:
+        source, target = (float(np.median(np.diff(t))) for t in (time_s, targets_s))
     if source > _PASS_BAND * target:
         spline: np.ndarray = CubicSpline(time_s, values)(targets_s)
         return spline
     width = target / _PASS_BAND
     reach = _HALF_WIDTH * width
+    lobes = np.arange(_HALF_WIDTH * _TABLE + 2) / _TABLE
+    table = np.sinc(lobes) * np.where(lobes < _HALF_WIDTH, np.cos(0.5 * np.pi * lobes / _HALF_WIDTH) ** 2, 0.0)
     # Mirrored about the end points, a ramp goes on as a ramp.
     ahead = int(min(np.searchsorted(time_s, time_s[0] + reach) + 1, len(time_s) - 1))
     behind = int(max(np.searchsorted(time_s, time_s[-1] - reach) - 1, 0))
-    time = np.concatenate([2 * time_s[0] - time_s[ahead:0:-1], time_s, 2 * time_s[-1] - time_s[-2:behind:-1]])
     padded = np.concatenate([2 * values[0] - values[ahead:0:-1], values, 2 * values[-1] - values[-2:behind:-1]])
-    lobes = np.arange(_HALF_WIDTH * _TABLE + 2) / _TABLE
-    table = np.sinc(lobes) * np.where(lobes < _HALF_WIDTH, np.cos(0.5 * np.pi * lobes / _HALF_WIDTH) ** 2, 0.0)
+    half = int(reach / source)
+    if every and half <= min(ahead, len(time_s) - 2 - behind):
+        taps = np.interp(np.abs(np.arange(-half, half + 1)) * source / width, lobes, table)
+        first = ahead + round((targets_s[0] - time_s[0]) / source) - half
+        return _thinned(padded[first:], taps / taps.sum(), every, len(targets_s))
+    time = np.concatenate([2 * time_s[0] - time_s[ahead:0:-1], time_s, 2 * time_s[-1] - time_s[-2:behind:-1]])
     shares = np.gradient(time)  # rows that lie closer together count less
     return _filtered(time, padded * shares, shares, targets_s, width, table)
+
+
+def _every(time: np.ndarray, targets: np.ndarray) -> tuple[int, float]:
+    """Return n where the targets are every n-th time of an even clock, else 0; and the clock's mean step [s]."""
+    step = float(time[-1] - time[0]) / max(len(time) - 1, 1)
+    if not step > 0.0:
+        return 0, step
+    count = round((targets[-1] - targets[0]) / step / max(len(targets) - 1, 1))
+    rows = round((targets[0] - time[0]) / step) + count * np.arange(len(targets))
+    if rows[0] < 0 or rows[-1] >= len(time) or count < 1:
+        return 0, step
+    even = np.abs(np.diff(time) - step).max() < _EVEN * step and np.abs(time[rows] - targets).max() < _EVEN * step
+    return (count if even else 0), step
+
+
+def _thinned(values: np.ndarray, taps: np.ndarray, every: int, number: int) -> np.ndarray:
+    """Return sums of the values weighted by the taps (symmetric), of windows that start at every so many values."""
+    lead = -(len(taps) - 1) % every  # of zeros, so that the first whole window falls on a result
+    sums = upfirdn(np.concatenate([np.zeros(lead), taps]), values, 1, every)
+    first = (len(taps) - 1 + lead) // every
+    found: np.ndarray = sums[first : first + number]
+    return found
 
 
 @kernel

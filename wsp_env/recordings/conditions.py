@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.recordings.campaign import Campaign
@@ -14,8 +15,9 @@ from wsp_env.recordings.table import CampaignError
 from wsp_env.recordings.tuning import Tuning, tune
 from wsp_env.scenario import TRACK_STEP_M
 
-#: Share of the largest torque that counts as full [-]: a quantile, against noise and spikes.
-FULL_TORQUE_QUANTILE = 0.99
+_HELD_S = 0.5  # window [s] over whose means the largest torque is sought, against noise: assumption
+_HELD_QUANTILE = 0.99  # of them, against spikes
+_HELD_SHARE = 0.95  # means above this share of it are of the full brake
 
 #: mu_cd along the track is estimated in stretches of this length [m]...
 STRETCH_M = 20.0
@@ -58,18 +60,18 @@ def conditions(
         when no run to tune on slides, or no vehicle has so many axles
 
     """
-    name = vehicle_name(campaign)
+    vehicle = vehicle_name(campaign)
     tuning = tuning or tune(campaign, smoothing)
     radii = rolling_radii(campaign, smoothing)
     runs = {run: campaign.runs[run] for run in tuning.runs}
-    torques = {run: float(np.quantile(recording.brake_torque_nm, FULL_TORQUE_QUANTILE)) for run, recording in runs.items()}
+    torques = {run: _held(campaign, recording) for run, recording in runs.items()}
     full = max(torques.values())
     masses = [recording.mass_kg for recording in runs.values()]
     lightest, spread = min(masses), max(masses) - min(masses)
-    lag = VEHICLES[name].brake.fill_time_constant_s
-    rises = [_build_up(campaign, run, smoothing) / (torques[run.name] / full) for run in runs.values()]
+    lag = VEHICLES[vehicle].brake.fill_time_constant_s
+    rises = [_build_up(campaign, run, torques[name], smoothing) / (torques[name] / full) for name, run in runs.items()]
     brake = {
-        "torque_per_bar_nm": full / VEHICLES[name].brake.full_pressure_bar,
+        "torque_per_bar_nm": full / VEHICLES[vehicle].brake.full_pressure_bar,
         "demand_rise_s": max(float(np.median(rises)) - lag, 0.1),
     }
     stops = []
@@ -91,10 +93,16 @@ def conditions(
     return {"vehicle": _vehicle(campaign, brake, lightest, spread), "stops": stops}
 
 
-def _build_up(campaign: Campaign, run: Recording, smoothing: Smoothing) -> float:
-    """Time [s] in which the torque of the axle that fills first would rise to the run's largest, from its first 90 %."""
+def _held(campaign: Campaign, run: Recording) -> float:
+    """Brake torque [Nm] that the run holds where it brakes fully: the median, so that noise does not count as torque."""
+    means = uniform_filter1d(run.brake_torque_nm, max(round(_HELD_S / campaign.sample_time_s), 1), axis=0)
+    return float(np.median(run.brake_torque_nm[means >= _HELD_SHARE * np.quantile(means, _HELD_QUANTILE)]))
+
+
+def _build_up(campaign: Campaign, run: Recording, torque_nm: float, smoothing: Smoothing) -> float:
+    """Time [s] in which the torque of the axle that fills first would rise to the run's held one, from its first 90 %."""
     start, _ = braking(run, campaign.sample_time_s, smoothing)
-    enough = run.brake_torque_nm[start:] > 0.9 * np.quantile(run.brake_torque_nm, FULL_TORQUE_QUANTILE)
+    enough = run.brake_torque_nm[start:] > 0.9 * torque_nm
     return float(np.argmax(enough.any(axis=1))) * campaign.sample_time_s / 0.9
 
 

@@ -16,6 +16,7 @@ _BALANCE = (
     0.5,
     2.0,
 )  # outside, the brakes do not explain the deceleration: assumption, other brakes rarely do as much as all discs
+_KILO = 1000.0  # torques in kN m
 _LEAST_LOST = 0.05  # of the speed; a smaller loss says little
 _CHANGE_S = 0.05  # [s] over which changes are taken
 _SMOOTHER = 0.8  # share of the roughness that exchanging some axles must leave at most: simulated stops with channels as
@@ -31,16 +32,24 @@ def check(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
     Raises
     ------
     CampaignError
-        for a dead speed channel, or one in another unit
+        for a dead speed channel, or a channel in another unit
 
     """
     _dead(run, where)
     coarse = _thinned(run)
     notes = _radius(coarse, vehicle, where) + _balance(run, vehicle, where) + _swapped(coarse, vehicle, where)
-    constant = [f"axle {k + 1}" for k in np.flatnonzero(np.ptp(run.brake_torque_nm, axis=0) == 0.0)]
-    if constant:
-        notes.append(f"{where}: the brake torque of {', '.join(constant)} never changes: brake isolated, or a dead channel")
+    if constant := [f"axle {k + 1}" for k in np.flatnonzero(constant_torques(run))]:
+        notes.append(
+            f"{where}: the brake torque of {', '.join(constant)} never changes: brake isolated, or a dead channel; "
+            "not compared with the law"
+        )
     return notes
+
+
+def constant_torques(run: Recording) -> np.ndarray:
+    """Return which axles (axles,) bool have a brake torque that never changes: nothing to compare with the law."""
+    constant: np.ndarray = np.ptp(run.brake_torque_nm, axis=0) == 0.0
+    return constant
 
 
 def _thinned(run: Recording) -> Recording:
@@ -105,9 +114,14 @@ def _balance(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
             f"{where}: the vehicle slows {ratio:.2f} times as much as its brakes explain, and once if all speeds are in km/h; "
             'give their unit = "km/h" in [channels]'
         )
+    if _BALANCE[0] < _explained(run, vehicle, 1.0, _KILO) < _BALANCE[1]:
+        raise CampaignError(
+            f'{where}: the brake torques explain the deceleration if they are in kN m; give their unit = "kN*m" in [channels]'
+        )
     if abs(_explained(run, vehicle, 1.0, -1.0) - 1.0) < _FACTOR_TOLERANCE:
         return [f"{where}: the brake torques drive the vehicle: if they are counted negative in braking, give them scale = -1"]
-    return [f"{where}: the vehicle slows {ratio:.2g} times as much as its brakes explain; check mass_kg and the torques"]
+    explained = f"{ratio:.2g} times as much as its brakes explain" if ratio > 0.0 else "and its brakes do not explain it"
+    return [f"{where}: the vehicle slows {explained}; check mass_kg and the torques"]
 
 
 def _explained(run: Recording, vehicle: CampaignVehicle, speeds: float, torques: float) -> float:

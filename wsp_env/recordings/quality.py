@@ -12,6 +12,7 @@ from wsp_env.recordings.channels import channel
 from wsp_env.recordings.clock import LONGEST_GAP_S, MOST_MENDED, Clock
 from wsp_env.recordings.table import CampaignError
 
+_ABSURD = 1e12  # in SI, no value of any channel in whatever unit: a damaged file's
 _SPIKE_S = 0.1  # an impossible excursion up to this long is a fault whatever it looks like; a longer one if it is constant
 _SIGMAS = 12.0  # an excursion must stand out of the noise this far
 _HELD_S = 0.3  # a noisy channel that repeats one value for so long is saturated or frozen
@@ -65,12 +66,13 @@ def mend(values: np.ndarray, name: str, clock: Clock, where: str) -> tuple[np.nd
 
     """
     notes: list[str] = []
-    bad = ~np.isfinite(values)
+    bad = ~(np.abs(values) < _ABSURD)
     if bad.all():
         raise CampaignError(f"{where}: no sample is a number")
     if bad.any():
         if (unread := bad & ~clock.absent).any():
-            notes.append(f"{where}: {unread.sum()} samples without a number, {_where(unread, clock)}; bridged")
+            absurd = f" or with one beyond {_ABSURD:g}" if np.isfinite(values[unread]).any() else ""
+            notes.append(f"{where}: {unread.sum()} samples without a number{absurd}, {_where(unread, clock)}; bridged")
         values = _bridged(values, bad)
     noise = _noise(_stretches(values))
     spikes = _excursions(values, max(channel(name).fastest * clock.step_s, _SIGMAS * noise), clock, where, notes)

@@ -81,7 +81,7 @@ def read_recording(
     found = (*columns.notes, *plausibility.check(run, vehicle, str(file)))
     for sentence in found:
         warnings.warn(sentence, CampaignWarning, stacklevel=3)
-    return dataclasses.replace(run, warnings=found)
+    return dataclasses.replace(run, warnings=found, suspect=run.suspect | plausibility.constant_torques(run))
 
 
 def _stacked(values: dict[str, np.ndarray], channel: str, axles: int) -> Any:

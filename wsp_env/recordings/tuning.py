@@ -10,6 +10,8 @@ stays the believed one and its errors are None.
 """
 
 import dataclasses
+import warnings
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -18,7 +20,7 @@ from wsp_env.contact.degraded import degraded_adhesion
 from wsp_env.recordings import bootstrap
 from wsp_env.recordings.campaign import Campaign
 from wsp_env.recordings.derive import Derived, Smoothing, derive, rolling_radii
-from wsp_env.recordings.table import CampaignError
+from wsp_env.recordings.table import CampaignError, CampaignWarning
 
 #: Sliding for less than this [s], summed over the axles, says nothing on a run's friction.
 LEAST_SLIDING_S = 2.0
@@ -28,6 +30,9 @@ STRETCH_M = 40.0
 
 #: The gain between cylinder pressure and torque is known within this share [-]: assumption, disc brakes of one make.
 GAIN_SPREAD = 0.01
+
+#: Said of a tau that any value would do for.
+UNDETERMINED = "the runs to tune on do not determine it, name runs in which wheels slide more"
 
 _TAU_BOUNDS = (1e-7, 1e-1)  # [m/J]
 _TAU_START = 1e-4  # [m/J]
@@ -54,8 +59,34 @@ class Tuning:
     """The tuned law: tau and its 95 % interval [m/J], and every run's score."""
 
     tau_m_per_J: float  # noqa: N815 (the unit's symbol)
-    interval95: tuple[float, float]
+    interval95: tuple[float, float]  # 0 and inf where the runs leave it open
     runs: dict[str, RunScore]
+
+    @property
+    def determined(self) -> bool:
+        """Whether the runs tuned on tell tau from none and from any."""
+        low, high = _TAU_BOUNDS
+        return low < self.interval95[0] and self.interval95[1] < high
+
+    @property
+    def sentence(self) -> str:
+        """What tau is, for people."""
+        low, high = self.interval95
+        said = f"tau = {self.tau_m_per_J:.3e} m/J, 95 % interval {low:.3e} to {high:.3e} m/J"
+        return said if self.determined else f"{said}: {UNDETERMINED}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain data: errors per axle, null where an axle never slides; null for an end of the interval that is open."""
+        runs = {
+            name: {"group": score.group, "mu_cd": score.mu_cd, "mu_cd_tuned": score.mu_cd_tuned, "error": list(score.error)}
+            for name, score in self.runs.items()
+        }
+        return {
+            "tau_m_per_J": self.tau_m_per_J,
+            "interval95": [end if np.isfinite(end) else None for end in self.interval95],
+            "determined": self.determined,
+            "runs": runs,
+        }
 
     def adhesion(self, campaign: Campaign, derived: Derived, mu_cd: float) -> np.ndarray:
         """Adhesion coefficient f [-] (T, axles) of the tuned law at the measured slip and speed, eq. (10)."""
@@ -78,7 +109,7 @@ def tune(campaign: Campaign, smoothing: Smoothing = Smoothing(), tune_friction: 
     radii = rolling_radii(campaign, smoothing)
     chosen = (*campaign.tune, *campaign.validate)
     derived = {name: derive(campaign, campaign.runs[name], radii, smoothing) for name in chosen}
-    slides = {name: d.usable.sum() * campaign.sample_time_s >= LEAST_SLIDING_S for name, d in derived.items()}
+    slides = {name: bool(d.usable.sum() * campaign.sample_time_s >= LEAST_SLIDING_S) for name, d in derived.items()}
     tuned_on = [name for name in campaign.tune if slides[name]]
     if not tuned_on:
         raise CampaignError(
@@ -96,7 +127,10 @@ def tune(campaign: Campaign, smoothing: Smoothing = Smoothing(), tune_friction: 
         mu_cd = frictions.get(name, believed) if tune_friction else believed
         error = _errors(campaign, derived[name], tau, mu_cd) if slides[name] else (None,) * campaign.vehicle.axles
         runs[name] = RunScore("tune" if name in campaign.tune else "validate", mu_cd, tune_friction and slides[name], error)
-    return Tuning(tau, interval, runs)
+    tuning = Tuning(tau, interval, runs)
+    if not tuning.determined:
+        warnings.warn(f"campaign {campaign.name}: {tuning.sentence}", CampaignWarning, stacklevel=2)
+    return tuning
 
 
 def tune_classic(campaign: Campaign, name: str, derived: Derived) -> float:
@@ -145,7 +179,12 @@ class _Problem:
         blocks = bootstrap.Blocks.of(jacobian, residuals, places // STRETCH_M, axles, shares)
         measured = self.campaign.vehicle.brake_torque_source == "measured"
         low, high = bootstrap.interval95(blocks, 0.0 if measured else GAIN_SPREAD)
-        return float(np.exp(solution[0] + low)), float(np.exp(solution[0] + high))
+        ends = solution[0] + np.array([low, high])  # of the logarithm
+        least, most = np.log(_TAU_BOUNDS)
+        return (
+            0.0 if ends[0] <= least else float(np.exp(ends[0])),
+            np.inf if ends[1] >= most else float(np.exp(ends[1])),
+        )
 
 
 def _place(campaign: Campaign, name: str, derived: Derived) -> np.ndarray:

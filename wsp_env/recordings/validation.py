@@ -11,7 +11,7 @@ from wsp_env.recordings.campaign import Campaign
 from wsp_env.recordings.derive import Derived, Smoothing, braking, derive, rolling_radii
 from wsp_env.recordings.recording import Recording
 from wsp_env.recordings.replay import Simulated, Slide
-from wsp_env.recordings.tuning import Tuning, tune, tune_classic
+from wsp_env.recordings.tuning import UNDETERMINED, Tuning, tune, tune_classic
 
 #: What windows of a second are simulated with, and what that is.
 RIVALS = {
@@ -111,38 +111,35 @@ class Validation:
         ]
 
     @property
+    def scored(self) -> str:
+        """Which runs the paper's figures are taken over."""
+        return "only scored" if self.campaign.validate else "tuned on themselves"
+
+    @property
     def verdict(self) -> str:
         """One plain sentence."""
+        if not self.tuning.determined:
+            return f"Nothing is validated: tau is open, {UNDETERMINED}."
         criteria = self.criteria
         if not criteria:
             return "No run to validate slides: these recordings say nothing on the law."
         missed = [c for c in criteria if not c.met]
         if not missed:
             tuned = ", ".join(self.campaign.tune)
-            return f"The law tuned on {tuned} meets all the seed paper's own figures on the runs that were only scored."
+            met = f"The law tuned on {tuned} meets all the seed paper's own figures on the runs that were {self.scored}."
+            return met if self.campaign.validate else f"{met} Runs that were only scored are missing: this validates nothing."
         parts = ", ".join(f"{c.name} ({c.value:.3g} {c.unit} against {c.limit:.3g})".replace(" )", ")") for c in missed)
         return f"The tuned law does worse than the seed paper's own figures in: {parts}."
 
     def to_json(self) -> dict[str, Any]:
         """Return the validation as plain data."""
-        runs = {
-            name: {
-                "group": score.group,
-                "mu_cd": score.mu_cd,
-                "error": list(score.error),
-                "window_rms_mps": self.stops[name].window_rms_mps,
-                **dataclasses.asdict(self.stops[name].slide),
-                "warnings": list(self.stops[name].run.warnings),
-            }
-            for name, score in self.tuning.runs.items()
-        }
-        return {
-            "tau_m_per_J": self.tuning.tau_m_per_J,
-            "interval95": list(self.tuning.interval95),
-            "verdict": self.verdict,
-            "criteria": [dataclasses.asdict(c) | {"met": c.met} for c in self.criteria],
-            "runs": runs,
-        }
+        found = self.tuning.to_json()
+        for name, figures in found["runs"].items():
+            stop = self.stops[name]
+            figures |= {"window_rms_mps": stop.window_rms_mps, **dataclasses.asdict(stop.slide)}
+            figures["warnings"] = list(stop.run.warnings)
+        criteria = [dataclasses.asdict(c) | {"met": c.met} for c in self.criteria]
+        return found | {"verdict": self.verdict, "criteria": criteria, "criteria_over": f"runs {self.scored}"}
 
 
 def validate(campaign: Campaign, smoothing: Smoothing = Smoothing(), tune_friction: bool = True) -> Validation:

@@ -79,17 +79,13 @@ def criteria_table(validation: Validation) -> Table:
     rows = [
         (c.name, f"{c.value:.3g} {c.unit}", f"{c.limit:.3g} {c.unit}", "yes" if c.met else "no") for c in validation.criteria
     ]
-    return Table(("figure", "here, worst", "seed paper, worst", "met"), rows, "over the runs that were only scored")
+    return Table(("figure", "here, worst", "seed paper, worst", "met"), rows, f"over the runs that were {validation.scored}")
 
 
 def write(path: Path, validation: Validation, closed_loop: Table | None = None) -> None:
     """Write the page, with the table of a closed loop where there is one; it needs the extra [report]."""
-    low, high = validation.tuning.interval95
     campaign = validation.campaign
-    lead = (
-        f"{validation.verdict} tau = {validation.tuning.tau_m_per_J:.3e} m/J, 95 % interval {low:.3e} to {high:.3e} m/J, "
-        f"tuned on {', '.join(campaign.tune)}."
-    )
+    lead = f"{validation.verdict} Tuned on {', '.join(campaign.tune)}: {validation.tuning.sentence}."
     sections = [
         Section(
             "The seed paper's own figures",
