@@ -164,6 +164,16 @@ def test_units_stated_in_the_file_are_used(tmp_path, columns):
     assert_allclose(read_campaign(folder).runs["A1"].vehicle_speed_mps, columns["vehicle_speed_mps"], rtol=1e-12)
 
 
+def test_turns_a_minute_are_what_channels_says(tmp_path, columns):
+    table = columns | {"n2 [1/min]": columns["axle2_wheel_speed_radps"] * 60.0 / (2.0 * np.pi)}
+    folder = write_campaign(tmp_path, {"A1": table})
+    with (folder / "campaign.toml").open("a") as toml:
+        toml.write('[channels]\naxle2_wheel_speed = {column = "n2 [1/min]", unit = "rpm"}\n')
+    run = read_campaign(folder).runs["A1"]
+    assert run.warnings == ()
+    assert_allclose(run.wheel_speed_radps[:, 1], columns["axle2_wheel_speed_radps"], rtol=1e-12)
+
+
 def test_wheel_speed_as_speed_of_the_circumference(tmp_path, columns):
     table = columns | {"wheel2": 3.6 * RADIUS_M * columns["axle2_wheel_speed_radps"]}
     folder = write_campaign(tmp_path, {"A1": table})

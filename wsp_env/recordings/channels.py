@@ -57,6 +57,9 @@ _SPELLINGS = {
     "-": "",
 }
 
+#: Units that files state for turns, though they may mean radians: never taken for either without a word in `[channels]`.
+TURNS = ("1/min", "min-1", "min^-1", "/min")
+
 
 @dataclasses.dataclass(frozen=True)
 class Source:

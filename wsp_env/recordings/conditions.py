@@ -18,6 +18,7 @@ from wsp_env.scenario import TRACK_STEP_M
 _HELD_S = 0.5  # window [s] over whose means the largest torque is sought, against noise: assumption
 _HELD_QUANTILE = 0.99  # of them, against spikes
 _HELD_SHARE = 0.95  # means above this share of it are of the full brake
+_FILLED = 0.9  # share of the held torque at which an axle counts as filled
 
 #: mu_cd along the track is estimated in stretches of this length [m]...
 STRETCH_M = 20.0
@@ -69,10 +70,12 @@ def conditions(
     masses = [recording.mass_kg for recording in runs.values()]
     lightest, spread = min(masses), max(masses) - min(masses)
     lag = VEHICLES[vehicle].brake.fill_time_constant_s
-    rises = [_build_up(campaign, run, torques[name], smoothing) / (torques[name] / full) for name, run in runs.items()]
+    # A ramp is late by half its length, the brake that follows it by its lag on top.
+    lates = {name: _build_up(campaign, run, torques[name], smoothing) - lag for name, run in runs.items()}
+    rises = [2.0 * late / (torques[name] / full) for name, late in lates.items()]
     brake = {
         "torque_per_bar_nm": full / VEHICLES[vehicle].brake.full_pressure_bar,
-        "demand_rise_s": max(float(np.median(rises)) - lag, 0.1),
+        "demand_rise_s": max(float(np.median(rises)), 0.1),
     }
     stops = []
     for run, recording in runs.items():
@@ -100,10 +103,12 @@ def _held(campaign: Campaign, run: Recording) -> float:
 
 
 def _build_up(campaign: Campaign, run: Recording, torque_nm: float, smoothing: Smoothing) -> float:
-    """Time [s] in which the torque of the axle that fills first would rise to the run's held one, from its first 90 %."""
+    """Time [s] by which the brake is late: what the axle that fills first lacks of the held torque until it reaches it."""
     start, _ = braking(run, campaign.sample_time_s, smoothing)
-    enough = run.brake_torque_nm[start:] > 0.9 * torque_nm
-    return float(np.argmax(enough.any(axis=1))) * campaign.sample_time_s / 0.9
+    share = run.brake_torque_nm[start:] / torque_nm
+    first = share[:, np.argmin(np.where((share > _FILLED).any(axis=0), np.argmax(share > _FILLED, axis=0), len(share)))]
+    filled = int(np.argmax(first >= min(1.0, first.max())))
+    return float(np.sum(1.0 - first[:filled])) * campaign.sample_time_s
 
 
 def _vehicle(campaign: Campaign, brake: Mapping[str, float], mass_kg: float, payload_kg: float) -> Mapping[str, Any]:

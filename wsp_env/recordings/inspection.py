@@ -35,7 +35,6 @@ _ENDINGS = {
 }  # fmt: skip
 
 _AXLE = re.compile(r"(?:axle|axl|ax|wheelset|wheel|ws|achse|rad|w|a)[ _.-]?(\d{1,2})(?!\d)", re.IGNORECASE)
-_TURNS = ("1/min", "min-1", "min^-1", "/min")  # of a wheel speed: guessed to be turns, which reading would not
 _BY_UNIT = ("wheel_speed", "brake_torque", "cylinder_pressure")  # what a unit and a number in the name may speak for
 _MOST_AXLES = 8
 _MEASURED = ('brake_torque_source = "measured"    # or "cylinder pressure times the nominal gain"',)
@@ -108,7 +107,7 @@ def guess(table: Table, highest: dict[str, float]) -> dict[str, Source]:
             if not name or name in guessed:
                 continue
             kind = name.split("_", 1)[1] if name.startswith("axle") else name
-            if kind == "wheel_speed" and unit in _TURNS:
+            if kind == "wheel_speed" and unit in channels.TURNS:
                 unit = "rpm"
             if not unit:
                 unit = _WORDS[kind][1]
@@ -214,7 +213,7 @@ def _measured(column: str, unit: str) -> str:
 
 
 def _fits(unit: str, name: str) -> bool:
-    if not unit or (unit in _TURNS and name.endswith("_wheel_speed")):
+    if not unit or (unit in channels.TURNS and name.endswith("_wheel_speed")):
         return True
     try:
         channels.factor(unit, name, 1.0, "")
