@@ -12,7 +12,7 @@ from rich.progress import Progress
 from wsp_env.envs.model import read_model
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.replay import FIGURES, RECORDED, SIMULATED, Course, Replay, replay
-from wsp_env.recordings import read_campaign
+from wsp_env.recordings import Campaign, read_campaign
 from wsp_env.report import COLOURS, Section, Table, axes, plotly, terminal_table, write_page
 
 _DIGITS = {"distance_m": 0, "time_s": 1, "mean_slip_mps": 2, "slip_deviation_mps": 2, "largest_creepage": 2}
@@ -84,7 +84,7 @@ def main(
         print(f"wsp: {name} failed: {message}", file=sys.stderr)
     page = out / "replay.html"
     try:
-        _write_page(page, result)
+        _write_page(page, result, recorded)
         written = f"Speeds and slips: {page}"
     except ModuleNotFoundError as missing:  # the table does without
         written = f"no page: {missing}"
@@ -107,7 +107,7 @@ def _table(result: Replay) -> Table:
     return Table(("stop", "controller", *(_HEADS[name] for name in FIGURES)), rows, caption)
 
 
-def _write_page(path: Path, result: Replay) -> None:
+def _write_page(path: Path, result: Replay, campaign: Campaign) -> None:
     objects, _ = plotly()
     names = list(dict.fromkeys(course.who for course in result.courses))
     colour = {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}
@@ -134,6 +134,8 @@ def _write_page(path: Path, result: Replay) -> None:
     ]
     for stop in dict.fromkeys(course.stop for course in result.courses):
         sections.append(Section(f"Stop {stop}", (), (_speeds([c for c in result.courses if c.stop == stop], colour),)))
+    if said := [sentence for stop in recorded for sentence in campaign.runs[stop].warnings]:
+        sections.append(Section("What was mended in the recordings, or looks wrong", said))
     lead = f"Controllers under the conditions of campaign {result.campaign}, beside the stops as they were recorded."
     write_page(path, "Replayed stops", lead, sections, "Written by: wsp replay")
 
@@ -146,7 +148,7 @@ def _trust(courses: tuple[Course, ...]) -> tuple[str, ...]:
     worst = max(abs(pairs[SIMULATED][stop] / way - 1.0) for stop, way in pairs[RECORDED].items())
     return (
         f"Simulated with the recorded brake torque, the stops are at most {100 * worst:.1f} % longer or shorter than recorded: "
-        "so far the replay can be trusted.",
+        "so far the law and the vehicle can be trusted. Brakes are replayed as hard and as early as recorded, all axles alike.",
         "A controller's own stop cannot be compared sample by sample with the recorded one: tiny causes make two stops under a "
         "controller with thresholds part. Compare distances, and the statistics of the slide.",
     )
