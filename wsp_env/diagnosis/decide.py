@@ -40,7 +40,7 @@ SHARE_OF_GAIN = 0.1
 INDISTINCT = 9.0
 MOST = 3
 #: Mechanisms that are refitted in every round.
-TRIED = 3
+TRIED = 5
 #: Wheel radius [-] off by more than this is no normal variation: three times its tolerance.
 ABNORMAL_RADIUS = 1.5e-3
 

@@ -22,6 +22,8 @@ from wsp_env.plant.mechanisms import ALL
 
 #: Share of its square that a direction must have left: less is nothing that the null recordings' mean can be taken from.
 _LEFT = 1e-3
+#: Share of its square, before the nuisances are taken away, that a column must have left.
+_SPANNED = 1e-6
 _LOG10 = float(np.log(10.0))
 
 
@@ -86,6 +88,9 @@ def scan(
         projector = Projector(free[keep], nuisance.prior)
         both = np.column_stack([x[keep], y[keep]])
         inner = projector.inner(both, both)
+        # What the nuisances span leaves rounding errors.
+        spanned = np.diag(inner) < _SPANNED * np.einsum("nk,nk->k", both, both)
+        inner[spanned, :] = inner[:, spanned] = 0.0
         return Products(inner[:-1, :-1], inner[:-1, -1], float(inner[-1, -1]), int(keep.sum()))
 
     bare = tuple(dataclasses.replace(one, columns=np.zeros((0, one.columns.shape[1]))) for one in listed)
@@ -186,11 +191,14 @@ class Search:
 
     def _offset(self) -> np.ndarray:
         """Mean inner product (K,) of the data's columns in null recordings."""
-        mean = self.mean
+        square = np.mean([np.diag(null.whole.gram) for null in self.nulls], axis=0)
         offset = np.zeros(len(self.data.whole.against))
         for mine, its in enumerate(self.twin):
             if its >= 0:
-                offset[self.data.columns_of(mine)] = mean[self.nulls[0].columns_of(its)]
+                own, index = self.data.columns_of(mine), self.nulls[0].columns_of(its)
+                # About an extended model a column may have become smaller, and its mean with it.
+                share = np.sqrt(np.diag(self.data.whole.gram)[own] / np.maximum(square[index], 1e-12))
+                offset[own] = np.minimum(share, 1.0) * self.mean[index]
         return offset
 
     def gain(self, index: np.ndarray, part: str = "whole") -> Fit:
