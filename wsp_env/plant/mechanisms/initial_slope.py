@@ -19,7 +19,9 @@ class Parameters(NamedTuple):
 MECHANISM = Mechanism(
     name="initial_slope",
     summary="the creep curve rises less steeply than Kalker's",
-    parameters=(Parameter("factor", "-", 1.0, 0.5, 0.005, 3.0, "Polach (2005): reduction by a third body; bounds: assumption"),),
+    parameters=(
+        Parameter("factor", "-", 1.0, 0.5, 0.005, 3.0, "Polach (2005): reduction by a third body; bounds: assumption"),
+    ),
     record=Parameters,
     trace="adhesion: residual below 1 % creepage",
 )
