@@ -209,7 +209,7 @@ def _trial(
     offset = search.offsets["whole"][search.data.columns_of(one.which)]
     tilt = np.concatenate([offset, np.zeros(len(free.sizes) - len(variant.sizes))])
     tilts = [*(a.tilt for a in accepted), tilt]
-    for share in (1.0, 0.2):  # the linear step may lead astray
+    for share in (1.0, 0.3, 0.05):  # the linear step may lead astray
         choice = {**fitted.model.choice, **choice_of(variant, null + share * (start - null))}
         again = refit(balances, dataclasses.replace(fitted.model, choice=choice), variants, weights, tilts=tilts)
         if best is None or again.cost < best.cost:

@@ -33,7 +33,7 @@ _BIAS_SHARE = 0.5  # of what smoothing leaves in the null recordings counts as d
 #: A run whose residuals are so many times the others' is left out as damaged.
 _DAMAGED = 5.0
 #: Closures: surprise, and share of the deceleration or of the adhesion, from which on structure remains that matters.
-_CLOSURE_SURPRISE = 6.0
+_CLOSURE_SURPRISE = 8.0
 _LEAST_CLOSURE = 0.01
 #: Share of all gains, the mechanisms' and the closure's, from which on the mechanisms do not explain what is there: assumption.
 _LEFT_OPEN = 0.25

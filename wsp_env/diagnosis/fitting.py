@@ -1,7 +1,7 @@
 """Fits the baseline and its extensions to the balances, with all nuisances."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -9,15 +9,16 @@ from wsp_env.diagnosis import candidates
 from wsp_env.diagnosis.balances import ADHESION, Balances
 from wsp_env.diagnosis.candidates import Variant, choice_of
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.gls import Projector, fit
-from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, Nuisances, nuisances, unresolved
+from wsp_env.diagnosis.gls import Fit, Projector, fit
+from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, nuisances, unresolved
 from wsp_env.plant.mechanisms import ALL
 
 _TAU_START = 2e-4  # [m/J]
-_ITERATIONS = 5
+_ITERATIONS = 8
 _LARGEST_STEP = 0.7  # [-] change of log tau or log mu_cd in one iteration
 _HALVINGS = 4
 _NEAR = 1.0  # mean square of the residuals' change, in deviations, within which the nuisances count as the same
+_LITTLE = 0.02  # share of a mechanism that is taken as linear
 _LEAST_ROWS = 20  # blocks of sliding that say something on a run's friction
 
 
@@ -84,11 +85,12 @@ def refit(
     """
     keep = np.ones(len(balances.rows), dtype=bool) if keep is None else keep
     slides = sliding(balances)
-    state = _State(balances, model, variants, weights, keep, tilts)
+    moves = np.array([free_law and bool(slides.any()), *slides])
+    state = _State(balances, model, variants, weights, keep, tilts, moves)
     for _ in range(_ITERATIONS):
-        move = state.newton(slides, free_law)
+        move = state.newton()
         for halving in range(_HALVINGS):
-            tried = _State(balances, move(0.5**halving), variants, weights, keep, tilts, state)
+            tried = _State(balances, move(0.5**halving), variants, weights, keep, tilts, moves, state)
             if tried.cost <= state.cost:
                 break
         else:
@@ -100,7 +102,7 @@ def refit(
 
 
 class _State:
-    """The fit at one model."""
+    """The fit at one model: its cost has the nuisances' best part taken away, but for the law's parameters that move."""
 
     def __init__(
         self,
@@ -110,6 +112,7 @@ class _State:
         weights: Weights,
         keep: np.ndarray,
         tilts: Sequence[np.ndarray],
+        moves: np.ndarray,
         before: "_State | None" = None,
     ) -> None:
         self.balances, self.model, self.variants, self.weights, self.keep = balances, model, tuple(variants), weights, keep
@@ -117,54 +120,80 @@ class _State:
         self.y = weights(self.base)[keep]
         if before is None or np.mean((self.y - before.origin) ** 2) > _NEAR:
             self.origin: np.ndarray = self.y
-            self.nuisances: Nuisances = nuisances(balances, model, self.base)
-            self.projector = Projector((self.nuisances.columns / weights.deviation[:, None])[keep], self.nuisances.prior)
+            found = nuisances(balances, model, self.base)
+            white = (found.columns / weights.deviation[:, None])[keep]
+            names = np.array(found.names)
+            law = np.zeros(len(names), dtype=bool)
+            law[np.concatenate([np.flatnonzero(names == "tau"), np.flatnonzero(names == "mu_cd")])[moves]] = True
+            self.law: np.ndarray = white[:, law]
+            self.projector = Projector(white[:, ~law], found.prior[~law])
         else:  # they change little on the way
-            self.nuisances, self.projector, self.origin = before.nuisances, before.projector, before.origin
-        self.tilt = np.concatenate(tilts) if len(tilts) else np.zeros(sum(len(one.sizes) for one in self.variants))
-        moved = [self._moved(one) for one in self.variants]
+            self.law, self.projector, self.origin = before.law, before.projector, before.origin
+        self.moves = moves  # (1 + runs,) whether tau and mu_cd move
+        self.tilts = tilts if len(tilts) else [np.zeros(len(one.sizes)) for one in self.variants]
         self.cost = float(self.projector.inner(self.y[:, None], self.y[:, None])[0, 0])
-        self.cost -= 2.0 * float(self.tilt @ np.concatenate(moved)) if moved else 0.0
+        self.cost -= 2.0 * sum(self._noise(one, tilt) for one, tilt in zip(self.variants, self.tilts, strict=True))
 
     def _columns(self) -> tuple[np.ndarray, np.ndarray]:
         found = [candidates.columns(self.balances, self.model, self.base, one) for one in self.variants]
         matrix = np.column_stack([columns for columns, _ in found]) / self.weights.deviation[:, None]
         return matrix[self.keep], np.array([step for _, steps in found for step in steps])
 
-    def newton(self, slides: np.ndarray, free_law: bool):  # type: ignore[no-untyped-def]  # a closure, typed by its use
-        """Return the function that moves a share of the step."""
-        y, change = self.y, np.zeros(0)
+    def _solve(self) -> tuple[Fit, np.ndarray]:
+        """Fit the variants' columns and those of the law's parameters that move; returns the variants' steps too."""
+        columns, steps, tilt = np.zeros((len(self.y), 0)), np.zeros(0), np.zeros(0)
         if self.variants:
             columns, steps = self._columns()
-            found = fit(self.projector.inner(columns, columns), self.projector.inner(columns, y[:, None])[:, 0] - self.tilt)
-            y = y - columns @ found.amplitude
-            change = -found.amplitude * steps
-        amplitudes = self.projector.amplitudes(-y)
-        names = np.array(self.nuisances.names)
-        log_tau = float(np.clip(amplitudes[names == "tau"][0] * LOG_TAU, -_LARGEST_STEP, _LARGEST_STEP))
-        log_mu = np.clip(amplitudes[names == "mu_cd"] * MU_CD, -_LARGEST_STEP, _LARGEST_STEP) * slides
-        if not (free_law and slides.any()):
-            log_tau = 0.0
+            tilt = np.concatenate(self.tilts)
+        columns, law = np.column_stack([columns, self.law]), self.law.shape[1]
+        gram, against = self.projector.inner(columns, columns), self.projector.inner(columns, self.y[:, None])[:, 0]
+        gram[np.diag_indices_from(gram)] += np.concatenate([np.zeros(len(steps)), np.ones(law)])  # their priors
+        return fit(gram, against - np.concatenate([tilt, np.zeros(law)])), steps
+
+    def newton(self) -> Callable[[float], Model]:
+        """Return the function that moves a share of the step."""
+        found, steps = self._solve()
+        change = -found.amplitude[: len(steps)] * steps
+        step = np.zeros(len(self.moves))
+        step[self.moves] = -found.amplitude[len(steps) :]
+        step = np.clip(step * [LOG_TAU, *[MU_CD] * (len(step) - 1)], -_LARGEST_STEP, _LARGEST_STEP)
         highest = 0.9 * self.balances.campaign.contact.kinetic_friction_r
 
         def moved(share: float) -> Model:
-            mu = tuple(float(min(m * np.exp(share * x), highest)) for m, x in zip(self.model.mu_cd, log_mu, strict=True))
+            mu = tuple(float(min(m * np.exp(share * x), highest)) for m, x in zip(self.model.mu_cd, step[1:], strict=True))
             choice = dict(self.model.choice)
             first = 0
             for one in self.variants:
                 values = self._values(one) + share * change[first : first + len(one.sizes)]
                 first += len(one.sizes)
                 choice |= choice_of(one, values)
-            return Model(self.model.tau * float(np.exp(share * log_tau)), mu, choice)
+            return Model(self.model.tau * float(np.exp(share * step[0])), mu, choice)
 
         return moved
 
-    def _moved(self, variant: Variant) -> np.ndarray:
-        """How many steps the free parameters are from their null; 0 for those that say where."""
-        steps = [candidates.step(variant.name, name) for name in variant.sizes]
-        null = np.array([null for null, _ in steps])
-        result: np.ndarray = (self._values(variant) - null) / np.array([change for _, change in steps])
-        return result
+    def _noise(self, variant: Variant, tilt: np.ndarray) -> float:
+        """Mean inner product of what a variant changes with the residual in null recordings."""
+        if not tilt.any():
+            return 0.0
+        values, steps = self._values(variant), np.array([candidates.step(variant.name, name)[1] for name in variant.sizes])
+        null = self._nulls(variant)
+        linear = float(tilt @ ((values - null) / steps * (tilt != 0.0)))
+        if linear == 0.0:
+            return 0.0
+
+        def raw(share: float) -> np.ndarray:
+            choice = choice_of(variant, np.where(tilt != 0.0, null + share * (values - null), values))
+            model = dataclasses.replace(self.model, choice={**self.model.choice, **choice})
+            result: np.ndarray = (self.balances.raw(model) / self.weights.deviation)[self.keep]
+            return result
+
+        # It grows with the size until the change itself does not any more.
+        none = raw(0.0)
+        whole, little = (float(np.linalg.norm(raw(share) - none)) / share for share in (1.0, _LITTLE))
+        return linear * min(whole / max(little, 1e-12), 1.0)
+
+    def _nulls(self, variant: Variant) -> np.ndarray:
+        return np.array([candidates.step(variant.name, name)[0] for name in variant.sizes])
 
     def _values(self, variant: Variant) -> np.ndarray:
         present = self.model.choice.get(variant.name, {})
@@ -174,9 +203,8 @@ class _State:
     def fitted(self) -> Fitted:
         covariances = []
         if self.variants:
-            columns, steps = self._columns()
-            found = fit(self.projector.inner(columns, columns), np.zeros(len(steps)))
-            whole = found.covariance * np.outer(steps, steps)
+            found, steps = self._solve()
+            whole = found.covariance[: len(steps), : len(steps)] * np.outer(steps, steps)
             first = 0
             for one in self.variants:
                 part = slice(first, first + len(one.sizes))
