@@ -29,7 +29,7 @@ class Bank:
 
     out: Path = Path("out/concealed")
     cases: int = 230
-    seed: int = 1
+    seed: int = 2  # 1 was looked at while the diagnosis was made
     jobs: int = multiprocessing.cpu_count()
     small: bool = False  # a few cases only
 

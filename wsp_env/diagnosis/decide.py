@@ -15,7 +15,7 @@ from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import rolling_radii
 
 #: -log10 of the probability in a null recording from which on a mechanism counts; some twenty names are searched.
-SURPRISE = 5.0
+SURPRISE = 4.0
 #: Size over the smallest effect of interest from which on a mechanism counts.
 LEAST_MULTIPLE = 0.5
 #: Gain over the largest one in null recordings, and gain, from which on it counts: whatever few null recordings say of tails.
@@ -151,13 +151,22 @@ def _trials(
     if rolling is not None and not any(a.variant.name == rolling[0].name for a in accepted):
         promising = [rolling[0], *(one for one in promising if one.name != rolling[0].name)]
         starts[rolling[0].which] = rolling[1]
-    passed = []
+    there = []
     for one in promising:
         trial = _trial(balances, fitted, search, one, starts[one.which], weights, accepted)
         held_out = trial.found.held_out >= least_held_out(expected(search, one)) or rolling is not None
-        if trial.found.gain > _least(search, one, trial.listed, accepted) and held_out and trial.multiple >= LEAST_MULTIPLE:
-            passed.append(trial)
-    return sorted(passed, key=lambda trial: -trial.found.net), library[TRIED:]
+        if trial.found.gain > _least(search, one, trial.listed, accepted) and held_out:
+            there.append(trial)
+    there.sort(key=lambda trial: -trial.found.net)
+    passed = [t for i, t in enumerate(there) if t.multiple >= LEAST_MULTIPLE and not _shadow(search, t, there[:i])]
+    return passed, library[TRIED:]
+
+
+def _shadow(search: Search, trial: Trial, better: Sequence[Trial]) -> bool:
+    """Whether little is left of a mechanism beside one that gains more but is too small to matter."""
+    index = search.data.columns_of(trial.found.which)
+    small = [search.data.columns_of(one.found.which) for one in better if one.multiple < LEAST_MULTIPLE]
+    return any(search.gain(index, beside=columns).gain <= _least(search, trial.found, trial.listed, ()) for columns in small)
 
 
 def _least(search: Search, one: Found, listed: Variant, accepted: Sequence[Accepted]) -> float:

@@ -24,6 +24,7 @@ from wsp_env.plant.mechanisms import ALL
 _LEFT = 1e-3
 #: Share of its square, before the nuisances are taken away, that a column must have left.
 _SPANNED = 1e-6
+_NONE = np.zeros(0, dtype=int)
 _LOG10 = float(np.log(10.0))
 
 
@@ -201,9 +202,10 @@ class Search:
                 offset[own] = np.minimum(share, 1.0) * self.mean[index]
         return offset
 
-    def gain(self, index: np.ndarray, part: str = "whole") -> Fit:
-        """Fit some columns to the data, off those of the accepted mechanisms."""
-        return fit(*conditioned(getattr(self.data, part), index, self.own, self.offsets[part]), _LEFT)
+    def gain(self, index: np.ndarray, part: str = "whole", beside: np.ndarray = _NONE) -> Fit:
+        """Fit some columns to the data, off those of the accepted mechanisms and some others'."""
+        given = np.concatenate([self.own, beside])
+        return fit(*conditioned(getattr(self.data, part), index, given, self.offsets[part]), _LEFT)
 
     def held_out(self, index: np.ndarray) -> float:
         """Gain on the runs to validate of amplitudes fitted to the runs to tune on; the whole gain without such runs."""
