@@ -14,6 +14,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecNormalize
 
 import wsp_env
+from agents.steering import Steering
 from agents.worlds import CUT_OUT_MPS, REFERENCE
 from wsp_env.envs.observation import Observer
 from wsp_env.envs.task import Task
@@ -39,12 +40,13 @@ class Actor(torch.nn.Module):
     mean: torch.Tensor
     deviation: torch.Tensor
 
-    def __init__(self, policy: ActorCriticPolicy, normalisation: VecNormalize) -> None:
+    def __init__(self, policy: ActorCriticPolicy, normalisation: VecNormalize, steering: Steering | None = None) -> None:
         super().__init__()
         statistics: Any = normalisation.obs_rms
         self.register_buffer("mean", torch.tensor(statistics.mean, dtype=torch.float32))
         self.register_buffer("deviation", torch.tensor(np.sqrt(statistics.var + normalisation.epsilon), dtype=torch.float32))
         self.bound = float(normalisation.clip_obs)
+        self.steering = steering
         self.valve = isinstance(policy.action_space, spaces.MultiDiscrete)
         self.mlp_extractor = policy.mlp_extractor
         self.action_net = policy.action_net
@@ -55,6 +57,8 @@ class Actor(torch.nn.Module):
         raw = self.action_net(self.mlp_extractor.forward_actor(normal))
         if self.valve:
             command = torch.argmax(raw.reshape(raw.shape[0], -1, 3), dim=2).to(torch.float32) - 1.0
+        elif self.steering:
+            command = self.steering.commands(observation, raw)
         else:
             command = torch.clamp(raw, -1.0, 1.0)
         slow = observation[:, REFERENCE] < CUT_OUT_MPS / Observer.SPEED_SCALE
@@ -69,7 +73,7 @@ class Actor(torch.nn.Module):
 def disagreement(policy: ActorCriticPolicy, normalisation: VecNormalize, observation: np.ndarray, raw: np.ndarray) -> float:
     """Return the largest difference of SB3's own distribution of actions from an exported last layer (N, L).
 
-    Of valves the log-probabilities are compared (logits have a free constant), of pressures the means.
+    Of valves the log-probabilities are compared (logits have a free constant), of pressures, also those wanted, the means.
     """
     with torch.no_grad():
         own: Any = policy.get_distribution(torch.as_tensor(normalisation.normalize_obs(observation))).distribution
@@ -113,6 +117,7 @@ def describe(
 def export(
     policy: ActorCriticPolicy,
     normalisation: VecNormalize,
+    actor: Actor,
     vehicle: str,
     task: Task,
     folder: Path,
@@ -124,7 +129,7 @@ def export(
     """
     import onnxruntime
 
-    actor = Actor(policy, normalisation).eval()
+    actor.eval()
     size = len(describe_observation(VEHICLES[vehicle].axles, task.pressure_sensors))
     with tempfile.TemporaryDirectory() as temporary:
         path = Path(temporary) / NETWORK

@@ -1,7 +1,6 @@
 """The conditions by which learned controllers are measured, and the figures of any controller under them."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -88,7 +87,11 @@ class Yardstick:
 
     def means(self, controller: Controller) -> dict[str, float]:
         """Return the means of the compared figures and of the metres slid (mean of the axles), and the share that ran on."""
-        found: Mapping[str, Any] = self.figures(controller)
-        slid = float(np.mean(found["mean_slip_mps"] * found["duration_s"]))
-        own = {"slide_distance_m": slid, "ran_on": float(np.mean(~found["stopped"]))}
-        return {name: float(np.mean(found[name])) for name in COMPARED} | own
+        return means(self.figures(controller))
+
+
+def means(found: Mapping[str, np.ndarray]) -> dict[str, float]:
+    """Return the means of the compared figures of some stops, see `Yardstick.means`."""
+    slid = float(np.mean(found["mean_slip_mps"] * found["duration_s"]))
+    own = {"slide_distance_m": slid, "ran_on": float(np.mean(~found["stopped"]))}
+    return {name: float(np.mean(found[name])) for name in COMPARED} | own

@@ -1,8 +1,8 @@
-"""Train a wheel slide protection with PPO: `python -m agents.train --vehicle bogie --seed 1`; again to go on after a kill.
+"""Train a wheel slide protection by imitation and PPO: `python -m agents.train --vehicle bogie --seed 1`.
 
-The training is cut into segments. Each begins with new stops and with random numbers that follow from the seed and the
-segment's number alone, and ends with a checkpoint: a run that was killed and started again ends with the weights of one that
-was not.
+Started again after a kill it goes on. The training is cut into segments. Each begins with new stops and with random numbers
+that follow from the seed and the segment's number alone, and ends with a checkpoint: a run that was killed and started again
+ends with the weights of one that was not.
 """
 
 import csv
@@ -21,17 +21,20 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.utils import set_random_seed
-from stable_baselines3.common.vec_env import VecNormalize
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from agents import checkpoint
 from agents.export import Actor, describe, export
-from agents.measure import WATCHED, Yardstick
+from agents.imitation import imitate
+from agents.measure import WATCHED, Yardstick, low_adhesion, means
+from agents.steering import Steered, make_steering
 from agents.worlds import Joined, Shaped, Stopped
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
-from wsp_env.evaluation.controller import load
+from wsp_env.evaluation.controller import Controller, load
 from wsp_env.evaluation.policy import Policy
 from wsp_env.evaluation.runner import Conduct
+from wsp_env.parameters.uic_z1 import VEHICLES
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,28 +43,34 @@ class Arguments:
 
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
     seed: int = 1
-    steps: int = 4_000_000  # decisions in all
+    steps: int = 400_000  # decisions in all, those of the imitation apart
     out: Path = Path("out/agents/bogie")  # folder of the run
     envs: int = 256  # stops at once
     classic_share: float = 0.25  # of them under the classic law
-    rollout: int = 64  # decisions of each stop between two updates
+    rollout: int = 128  # decisions of each stop between two updates
     batch: int = 4096
     epochs: int = 5  # passes over each rollout
-    segment: int = 12  # updates between two checkpoints
-    learning_rate: float = 1e-3  # falls linearly to zero
-    gamma: float = 0.995  # a time constant of 4 s at 50 decisions a second
+    segment: int = 6  # updates between two checkpoints
+    learning_rate: float = 3e-4  # falls linearly to zero
+    gamma: float = 0.998  # a time constant of 10 s at 50 decisions a second
     gae_lambda: float = 0.95
-    clip: float = 0.2
-    entropy: float = 0.002
-    hidden: tuple[int, ...] = (64, 64)
-    slide_price: float = 2.0  # metres travelled that a metre of sliding is worth, see `Shaped`
-    action: Literal["valve", "pressure"] = "valve"
+    clip: float = 0.1
+    entropy: float = 0.0
+    log_deviation: float = -3.0  # of the pressure wanted, at the start
+    imitation: int = 20  # rounds in which the policy first learns from a teacher, see `agents.imitation`; 0: none
+    imitation_decisions: int = 400  # of each stop in a round
+    critic_segments: int = 1  # first segments in which only the value function learns
+    hidden: tuple[int, ...] = (128, 128)
+    slide_price: float = 3.25  # metres travelled that a metre of sliding is worth, see `Shaped`
+    action: Literal["steered", "valve", "pressure"] = "steered"  # steered: pressure wanted, reached by the valves
     pressure_sensors: bool = False
-    reward: str = '{"air": 0.0003}'  # JSON, see `wsp_env.envs.task.RewardWeights`
-    scenario: str = "{}"  # JSON, see `wsp_env.scenario.Scenario`
+    reward: str = '{"air": 0.00005}'  # JSON, see `wsp_env.envs.task.RewardWeights`
+    scenario: str = (
+        '{"mu_cd": [0.02, 0.06], "tau": [1e-4, 3.5e-4], "demand": [0.7, 1.0]}'  # JSON, see `wsp_env.scenario.Scenario`
+    )
     mechanisms: str = "{}"  # JSON, {name: {parameter: value}}
     start: str = ""  # folder of a run whose last checkpoint this one begins from; none: from nothing
-    watched: int = 16  # stops under each law by which learning is watched
+    watched: int = 12  # stops under each law by which learning is watched
 
 
 #: A stop that is watched ends after so long [s]: what a beginner needs minutes for is bad enough.
@@ -94,13 +103,32 @@ def make_world(arguments: Arguments) -> VecNormalize:
         if count:
             env = BrakingVecEnv(f"wsp_env/{arguments.vehicle.title()}-v0", count, adhesion=law, **options)
             parts.append(Shaped(env, arguments.slide_price))
-    return VecNormalize(Joined(parts), gamma=arguments.gamma)
+    world: VecEnv = Joined(parts)
+    if arguments.action == "steered":
+        world = Steered(world, make_steering(arguments.vehicle, make_task(options)))
+    return VecNormalize(world, gamma=arguments.gamma)
 
 
 def task_options(arguments: Arguments) -> dict[str, Any]:
     """Return the options of the environments."""
     texts = {name: json.loads(getattr(arguments, name)) for name in ("reward", "scenario", "mechanisms")}
-    return texts | {"action": arguments.action, "pressure_sensors": arguments.pressure_sensors}
+    action = "pressure" if arguments.action == "pressure" else "valve"
+    return texts | {"action": action, "pressure_sensors": arguments.pressure_sensors}
+
+
+def actor(arguments: Arguments, model: PPO, world: VecNormalize) -> Actor:
+    """Return what is exported of a model."""
+    steered = arguments.action == "steered"
+    return Actor(model.policy, world, make_steering(arguments.vehicle, make_task(task_options(arguments))) if steered else None)
+
+
+def learns(model: PPO, policy: bool) -> None:
+    """Let the policy's own network learn or not; the value function always does."""
+    own = [model.policy.mlp_extractor.policy_net, model.policy.action_net]
+    parameters = [parameter for part in own for parameter in part.parameters()]
+    parameters += [model.policy.log_std] if hasattr(model.policy, "log_std") else []
+    for parameter in parameters:
+        parameter.requires_grad = policy
 
 
 def begin_from(folder: Path, model: PPO, world: VecNormalize) -> None:
@@ -121,6 +149,8 @@ def train(arguments: Arguments) -> tuple[PPO, VecNormalize]:
     torch.set_num_threads(1)  # the networks are too small for more; and sums in one order give the same weights again
     torch.distributions.Distribution.set_default_validate_args(False)  # twice as fast with small networks
     arguments.out.mkdir(parents=True, exist_ok=True)
+    if arguments.imitation and arguments.action != "steered":
+        raise SystemExit("the teacher says which pressures it wants: --imitation 0, or --action steered")
     _same_arguments(arguments)
     set_random_seed(segment_seed(arguments.seed, 0))
     world = make_world(arguments)
@@ -134,7 +164,7 @@ def train(arguments: Arguments) -> tuple[PPO, VecNormalize]:
         gae_lambda=arguments.gae_lambda,
         clip_range=arguments.clip,
         ent_coef=arguments.entropy,
-        policy_kwargs={"net_arch": list(arguments.hidden)},
+        policy_kwargs={"net_arch": list(arguments.hidden), "log_std_init": arguments.log_deviation},
         device="cpu",
     )
     model.lr_schedule = lambda _: arguments.learning_rate * max(0.0, 1.0 - model.num_timesteps / arguments.steps)
@@ -142,6 +172,12 @@ def train(arguments: Arguments) -> tuple[PPO, VecNormalize]:
     if arguments.start and not (arguments.out / checkpoint.CHECKPOINT).exists():
         begin_from(Path(arguments.start), model, world)
     done, curve = checkpoint.load(arguments.out / checkpoint.CHECKPOINT, model, world)
+    if done == 0 and arguments.imitation and not arguments.start:
+        world.seed(segment_seed(arguments.seed, 0))
+        losses = imitate(model, world, arguments.slide_price, arguments.imitation, arguments.imitation_decisions)
+        print(
+            f"imitation: mean squared difference to the teacher {losses[0]:.3f} at first, {losses[-1]:.3f} at last", flush=True
+        )
     update = arguments.envs * arguments.rollout
     segments = max(1, round(arguments.steps / (update * arguments.segment)))
     watch = Watch(arguments)
@@ -153,10 +189,11 @@ def train(arguments: Arguments) -> tuple[PPO, VecNormalize]:
             seed = segment_seed(arguments.seed, segment + 1)
             set_random_seed(seed)
             world.seed(seed)
+            learns(model, segment >= arguments.critic_segments)
             model._last_obs = None  # `learn` then begins new stops
             model.learn(update * arguments.segment, callback=Told(), reset_num_timesteps=False)
             rate = update * arguments.segment / (time.perf_counter() - begun)
-            curve.append({"steps": float(model.num_timesteps)} | watch.look(model, world))
+            curve.append({"steps": float(model.num_timesteps)} | watch.look(actor(arguments, model, world)))
             for name, value in curve[-1].items():
                 model.logger.record(f"watched/{name}", value)
             model.logger.record("time/steps_per_second", rate)
@@ -176,20 +213,20 @@ class Watch:
     def __init__(self, arguments: Arguments) -> None:
         self.vehicle, self.task = arguments.vehicle, make_task(task_options(arguments))
         self.slide_price, self.classic_share = arguments.slide_price, arguments.classic_share
-        self.yardsticks = {
-            law: Yardstick.drawn(self.vehicle, law, arguments.watched, WATCHED, GIVEN_UP) for law in ("recovering", "classic")
-        }
-        rules = load("rule-based")
-        self.rules = {law: yardstick.means(rules) for law, yardstick in self.yardsticks.items()}
+        kind, count = VEHICLES[self.vehicle], arguments.watched
+        laws = {law: low_adhesion(kind, law, count, WATCHED) for law in ("recovering", "classic")}
+        self.rows = {law: slice(count * i, count * (i + 1)) for i, law in enumerate(laws)}
+        self.yardstick = Yardstick(self.vehicle, [stop for stops in laws.values() for stop in stops], GIVEN_UP)
+        self.rules = self.means(load("rule-based"))
 
-    def look(self, model: PPO, world: VecNormalize) -> dict[str, float]:
+    def look(self, actor: Actor) -> dict[str, float]:
         """Return the policy's figures over those of the rules, by law."""
-        own = self.means(model, world)
+        own = self.means(Policy(describe(self.vehicle, self.task), actor.infer))
         found = {"score": self.score(own)}
-        for law, means in own.items():
+        for law, figures in own.items():
             for name in ("distance_m", "mean_slip_mps", "slip_deviation_mps", "contact_energy_mj", "air_nl"):
-                found[f"{law}_{name}_ratio"] = means[name] / self.rules[law][name]
-            found |= {f"{law}_locked_s": means["locked_s"], f"{law}_ran_on": means["ran_on"]}
+                found[f"{law}_{name}_ratio"] = figures[name] / self.rules[law][name]
+            found |= {f"{law}_locked_s": figures["locked_s"], f"{law}_ran_on": figures["ran_on"]}
         return found
 
     def score(self, own: dict[str, dict[str, float]]) -> float:
@@ -202,13 +239,13 @@ class Watch:
             share * (self._paid(own[law]) / self._paid(self.rules[law]) + own[law]["ran_on"]) for law, share in shares.items()
         )
 
-    def _paid(self, means: dict[str, float]) -> float:
-        return means["distance_m"] + self.slide_price * means["slide_distance_m"]
+    def _paid(self, figures: dict[str, float]) -> float:
+        return figures["distance_m"] + self.slide_price * figures["slide_distance_m"]
 
-    def means(self, model: PPO, world: VecNormalize) -> dict[str, dict[str, float]]:
-        """Return the policy's figures, by law."""
-        policy = Policy(describe(self.vehicle, self.task), Actor(model.policy, world).infer)
-        return {law: yardstick.means(policy) for law, yardstick in self.yardsticks.items()}
+    def means(self, controller: Controller) -> dict[str, dict[str, float]]:
+        """Return a controller's figures, by law."""
+        found = self.yardstick.figures(controller)
+        return {law: means({name: values[rows] for name, values in found.items()}) for law, rows in self.rows.items()}
 
     def told(self, curve: list[dict[str, float]]) -> str:
         """Return the last row of a curve in words."""
@@ -254,8 +291,9 @@ def main(arguments: Arguments) -> None:
     checkpoint.load(arguments.out / checkpoint.BEST, model, world)
     training = {"arguments": record(arguments), "steps": model.num_timesteps, "torch": torch.__version__.partition("+")[0]}
     difference = export(
-        model.policy, world, arguments.vehicle, make_task(task_options(arguments)), arguments.out / "policy", training
-    )
+        model.policy, world, actor(arguments, model, world), arguments.vehicle, make_task(task_options(arguments)),
+        arguments.out / "policy", training,
+    )  # fmt: skip
     print(f"{arguments.out / 'policy'}: the ONNX network agrees with the trained one to {difference:.1g}")
 
 

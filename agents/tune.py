@@ -32,12 +32,12 @@ def suggest(trial: Any, search: Search) -> Arguments:
         steps=search.steps,
         out=search.out / f"trial_{trial.number}",
         slide_price=search.slide_price,
-        learning_rate=trial.suggest_float("learning_rate", 1e-4, 3e-3, log=True),
-        gamma=1.0 - trial.suggest_float("one_minus_gamma", 1e-3, 2e-2, log=True),
+        log_deviation=trial.suggest_float("log_deviation", -4.0, -1.0),
+        learning_rate=trial.suggest_float("learning_rate", 3e-5, 2e-3, log=True),
+        gamma=1.0 - trial.suggest_float("one_minus_gamma", 5e-4, 1e-2, log=True),
         gae_lambda=trial.suggest_float("gae_lambda", 0.8, 0.99),
         epochs=trial.suggest_int("epochs", 2, 10),
         clip=trial.suggest_float("clip", 0.1, 0.3),
-        entropy=trial.suggest_float("entropy", 1e-4, 1e-2, log=True),
         hidden=(trial.suggest_categorical("width", [32, 64, 128]),) * 2,
     )
 
@@ -54,7 +54,7 @@ def main(search: Search) -> None:
     try:
         import optuna
     except ImportError as error:
-        raise SystemExit("the search needs optuna: pip install optuna") from error
+        raise SystemExit('the search needs optuna: pip install "wsp-env[train]"') from error
     search.out.mkdir(parents=True, exist_ok=True)
     study = optuna.create_study(
         storage=f"sqlite:///{search.out / 'study.db'}",

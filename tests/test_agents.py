@@ -13,12 +13,11 @@ import torch
 from numpy.testing import assert_allclose, assert_array_equal
 from stable_baselines3 import PPO
 
-import agents.export
 import agents.train
 from agents import checkpoint
 from agents.export import AGREEMENT, Actor, disagreement, export
 from agents.measure import HELD_OUT, WATCHED, Yardstick, low_adhesion
-from agents.train import Arguments, begin_from, make_world, segment_seed, task_options, train
+from agents.train import Arguments, actor, begin_from, make_world, segment_seed, task_options, train
 from agents.worlds import CUT_OUT_MPS, REFERENCE, TIME_PRICE_MPS, USUAL_DECELERATION_MPS2, Joined, Shaped
 from wsp_env.envs.observation import Observer
 from wsp_env.envs.sb3 import BrakingVecEnv
@@ -28,6 +27,7 @@ from wsp_env.evaluation.runner import Conduct
 from wsp_env.parameters.uic_z1 import BOGIE
 
 TINY = Arguments(
+    action="valve", imitation=0, critic_segments=0,
     envs=4, rollout=16, batch=32, epochs=2, segment=2, steps=4 * 16 * 2 * 3, watched=1, hidden=(8,),
     scenario='{"initial_speed": [3.0, 4.0]}',
 )  # fmt: skip
@@ -102,12 +102,13 @@ def test_segments_have_their_own_random_numbers():
     assert len({segment_seed(seed, segment) for seed in range(5) for segment in range(20)}) == 100
 
 
-@pytest.mark.parametrize("action", ["valve", "pressure"])
+@pytest.mark.parametrize("action", ["steered", "valve", "pressure"])
 def test_onnx_and_sb3_agree(tmp_path, action):
-    arguments = dataclasses.replace(TINY, out=tmp_path, action=action, steps=128, hidden=(64, 64))
+    arguments = dataclasses.replace(TINY, out=tmp_path, action=action, steps=128, hidden=(64, 64), scenario=Arguments.scenario)
     model, world = train(arguments)
     task = make_task(task_options(arguments))
-    assert export(model.policy, world, "bogie", task, tmp_path / "policy", {"seed": 1}) <= AGREEMENT
+    made = actor(arguments, model, world)
+    assert export(model.policy, world, made, "bogie", task, tmp_path / "policy", {"seed": 1}) <= AGREEMENT
     rng = np.random.default_rng(8)
     observation = rng.uniform(-3.0, 3.0, (2000, model.observation_space.shape[0])).astype(np.float32)
     session = onnxruntime.InferenceSession(tmp_path / "policy" / "policy.onnx", providers=["CPUExecutionProvider"])
@@ -119,28 +120,30 @@ def test_onnx_and_sb3_agree(tmp_path, action):
     chosen, _ = model.predict(world.normalize_obs(observation), deterministic=True)
     if action == "pressure":
         assert_allclose(command, chosen, atol=AGREEMENT)
+    elif action == "steered":
+        steering = made.steering
+        expected = steering.commands(torch.as_tensor(observation), torch.as_tensor(chosen)).numpy()
+        assert (command == expected).mean() > 0.999  # but where two commands come as near
     else:
         two = np.sort(raw.reshape(len(raw), -1, 3), axis=2)
         clear = two[..., 2] - two[..., 1] > AGREEMENT
         assert clear.mean() > 0.99
         assert_array_equal(command[clear], chosen[clear] - 1.0)
     policy = load(str(tmp_path / "policy"))
-    assert policy.action == action
-    assert policy.contract.limits["mu_cd"] == [0.02, 0.09]
+    assert policy.action == ("pressure" if action == "pressure" else "valve")
+    assert policy.contract.limits["mu_cd"] == [0.02, 0.06]
     assert json.loads((tmp_path / "policy" / "contract.json").read_text())["training"] == {"seed": 1}
     yardstick = Yardstick.drawn("bogie", "recovering", 1, WATCHED)
     assert np.isfinite(yardstick.means(policy)["distance_m"])
 
 
-def test_what_differs_is_not_exported(tmp_path, trained, monkeypatch):
+def test_what_differs_is_not_exported(tmp_path, trained):
     arguments, model, world = trained
     other = copy.deepcopy(world.obs_rms)
     other.mean += 1.0  # the network would see something else than in training
-    monkeypatch.setattr(
-        agents.export, "Actor", lambda policy, _: Actor(policy, SimpleNamespace(**vars(world) | {"obs_rms": other}))
-    )
+    wrong = Actor(model.policy, SimpleNamespace(**vars(world) | {"obs_rms": other}))
     with pytest.raises(RuntimeError, match="differs"):
-        export(model.policy, world, "bogie", make_task(task_options(arguments)), tmp_path / "policy", {})
+        export(model.policy, world, wrong, "bogie", make_task(task_options(arguments)), tmp_path / "policy", {})
     assert not (tmp_path / "policy").exists()
 
 
@@ -158,7 +161,7 @@ def test_shaping_adds_what_depends_on_the_start_and_the_slide_alone():
     rng = np.random.default_rng(0)
     while open_stops.any():
         action = rng.integers(0, 3, (3, 2))
-        action[plain.batch.observer._reference < CUT_OUT_MPS] = 2
+        action[plain.batch.observer.reckoning.speed < CUT_OUT_MPS] = 2
         outcome = {"plain": plain.step(action), "bare": bare.step(action), "priced": priced.step(action)}
         for name, (_, reward, _, _) in outcome.items():
             sums[name] += np.where(open_stops, reward, 0.0)

@@ -19,7 +19,7 @@ from experiments.concealed.plan import Case
 from wsp_env.cli import main
 from wsp_env.diagnosis import Diagnosis, diagnose
 from wsp_env.diagnosis.balances import VEHICLE, Balances
-from wsp_env.diagnosis.fitting import baseline
+from wsp_env.diagnosis.fitting import baseline, refit
 from wsp_env.diagnosis.null import Maker
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.plant.mechanisms import ALL
@@ -199,6 +199,17 @@ def test_null_recordings_leave_noise_and_normal_variation_alone(fitted):
     vehicle = other.rows.balance == VEHICLE
     # 1 % of gain moves a stop's speed by some tenths of a metre per second, and no more than that is left.
     assert np.abs(other.raw(again)[vehicle]).max() < 0.5
+
+
+def test_the_law_is_found_from_wherever_it_is_sought(fitted):
+    """Far from it the residuals are no straight lines in tau and mu_cd: the fit must go there, not look from afar."""
+    balances, model, weights = fitted
+    near = refit(balances, model, (), weights)
+    far = dataclasses.replace(model, tau=0.4 * model.tau, mu_cd=tuple(1.4 * mu for mu in model.mu_cd))
+    found = refit(balances, far, (), weights)
+    assert found.model.tau == pytest.approx(near.model.tau, rel=0.01)
+    assert found.model.mu_cd == pytest.approx(near.model.mu_cd, rel=0.005)
+    assert found.cost == pytest.approx(near.cost, rel=1e-3)
 
 
 def test_residuals_do_not_see_the_law_in_the_vehicle_balance(fitted):

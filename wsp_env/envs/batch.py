@@ -50,7 +50,9 @@ class BrakingBatch:
             track_step_m=TRACK_STEP_M,
             track_nodes=task.track_nodes,
         )
-        self.observer = Observer(self.vehicle, task.control_interval_s, task.pressure_sensors)
+        self.observer = Observer(
+            self.vehicle, task.control_interval_s, task.pressure_sensors, by_pressure=task.action == "pressure"
+        )
         bound = Observer.BOUND
         self.observation_space = spaces.Box(-bound, bound, (self.observer.size,), np.float32)
         axles = self.vehicle.axles

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from wsp_env.envs import rail, reckoning
 from wsp_env.envs.observation import Measurement, Observer
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
@@ -27,7 +28,8 @@ NETWORK, CONTRACT = "policy.onnx", "contract.json"
 INPUT = "observation"
 OUTPUTS = {
     "command": "(N, axles); valve: -1 vent, 0 hold, +1 apply; pressure: -1 none to +1 the demanded one",
-    "raw": "the network's last layer; valve: (N, 3 x axles), the logits of vent, hold and apply, axle by axle",
+    "raw": "the network's last layer; valve: (N, 3 x axles), the logits of vent, hold and apply, axle by axle, "
+    "or (N, axles), the pressure wanted, -1 none to +1 full",
 }
 
 #: Share of the control interval by which the time between two measurements may differ from it (assumption).
@@ -47,7 +49,7 @@ class Contract:
     pressure_sensors: bool
     measurement: list[dict[str, str]]  # name, unit, shape, meaning
     observation: list[dict[str, str]]  # one entry per number, in order
-    observer: dict[str, float]  # constants of `wsp_env.envs.observation.Observer`
+    observer: dict[str, float]  # constants of `wsp_env.envs.observation`, `.reckoning` and `.rail`
     output: dict[str, str]
     limits: dict[str, Any]  # what the policy was trained for: ranges of the conditions
     training: dict[str, Any]  # arguments, steps, seed, command, versions
@@ -75,22 +77,48 @@ class Contract:
 
 def observer_constants() -> dict[str, float]:
     """Return the constants of `Observer` that decide what a policy sees."""
-    return {name: float(value) for name, value in vars(Observer).items() if name.isupper()}
+    constants = {
+        name: value for holder in (Observer, reckoning, rail) for name, value in vars(holder).items() if name.isupper()
+    }
+    found: dict[str, float] = {}
+    for name, value in constants.items():
+        if isinstance(value, tuple):
+            found |= {f"{name}[{i}]": float(one) for i, one in enumerate(value)}
+        else:
+            found[name] = float(value)
+    return found
 
 
 def describe_observation(axles: int, pressure_sensors: bool) -> list[dict[str, str]]:
     """Return name and unit of every number of an observation, in order, as `Observer` builds it."""
     blocks = [
-        ("peripheral wheel speed", f"{Observer.SPEED_SCALE:g} m/s"),
+        ("slip: reckoned running speed less peripheral wheel speed", f"{Observer.SLIP_SCALE:g} m/s"),
+        ("creepage", "1"),
         ("peripheral wheel acceleration, low-passed", f"{Observer.ACCELERATION_SCALE:g} m/s2"),
-        ("estimated creepage", "1"),
-        ("last command", "1"),
-        ("mean command, low-passed", "1"),
+        ("cylinder pressure" + ("" if pressure_sensors else ", reckoned"), "full pressure"),
+        ("pressure once the commands on their way have acted, reckoned", "full pressure"),
+        ("used adhesion, reckoned", f"{Observer.ADHESION_SCALE:g}"),
+        ("recent slip", f"{Observer.SLIP_SCALE:g} m/s"),
+        ("recent adhesion", f"{Observer.ADHESION_SCALE:g}"),
+        ("slow slip", f"{Observer.SLIP_SCALE:g} m/s"),
+        ("slow adhesion", f"{Observer.ADHESION_SCALE:g}"),
     ]
-    if pressure_sensors:
-        blocks.append(("cylinder pressure", "full pressure"))
     numbers = [{"name": f"{name}, axle {k + 1}", "unit": unit} for name, unit in blocks for k in range(axles)]
-    return [*numbers, {"name": "reference speed", "unit": f"{Observer.SPEED_SCALE:g} m/s"}, {"name": "demand", "unit": "1"}]
+    taus = [f"tau = {tau:g} m/J" for tau in rail.RECOVERY_M_PER_J]
+    return [
+        *numbers,
+        *({"name": f"mu_cd that fits what was seen if {tau}", "unit": f"{Observer.FRICTION_SCALE:g}"} for tau in taus),
+        *(
+            {"name": f"log10 of the deviation of its logarithm if {tau}", "unit": f"{Observer.CONTRADICTION_SCALE:g}"}
+            for tau in taus
+        ),
+        {"name": "time that wheels have slid, fading", "unit": f"{rail.MEMORY_S:g} s"},
+        {"name": "standard deviation of the running speed", "unit": f"{Observer.UNCERTAINTY_SCALE:g} m/s"},
+        {"name": "running speed in doubt", "unit": "1"},
+        {"name": "pressure that the distributor offers, reckoned", "unit": "full pressure"},
+        {"name": "running speed, reckoned", "unit": f"{Observer.SPEED_SCALE:g} m/s"},
+        {"name": "demand", "unit": "1"},
+    ]
 
 
 class Policy:
@@ -115,7 +143,9 @@ class Policy:
                 f"the policy is for the {self.contract.axles} axles of a {self.contract.vehicle}, the {vehicle.name} has "
                 f"{vehicle.axles}"
             )
-        self._observer = Observer(vehicle, self.contract.control_interval_s, self.contract.pressure_sensors)
+        self._observer = Observer(
+            vehicle, self.contract.control_interval_s, self.contract.pressure_sensors, by_pressure=self.action == "pressure"
+        )
         self._command = np.ones((n, vehicle.axles))
         self._time = np.zeros(n)
         self._decisions = 0

@@ -43,16 +43,27 @@ def perfect_knowledge(vehicle: Vehicle, stops: Sequence[Stop], ceiling: Ceiling,
 
 
 def _commands(plant: Plant, ceiling: Ceiling) -> np.ndarray:
-    """Return the commands (N, A) whose pressure, one interval after the dead time, comes nearest to the one wanted."""
+    """Return the commands (N, A) towards the slip of best adhesion."""
+    state, ahead = plant.state, dead_time(plant)
+    speed = np.maximum(state.speed - ahead * state.deceleration, 0.1)
+    _, best = ceiling.at(speed[None], (state.position + ahead * state.speed)[None])
+    wanted = wanted_pressure(plant, np.minimum(best[0], MARGIN * ceiling.limit.slip(speed)[:, None]))
+    return _nearest(plant, wanted)
+
+
+def dead_time(plant: Plant) -> float:
+    """Return the time from command to valve stroke [s]."""
+    p = plant.constants
+    return p.dead_steps * p.substep * p.substeps + p.dead_rest
+
+
+def wanted_pressure(plant: Plant, target: np.ndarray) -> np.ndarray:
+    """Return the cylinder pressures (N, A) [bar] that bring the slips to `target` (N, A) [m/s] once the dead time is over."""
     state, c, p = plant.state, plant.conditions, plant.constants
-    ahead = p.dead_steps * p.substep * p.substeps + p.dead_rest
+    ahead = dead_time(plant)
     load = c.mass * p.gravity / (2.0 * plant.vehicle.axles)
     pressure = _pressure_after_dead_time(plant)
     deceleration = state.deceleration[:, None]
-    speed = np.maximum(state.speed - ahead * state.deceleration, 0.1)
-    _, best = ceiling.at(speed[None], (state.position + ahead * state.speed)[None])
-    limit = ceiling.limit.slip(speed)[:, None]
-    target = np.minimum(best[0], MARGIN * limit)
     # The slip when the next command acts: linear from now, with the mean torque of the pressures on the way.
     slip = plant.slip_speed
     force = 2.0 * load[:, None] * state.adhesion
@@ -62,13 +73,20 @@ def _commands(plant: Plant, ceiling: Ceiling) -> np.ndarray:
     relaxed = 1.0 / (1.0 + c.radius**2 * slope / p.inertia * ahead)  # grip holds the slip
     slip = np.clip(slip + ahead * rate * relaxed, 0.0, state.speed[:, None])
     wanted_rate = (target - slip) / SETTLING_S + deceleration
-    wanted = (c.radius * force + p.inertia / c.radius * wanted_rate) / p.torque_per_bar
+    wanted: np.ndarray = (c.radius * force + p.inertia / c.radius * wanted_rate) / p.torque_per_bar
+    return wanted
+
+
+def _nearest(plant: Plant, wanted: np.ndarray) -> np.ndarray:
+    """Return the commands (N, A) whose pressure, one interval after the dead time, comes nearest to the one wanted."""
+    state, p = plant.state, plant.constants
+    pressure = _pressure_after_dead_time(plant)
     interval = p.substep * p.substeps
     offered = state.supply[:, None]
     filled = offered + (pressure - offered) * np.exp(-interval / np.where(offered > pressure, p.fill_time, p.vent_time))
     vented = pressure * np.exp(-interval / p.vent_time)
     choices = np.stack([np.abs(vented - wanted), np.abs(pressure - wanted), np.abs(filled - wanted)])
-    command = np.argmin(choices, axis=0) - 1.0
+    command: np.ndarray = np.argmin(choices, axis=0) - 1.0
     command[state.speed < END_MPS] = 1.0
     return command
 

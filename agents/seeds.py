@@ -1,0 +1,86 @@
+"""The same training with several seeds: `python -m agents.seeds --runs out/agents/bogie-1 out/agents/bogie-2 ...`.
+
+Prints, for the held-out stops of each world of the card, the policies' mean figures over those of the rules with their own best
+thresholds, with 95 % confidence intervals over the seeds; and the watched score by which a seed is chosen to be shipped.
+"""
+
+import csv
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import tyro
+
+from agents.card import WORLDS
+from agents.measure import HELD_OUT, Yardstick
+from agents.rules import read_best
+from baselines.rule_based import RuleBasedWSP
+from wsp_env.evaluation.policy import load_policy
+from wsp_env.evaluation.runner import Conduct
+from wsp_env.evaluation.summary import interval
+
+#: Figures that are told, as ratios to the rules'.
+TOLD = ("distance_m", "mean_slip_mps", "slip_deviation_mps", "contact_energy_mj")
+
+
+@dataclasses.dataclass(frozen=True)
+class Arguments:
+    """What is compared."""
+
+    runs: tuple[Path, ...]  # folders of trainings
+    vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
+    prices: tuple[str, ...] = ("2", "3")  # of sliding, of the rules' own best thresholds
+    stops: int = 40  # held-out ones in each world
+    json: bool = False
+
+
+def watched_score(run: Path) -> float:
+    """Return the least score of a training on the stops that were watched."""
+    with (run / "curve.csv").open(encoding="utf-8") as file:
+        return min(float(row["score"]) for row in csv.DictReader(file))
+
+
+def compare(arguments: Arguments) -> list[dict[str, Any]]:
+    """Return a row for each world and price: mean ratio over the seeds and its interval, by figure; locked seconds."""
+    rows = []
+    policies = [load_policy(run / "policy") for run in arguments.runs]
+    best = read_best(Path("agents/trained") / arguments.vehicle)
+    for world, (law, mechanisms) in WORLDS.items():
+        yardstick = Yardstick.drawn(arguments.vehicle, law, arguments.stops, HELD_OUT, Conduct(mechanisms=mechanisms))
+        own = [yardstick.means(policy) for policy in policies]
+        for price in arguments.prices:
+            rules = yardstick.means(RuleBasedWSP(best[price]))
+            row: dict[str, Any] = {"world": world, "price": price, "locked_s": max(means["locked_s"] for means in own)}
+            for name in TOLD:
+                ratios = np.array([means[name] / rules[name] for means in own])
+                row[name], row[f"{name}_ci"] = interval(ratios)
+                row[f"{name}_seeds"] = ratios.tolist()
+            rows.append(row)
+    return rows
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """Return the rows as a table in Markdown."""
+    lines = ["| world | rules' price | distance | slip | deviation | energy | locked [s] |", "|:--|--:|--:|--:|--:|--:|--:|"]
+    for row in rows:
+        digits = dict(zip(TOLD, (3, 2, 2, 2), strict=True))
+        cells = [f"{row[name]:.{places}f} ± {row[f'{name}_ci']:.{places}f}" for name, places in digits.items()]
+        lines.append(f"| {row['world']} | {row['price']} | " + " | ".join(cells) + f" | {row['locked_s']:.1f} |")
+    return "\n".join(lines)
+
+
+def main(arguments: Arguments) -> None:
+    """Compare and print."""
+    scores = {str(run): watched_score(run) for run in arguments.runs}
+    rows = compare(arguments)
+    if arguments.json:
+        print(json.dumps({"watched": scores, "rows": rows}, indent=1))
+    else:
+        print(table(rows))
+        print("\nwatched score: " + ", ".join(f"{run} {score:.4f}" for run, score in scores.items()))
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Arguments))

@@ -1,0 +1,143 @@
+"""What breaks a policy: other laws, every mechanism of the library, conditions outside of its training.
+
+`python -m agents.study --vehicle bogie` brakes held-out stops with the shipped policy and with the rules' own best thresholds
+in each world and prints a table in Markdown, or JSON with --json; `--folders` takes policies trained otherwise beside it.
+"""
+
+import dataclasses
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import tyro
+
+from agents.measure import HELD_OUT, Yardstick, low_adhesion
+from agents.rules import read_best
+from baselines.rule_based import RuleBasedWSP
+from wsp_env.evaluation.controller import Controller
+from wsp_env.evaluation.policy import load_policy
+from wsp_env.evaluation.runner import Conduct
+from wsp_env.evaluation.summary import interval
+from wsp_env.parameters.uic_z1 import VEHICLES
+from wsp_env.plant.mechanisms import ALL
+from wsp_env.plant.state import Stop
+
+#: Each mechanism at a size that a railway may meet (assumptions, within the sources of its parameters).
+SIZES: dict[str, dict[str, float]] = {
+    "leading_axle_cleaning": {"removal_m_per_j": 5e-5},
+    "contaminant_memory": {"distance_m": 5.0},
+    "adhesion_patch": {"change": -0.4, "start_m": 200.0, "length_m": 150.0},
+    "speed_dependent_friction": {"share": 0.5},
+    "recovery_shape": {"exponent": 2.0},
+    "flash_temperature": {"fall_per_k": 1e-3},
+    "load_transfer": {"body_height_m": 1.6, "pivot_height_m": 0.6},
+    "pad_friction": {"per_speed_s_per_m": -0.005, "per_temperature_1_per_k": -5e-4},
+    "brake_gain_imbalance": {"gain": -0.15},
+    "track_gradient": {"rise": -0.01},
+    "aerodynamic_drag": {"c_ns2_per_m2": 4.0},
+    "vehicle_mass": {"extra": 0.15},
+    "non_adhesive_brake": {"force_n": 2000.0},
+    "initial_slope": {"factor": 0.5},
+    "falling_friction": {"decrease": 2.0},
+    "wheel_radius": {"change": -0.01},
+    "wheel_speed_lag": {"lag_s": 0.1},
+    "clock_offset": {"offset_s": 0.1},
+}
+
+#: Stops outside of the training's ranges: name -> what replaces a quantity of each drawn stop.
+OUTSIDE: dict[str, dict[str, float]] = {
+    "mu_cd 0.012, extremely low": {"mu_cd": 0.012},
+    "mu_cd 0.1": {"mu_cd": 0.1},
+    "200 km/h": {"initial_speed": 55.5},
+    "50 km/h": {"initial_speed": 14.0},
+    "demand 0.4": {"demand": 0.4},
+    "30 per mille downhill": {"gradient": -0.03},
+    "sensor noise 0.3 rad/s": {"noise": 0.3},
+    "tau 1e-3 m/J": {"tau": 1e-3},
+}
+
+#: What is told of each controller.
+_TOLD = ("distance_m", "mean_slip_mps", "slip_deviation_mps", "contact_energy_mj", "locked_s", "largest_creepage")
+
+
+@dataclasses.dataclass(frozen=True)
+class Arguments:
+    """What is studied."""
+
+    vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
+    folders: tuple[Path, ...] = ()  # of policies; none: agents/trained/VEHICLE
+    price: str = "2"  # of sliding: the rules' own best thresholds for it are compared with
+    stops: int = 12  # held-out ones in each world
+    only: str = ""  # worlds whose name begins so; none: all
+    json: bool = False
+
+
+def worlds(vehicle: str, count: int) -> Iterator[tuple[str, list[Stop], dict[str, dict[str, float]]]]:
+    """Yield the worlds: name, stops, mechanisms."""
+    kind = VEHICLES[vehicle]
+    recovering = low_adhesion(kind, "recovering", count, HELD_OUT)
+    yield "recovering law", recovering, {}
+    yield "classic law", low_adhesion(kind, "classic", count, HELD_OUT), {}
+    for name, size in SIZES.items():
+        yield name, recovering, {name: size}
+    for name, changes in OUTSIDE.items():
+        yield name, [dataclasses.replace(stop, **changes) for stop in recovering], {}  # type: ignore[arg-type]  # by name
+
+
+def compare(controllers: Mapping[str, Controller], yardstick: Yardstick) -> list[dict[str, Any]]:
+    """Return a row of means for each controller, with the ratio of its distance to the first one's and its 95 % interval."""
+    rows: list[dict[str, Any]] = []
+    first: np.ndarray | None = None
+    for name, controller in controllers.items():
+        found = yardstick.figures(controller)
+        first = found["distance_m"] if first is None else first
+        ratio, half = interval(found["distance_m"] / first)
+        means = {figure: float(np.mean(found[figure])) for figure in _TOLD}
+        rows.append(
+            {"controller": name, "ratio": ratio, "ratio_ci": half, "ran_on": float(np.mean(~found["stopped"])), **means}
+        )
+    return rows
+
+
+def table(results: Mapping[str, list[dict[str, Any]]]) -> str:
+    """Return the results as a table in Markdown: each policy over the rules in the same world."""
+    lines = [
+        "| world | policy | distance / rules | slip / rules | deviation / rules | energy / rules | locked [s] | creepage |",
+        "|:--|:--|--:|--:|--:|--:|--:|--:|",
+    ]
+    for world, rows in results.items():
+        for row in rows[1:]:
+            cells = [f"{row['ratio']:.3f} ± {row['ratio_ci']:.3f}" + (" (some ran on)" if row["ran_on"] else "")]
+            cells += [f"{row[figure] / rows[0][figure]:.2f}" for figure in _TOLD[1:4]]
+            cells += [f"{row['locked_s']:.1f}", f"{row['largest_creepage']:.2f}"]
+            lines.append(f"| {world} | {row['controller']} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def study(arguments: Arguments) -> dict[str, list[dict[str, Any]]]:
+    """Return the rows of every world; the rules come first in each."""
+    assert set(SIZES) == set(ALL)
+    shipped = Path("agents/trained") / arguments.vehicle
+    best = read_best(shipped)
+    if arguments.price not in best:
+        raise SystemExit(f"no thresholds for the price {arguments.price}; valid: {', '.join(best) or 'none'}: see agents.rules")
+    controllers: dict[str, Controller] = {"rules": RuleBasedWSP(best[arguments.price])}
+    for folder in arguments.folders or (shipped,):
+        controllers[folder.parent.name if folder.name == "policy" else folder.name] = load_policy(folder)
+    results = {}
+    for name, stops, mechanisms in worlds(arguments.vehicle, arguments.stops):
+        if name.startswith(arguments.only):
+            results[name] = compare(controllers, Yardstick(arguments.vehicle, stops, Conduct(mechanisms=mechanisms)))
+    return results
+
+
+def main(arguments: Arguments) -> None:
+    """Study and print."""
+    results = study(arguments)
+    print(json.dumps(results, indent=1) if arguments.json else table(results))
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Arguments))

@@ -1,0 +1,58 @@
+"""A teacher that knows the truth: it steers every wheelset to the slip that is worth its price, with the real valves.
+
+With the adhesion f(s) of the rail under it, a wheelset at slip speed s slows the vehicle by f g and slides s metres a second:
+of all slips the one with the least (v + c s) / f(s) costs least metres travelled and priced metres slid for the speed lost.
+"""
+
+import numpy as np
+
+from wsp_env.contact.degraded import degraded_adhesion
+from wsp_env.evaluation.reference import dead_time, wanted_pressure
+from wsp_env.plant.plant import Plant
+
+#: Slips tried, as shares of the running speed and with a lowest one [m/s].
+_SHARES = np.geomspace(0.002, 0.25, 24)
+_LEAST_MPS = 0.05
+
+#: Share of full pressure to which the last wheelset is released when the running speed is in doubt: it then rolls (assumption).
+RELEASED_SHARE = 0.15
+
+
+class Teacher:
+    """Commands for the stops of a plant.
+
+    Parameters
+    ----------
+    plant : whose state it reads
+    slide_price : c [-]
+
+    """
+
+    def __init__(self, plant: Plant, slide_price: float) -> None:
+        self.plant = plant
+        self.slide_price = slide_price
+
+    def wanted(self, doubtful: np.ndarray) -> np.ndarray:
+        """Return the pressures (N, A), -1 none to 1 full; the last wheelset rolls where the running speed is in doubt (N,)."""
+        plant = self.plant
+        share = wanted_pressure(plant, self.targets()) / plant.constants.full_pressure
+        share[doubtful, -1] = np.minimum(share[doubtful, -1], RELEASED_SHARE)
+        return np.clip(2.0 * share - 1.0, -1.0, 1.0)
+
+    def targets(self) -> np.ndarray:
+        """Return the slips worth their price (N, A) [m/s]."""
+        plant = self.plant
+        state, c, p = plant.state, plant.conditions, plant.constants
+        ahead = dead_time(plant)
+        speed = np.maximum(state.speed - ahead * state.deceleration, 0.1)[:, None]
+        place = (state.position + ahead * state.speed)[:, None] - np.asarray(p.axle_offset)
+        node = np.clip(np.rint(place / p.track_step).astype(int), 0, c.profile.shape[1] - 1)
+        rows = np.arange(plant.n)[:, None]
+        friction, film = (c.mu_cd[:, None] * c.profile[rows, node])[..., None], c.coverage[rows, node][..., None]
+        slip = np.maximum(speed * _SHARES, _LEAST_MPS * np.geomspace(1.0, 2.0, len(_SHARES)))[:, None, :]
+        load = (c.mass * p.gravity / (2.0 * plant.vehicle.axles))[:, None, None]
+        law = plant.vehicle.contact.law
+        adhesion = degraded_adhesion(slip, speed[..., None], load, friction, c.tau[:, None, None], law, film)
+        best = np.argmin((speed[..., None] + self.slide_price * slip) / adhesion, axis=-1)
+        chosen: np.ndarray = np.take_along_axis(np.broadcast_to(slip, adhesion.shape), best[..., None], -1)[..., 0]
+        return chosen

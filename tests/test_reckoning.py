@@ -1,0 +1,222 @@
+"""Dead reckoning of speed, pressures and adhesion; the teacher, its wishes and how valves follow them."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from numpy.testing import assert_allclose, assert_array_equal
+from stable_baselines3 import PPO
+
+from agents.imitation import imitate
+from agents.measure import low_adhesion
+from agents.steering import OFFERED, PRESSURE_TO_COME, Steering
+from agents.teacher import Teacher
+from agents.train import Arguments, learns, make_world, train
+from wsp_env.contact.degraded import degraded_adhesion
+from wsp_env.envs.observation import Observer
+from wsp_env.envs.reckoning import MASS_DEVIATION, Reckoning
+from wsp_env.evaluation.controller import load
+from wsp_env.evaluation.runner import Conduct, make_plant, measure
+from wsp_env.parameters.uic_z1 import BOGIE, VEHICLES
+
+INTERVAL = 0.02
+
+
+def braked(vehicle, stops, controller, seconds, sensors=False):
+    """Yield plant and reckoning after every interval of stops under a controller."""
+    plant = make_plant(vehicle, stops, Conduct())
+    controller.reset(plant.n, vehicle)
+    reckoning = Reckoning(vehicle, INTERVAL)
+    reckoning.reset(vehicle.wheel_radius_m * measure(plant).wheel_speed)
+    for _ in range(round(seconds / INTERVAL)):
+        command = controller.act(measure(plant))
+        plant.step(command)
+        seen = measure(plant, sensors)
+        share = seen.pressure / vehicle.brake.full_pressure_bar if sensors else None
+        reckoning.update(vehicle.wheel_radius_m * seen.wheel_speed, command, seen.demand, share)
+        yield plant, reckoning
+
+
+@pytest.mark.parametrize("law", ["recovering", "classic"])
+@pytest.mark.parametrize("name", ["wheelset", "bogie"])
+def test_pressures_speed_and_adhesion_are_reckoned_within_what_is_claimed(name, law):
+    """Under a controller that slides: pressures to a percent, adhesion to the unknown mass, the speed to its own deviation."""
+    vehicle = VEHICLES[name]
+    stops = low_adhesion(vehicle, law, 12, 77)
+    wrong, adhesions = [], []
+    for plant, reckoning in braked(vehicle, stops, load("rule-based"), 15.0):
+        assert_allclose(reckoning.pressure, plant.state.pressure / vehicle.brake.full_pressure_bar, atol=0.01)
+        wrong.append((reckoning.speed - plant.state.speed) / reckoning.uncertainty)
+        adhesions.append(reckoning.adhesion - plant.state.adhesion)
+    assert 0.3 < np.sqrt(np.mean(np.square(wrong))) < 1.5
+    assert np.abs(np.mean(adhesions)) < 0.005
+
+
+def test_without_braking_a_wheel_tells_the_speed_and_doubt_stays_small():
+    for plant, reckoning in braked(BOGIE, low_adhesion(BOGIE, "classic", 4, 5), Vents(), 10.0):
+        assert_allclose(reckoning.speed, plant.state.speed, atol=0.15)
+        assert (reckoning.uncertainty < 0.1).all()
+        assert not reckoning.doubtful.any()
+
+
+class Vents:
+    def reset(self, n, vehicle):
+        self.shape = (n, vehicle.axles)
+
+    def act(self, measurement):
+        return -np.ones(self.shape)
+
+
+def test_doubt_grows_while_all_slide_and_the_mass_is_learnt_once_a_wheel_rolls():
+    stops = [dataclasses.replace(s, noise=0.0, mass=BOGIE.mass_kg) for s in low_adhesion(BOGIE, "recovering", 2, 9)]
+    controller = Released(6.0)
+    doubts, last = [], None
+    for plant, reckoning in braked(BOGIE, stops, controller, 8.0):
+        doubts.append(reckoning.uncertainty[0])
+        last = (reckoning.speed - plant.state.speed, reckoning._p_qq.copy())
+    doubts = np.array(doubts)
+    assert (np.diff(doubts[150:290]) > 0.0).all()
+    assert doubts[-1] < 0.5 * doubts[290]
+    assert_allclose(last[0], 0.0, atol=0.2)
+    assert (np.sqrt(last[1]) < 0.7 * MASS_DEVIATION).all()
+
+
+class Released:
+    """Applies at half pressure, and releases the last axle after a while."""
+
+    def __init__(self, after):
+        self.after = after
+
+    def reset(self, n, vehicle):
+        self.shape = (n, vehicle.axles)
+
+    def act(self, measurement):
+        command = np.where(measurement.time[:, None] < 2.0, 1.0, 0.0) * np.ones(self.shape)
+        if measurement.time[0] > self.after:
+            command[:, -1] = -1.0
+        return command
+
+
+def test_sensors_replace_what_is_reckoned():
+    for plant, reckoning in braked(BOGIE, low_adhesion(BOGIE, "classic", 2, 3), load("rule-based"), 2.0, sensors=True):
+        assert_array_equal(reckoning.pressure, plant.state.pressure / BOGIE.brake.full_pressure_bar)
+
+
+def test_a_vehicle_of_a_batch_is_reckoned_as_alone():
+    """Begun again in the middle of a batch, a vehicle's observation is that of a batch of one."""
+    rng = np.random.default_rng(0)
+    stops = low_adhesion(BOGIE, "recovering", 3, 4)
+    plant = make_plant(BOGIE, stops, Conduct())
+    both = Observer(BOGIE, INTERVAL)
+    both.reset(measure(plant))
+    for _ in range(30):
+        command = rng.integers(-1, 2, (3, 2)).astype(float)
+        plant.step(command)
+        both.observe(measure(plant), command)
+    plant.start(1, stops[2])
+    mask = np.array([False, True, False])
+    lone_plant, alone = make_plant(BOGIE, stops[2:], Conduct()), Observer(BOGIE, INTERVAL)
+    assert_array_equal(both.reset(measure(plant), mask)[1], alone.reset(measure(lone_plant))[0])
+    for _ in range(30):
+        command = rng.integers(-1, 2, (3, 2)).astype(float)
+        plant.step(command)
+        lone_plant.step(command[1:2])
+        seen, lone = both.observe(measure(plant), command)[1], alone.observe(measure(lone_plant), command[1:2])[0]
+        assert_array_equal(seen, lone)
+
+
+def test_the_teachers_slip_costs_least_of_all():
+    stops = low_adhesion(BOGIE, "recovering", 4, 6)
+    plant = make_plant(BOGIE, stops, Conduct())
+    for price in (1.0, 4.0):
+        targets = Teacher(plant, price).targets()
+        speed = plant.state.speed[:, None, None]
+        slips = np.linspace(0.05, 0.25 * speed[..., 0], 200, axis=-1)
+        load_n = (plant.conditions.mass * 9.81 / 4.0)[:, None, None]
+        friction, tau = plant.conditions.mu_cd[:, None, None], plant.conditions.tau[:, None, None]
+        law = BOGIE.contact.law
+        cost = (speed + price * slips) / degraded_adhesion(slips, speed, load_n, friction, tau, law)
+        own = (speed[..., 0] + price * targets) / degraded_adhesion(
+            targets, speed[..., 0], load_n[..., 0], friction[..., 0], tau[..., 0], law
+        )
+        assert (own <= 1.01 * cost.min(axis=-1)).all()
+    assert (Teacher(plant, 1.0).targets() >= Teacher(plant, 4.0).targets()).all()
+
+
+def test_a_doubtful_vehicle_lets_its_last_wheelset_roll():
+    plant = make_plant(BOGIE, low_adhesion(BOGIE, "recovering", 2, 6), Conduct())
+    for _ in range(100):  # the wheels still roll
+        plant.step(np.ones((2, 2)))
+    calm, doubtful = (Teacher(plant, 2.0).wanted(np.array(doubt)) for doubt in ([False, False], [False, True]))
+    assert_array_equal(calm[0], doubtful[0])
+    assert calm[1, 0] == doubtful[1, 0]
+    assert doubtful[1, 1] <= -0.7 < calm[1, 1]
+
+
+def test_the_command_brings_the_pressure_nearest_to_the_one_wanted():
+    steering = Steering(BOGIE, INTERVAL)
+    rng = np.random.default_rng(1)
+    observation = np.zeros((500, Observer(BOGIE, INTERVAL).size), np.float32)
+    held, offered, wanted = rng.uniform(0, 1, (500, 2)), rng.uniform(0.2, 1, (500, 1)), rng.uniform(-1, 0.99, (500, 2))
+    observation[:, 2 * PRESSURE_TO_COME : 2 * PRESSURE_TO_COME + 2], observation[:, OFFERED] = held, offered[:, 0]
+    command = steering.commands(torch.as_tensor(observation), torch.as_tensor(wanted.astype(np.float32))).numpy()
+    fill, vent = (np.exp(-INTERVAL / t) for t in (BOGIE.brake.fill_time_constant_s, BOGIE.brake.vent_time_constant_s))
+    after = {-1: vent * held, 0: held, 1: offered + (held - offered) * np.where(offered > held, fill, vent)}
+    missed = {k: np.abs(v - 0.5 * (wanted + 1.0)) for k, v in after.items()}
+    own = np.select([command == k for k in missed], list(missed.values()))
+    assert (own <= np.min(list(missed.values()), axis=0) + 1e-6).all()
+    everything = steering.commands(torch.as_tensor(observation), torch.ones(500, 2))
+    assert (everything == 1.0).all()
+
+
+def test_steering_sees_pressure_and_supply_where_the_observer_puts_them():
+    observer = Observer(BOGIE, INTERVAL)
+    plant = make_plant(BOGIE, low_adhesion(BOGIE, "classic", 2, 3), Conduct())
+    observer.reset(measure(plant))
+    for command in (np.ones((2, 2)), np.ones((2, 2)), -np.ones((2, 2)), np.zeros((2, 2))) * 10:
+        plant.step(command)
+        seen = observer.observe(measure(plant), command)
+    assert_allclose(seen[:, 2 * PRESSURE_TO_COME : 2 * PRESSURE_TO_COME + 2], observer.reckoning.pressure_to_come(), rtol=1e-6)
+    assert_allclose(seen[:, OFFERED], observer.reckoning.offered, rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_imitation_brings_the_policy_near_the_teacher():
+    """On stops that it has not seen, in states that it gets into itself, it wants what the teacher does."""
+    world = make_world(Arguments(envs=64, seed=3))
+    world.seed(3)
+    torch.manual_seed(3)
+    model = PPO("MlpPolicy", world, n_steps=16, policy_kwargs={"net_arch": [64, 64]}, device="cpu")
+    imitate(model, world, 2.0, rounds=5, decisions=400)
+    batches = [part.batch for part in world.venv.venv.parts]
+    world.seed(99)
+    observation = world.reset()
+    own, wanted = [], []
+    for _ in range(400):
+        wishes = [Teacher(batch.plant, 2.0).wanted(batch.observer.reckoning.doubtful) for batch in batches]
+        wanted.append(np.concatenate(wishes))
+        own.append(np.clip(model.predict(observation, deterministic=True)[0], -1.0, 1.0))
+        observation = world.step(own[-1])[0]
+    missed = np.mean(np.square(np.array(own) - np.array(wanted)))
+    assert missed < 0.5 * np.var(np.array(wanted), axis=(0, 1)).mean()  # no constant comes near
+
+
+def test_imitation_needs_wishes(tmp_path):
+    with pytest.raises(SystemExit, match="--action steered"):
+        train(Arguments(action="valve", out=tmp_path))
+
+
+def test_a_policy_that_does_not_learn_yet_keeps_its_weights():
+    arguments = Arguments(envs=4, rollout=16, batch=64, hidden=(8,))
+    world = make_world(arguments)
+    model = PPO("MlpPolicy", world, n_steps=16, batch_size=64, policy_kwargs={"net_arch": [8]}, device="cpu")
+    before = {name: value.clone() for name, value in model.policy.state_dict().items()}
+    learns(model, False)
+    model.learn(128)
+    own = ("policy_net", "action_net", "log_std")
+    for name, value in model.policy.state_dict().items():
+        assert torch.equal(value, before[name]) == any(part in name for part in own), name
+    learns(model, True)
+    model.learn(64)
+    assert not torch.equal(model.policy.action_net.weight, before["action_net.weight"])

@@ -1,0 +1,65 @@
+"""The studies' worlds, tables and pictures."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents import front, study
+from agents.measure import HELD_OUT, Yardstick
+from agents.study import OUTSIDE, SIZES, Arguments, compare, table, worlds
+from wsp_env.evaluation.controller import load
+from wsp_env.plant.mechanisms import ALL, make
+
+
+def test_every_mechanism_is_switched_on_at_a_size_that_acts():
+    assert set(SIZES) == set(ALL)
+    for name, size in SIZES.items():
+        nulls = {parameter.name: parameter.null for parameter in ALL[name].parameters}
+        assert any(value != nulls[parameter] for parameter, value in size.items()), name
+        make({name: size})
+
+
+def test_worlds_change_what_their_name_says_and_nothing_else():
+    found = {name: (stops, mechanisms) for name, stops, mechanisms in worlds("bogie", 2)}
+    assert set(found) == {"recovering law", "classic law", *SIZES, *OUTSIDE}
+    plain = found["recovering law"][0]
+    for name, changes in OUTSIDE.items():
+        for one, other in zip(plain, found[name][0], strict=True):
+            for field in dataclasses.fields(one):
+                expected = changes.get(field.name, getattr(one, field.name))
+                assert np.array_equal(getattr(other, field.name), expected)
+    assert all(stop.tau == 0.0 for stop in found["classic law"][0])
+    assert found["load_transfer"][0] is plain
+    assert found["load_transfer"][1] == {"load_transfer": SIZES["load_transfer"]}
+
+
+def test_rows_compare_with_the_first_and_the_table_names_who_runs_on():
+    rows = compare({"rules": load("rule-based"), "none": load("none")}, Yardstick.drawn("wheelset", "recovering", 2, HELD_OUT))
+    assert rows[0]["ratio"] == 1.0
+    assert rows[0]["ratio_ci"] == 0.0
+    assert rows[1]["ratio"] != 1.0
+    text = table({"a world": [rows[0], rows[1] | {"ran_on": 0.5}]})
+    assert text.count("\n") == 2
+    assert "(some ran on)" in text
+    assert "| a world | none | " in text
+
+
+def test_without_thresholds_there_is_nothing_to_compare_with():
+    with pytest.raises(SystemExit, match=r"agents\.rules"):
+        study.study(Arguments(price="17"))
+
+
+@pytest.mark.slow
+def test_one_world_as_json(capsys):
+    study.main(Arguments(stops=1, only="wheel_speed_lag", json=True))
+    found = json.loads(capsys.readouterr().out)
+    assert [row["controller"] for row in found["wheel_speed_lag"]] == ["rules", "bogie"]
+
+
+def test_the_front_is_drawn(tmp_path):
+    pairs = {"rules": [(0.5, 900.0), (1.0, 850.0)], "bound": [(float("nan"), 700.0)]}
+    front.draw({"recovering": pairs, "classic": pairs}, tmp_path / "docs" / "front.png")
+    assert Path(tmp_path / "docs" / "front.png").read_bytes().startswith(b"\x89PNG")
