@@ -8,6 +8,8 @@ are what is kept for each tau.
 
 import numpy as np
 
+from wsp_env.compiled import elementwise
+from wsp_env.contact.polach import falling_friction, saturation
 from wsp_env.parameters.vehicle import Vehicle
 
 #: Rates of recovery that are tried [m/J]; 0 is the classic law.
@@ -26,6 +28,17 @@ START_S = 0.1
 
 #: Bounds of mu_cd [-].
 _RANGE = (0.004, 0.3)
+
+
+def _falling_scalar(slip: float, kinetic: float, ratio: float, gamma: float) -> float:
+    return falling_friction(slip, kinetic, ratio, gamma)
+
+
+def _saturation_scalar(gradient: float, k_adhesion: float, k_slip: float) -> float:
+    return saturation(gradient, k_adhesion, k_slip)
+
+
+_falling, _saturation = elementwise(_falling_scalar), elementwise(_saturation_scalar)
 
 
 class Rail:
@@ -82,25 +95,12 @@ class Rail:
         """Return mu_cd (n, A, K) that every tau needs for the adhesion seen."""
         law, load = self._law, self._load
         slip, creepage, adhesion = np.maximum(slip, 0.0), np.maximum(creepage, 0.0), np.maximum(adhesion, 0.0)
-        recovered = law.mu_cr * _falling(slip, law.ratio_r, law.gamma_r)
+        recovered = _falling(slip, law.mu_cr, law.ratio_r, law.gamma_r)
         recovered = recovered * _saturation(law.stiffness * creepage / (recovered * load), law.k_ar, law.k_sr)
         kept = np.exp(-self._tau * (adhesion * load * creepage)[:, :, None])  # 1 - lambda
         degraded = (adhesion[:, :, None] - (1.0 - kept) * recovered[:, :, None]) / kept
-        falling = _falling(slip, law.ratio_d, law.gamma_d)[:, :, None]
+        falling = _falling(slip, 1.0, law.ratio_d, law.gamma_d)[:, :, None]
         limit = np.exp(self._mean[rows])[:, None, :] * falling
         share = _saturation(law.stiffness * creepage[:, :, None] / (limit * load), law.k_ad, law.k_sd)
         result: np.ndarray = np.clip(degraded / np.maximum(falling * share, 0.1), *_RANGE)
         return result
-
-
-def _falling(slip: np.ndarray, ratio: float, gamma: float) -> np.ndarray:
-    """Eq. (7) over mu_c."""
-    result: np.ndarray = 1.0 + (1.0 / ratio - 1.0) * np.exp(-gamma * slip)
-    return result
-
-
-def _saturation(gradient: np.ndarray, k_a: float, k_s: float) -> np.ndarray:
-    """Eq. (5)."""
-    x = k_a * gradient
-    result: np.ndarray = (2.0 / np.pi) * (x / (1.0 + x * x) + np.arctan(k_s * gradient))
-    return result
