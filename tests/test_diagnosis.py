@@ -127,6 +127,7 @@ def test_vehicles_of_one_and_two_axles_torque_by_pressure_or_measured(axles, mea
     write(tmp_path / "case", case, setup, 7, 0)
     found = diagnose(campaign_of(tmp_path / "case"), effort=0.4)
     assert found.verdict == "adequate"
+    assert diagnose(campaign_of(tmp_path / "case"), effort=0.4, workers=1).to_json() == found.to_json()
     assert any("leading_axle_cleaning" in note for note in found.notes) == (axles == 1)
     assert any("the torque itself is measured" in note for note in found.notes) == measured
 

@@ -21,7 +21,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _numba: Any = numba
 
 # error_model "numpy": a division by zero gives inf or nan as in numpy, and costs no branch in the hot loop.
-_OPTIONS = {"cache": True, "error_model": "numpy"}
+# nogil: kernels touch no Python object, threads may run them side by side.
+_OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
 def _cache_folder() -> str:

@@ -33,7 +33,7 @@ def answer(campaign: Path) -> dict[str, Any]:
     """
     try:
         recorded = quietly_read(campaign)
-        said = diagnose(recorded).to_json()
+        said = diagnose(recorded, workers=1).to_json()
     except CampaignError as error:
         return {"verdict": "insufficient", "mechanisms": [], "notes": [str(error)]}
     return said | ({"distance_change": distance_change(recorded, said)} if said["mechanisms"] else {})

@@ -4,6 +4,7 @@ A campaign of stops and a folder of creep curves (`[campaign] kind = "creep_curv
 """
 
 import json
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -29,6 +30,7 @@ def main(
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("out/diagnosis"),
     effort: float = 1.0,
     seed: int = 0,
+    workers: int = os.cpu_count() or 1,
     as_json: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
 ) -> None:
     """Locate where recorded stops, or measured creep curves, and the law differ, and name the missing physics.
@@ -43,12 +45,16 @@ def main(
         Multiplies the number of null recordings: more of them make rare verdicts surer.
     seed
         Of the null recordings.
+    workers
+        Threads that search null recordings and refit mechanisms side by side; the answer does not depend on them.
     as_json
         Print the JSON instead of the verdict.
 
     """
     if not effort > 0.0:
         raise ParameterError(f"effort = {effort:g} is impossible: it must be above 0")
+    if not workers > 0:
+        raise ParameterError(f"workers = {workers} is impossible: there must be at least 1")
     found: Diagnosis | CreepDiagnosis
     if holds_creep_curves(campaign):
         curves = read_creep_curves(campaign)
@@ -58,7 +64,7 @@ def main(
     else:
         recorded = read_campaign(campaign)
         with _progress() as told:
-            found = diagnose(recorded, effort, seed, told)
+            found = diagnose(recorded, effort, seed, told, workers)
         write_report(out / "report.html", found)
     text = json.dumps(found.to_json(), indent=1, allow_nan=False)
     write_text(out / "diagnosis.json", text + "\n")

@@ -11,6 +11,7 @@ Every row is divided by the deviation that noise alone gives it.
 """
 
 import dataclasses
+import threading
 from collections.abc import Sequence
 
 import numpy as np
@@ -58,7 +59,7 @@ class Balances:
         self.campaign, self.sources = campaign, tuple(stops)  # the latter with all samples
         self.stops = tuple(map(thinned, stops))
         self._evaluator = Evaluator(campaign, self.stops)
-        self._last: tuple[Model, list[Evaluation]] | None = None
+        self._kept = threading.local()  # every thread keeps its last evaluation
         self.vehicle = vehicle = self._evaluator.vehicle
         self.axles, self.radius, self.inertia = vehicle.axles, vehicle.wheel_radius_m, vehicle.wheelset_inertia_kgm2
         self.offsets = np.array(vehicle.axle_positions_m)
@@ -67,9 +68,10 @@ class Balances:
 
     def evaluate(self, model: Model) -> list[Evaluation]:
         """Return what a model says of every stop; the last one is kept."""
-        if self._last is None or self._last[0] is not model:
-            self._last = (model, self._evaluator(model))
-        return self._last[1]
+        last: tuple[Model, list[Evaluation]] | None = getattr(self._kept, "last", None)
+        if last is None or last[0] is not model:
+            last = self._kept.last = (model, self._evaluator(model))
+        return last[1]
 
     def raw(self, model: Model) -> np.ndarray:
         """Residuals (n,) of a model: adhesion coefficients [-], speeds [m/s]."""

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from concurrent.futures import Executor
 
 import numpy as np
 
@@ -71,15 +72,21 @@ class Outcome:
 
 
 def select(
-    balances: Balances, model: Model, weights: Weights, data: Scan, nulls: Sequence[Scan], tried: Sequence[Variant]
+    balances: Balances,
+    model: Model,
+    weights: Weights,
+    data: Scan,
+    nulls: Sequence[Scan],
+    tried: Sequence[Variant],
+    pool: Executor,
 ) -> Outcome:
-    """Accept mechanisms one after the other, each refitted with all before it."""
+    """Accept mechanisms one after the other, each refitted with all before it; what competes is refitted side by side."""
     first = search = Search(data, nulls, np.zeros(0, dtype=int), np.zeros(0))
     screened = found = search.found()
     accepted: list[Accepted] = []
     fitted = refit(balances, model, (), weights)
     for _ in range(MOST):
-        passed, others = _trials(balances, fitted, search, found, weights, accepted)
+        passed, others = _trials(balances, fitted, search, found, weights, accepted, pool)
         if not passed:
             break
         best = passed[0]
@@ -137,6 +144,7 @@ def _trials(
     found: Sequence[Found],
     weights: Weights,
     accepted: Sequence[Accepted],
+    pool: Executor,
 ) -> tuple[list[Trial], list[Found]]:
     """Refit the mechanisms that promise most.
 
@@ -151,9 +159,12 @@ def _trials(
     if rolling is not None and not any(a.variant.name == rolling[0].name for a in accepted):
         promising = [rolling[0], *(one for one in promising if one.name != rolling[0].name)]
         starts[rolling[0].which] = rolling[1]
+
+    def refitted(one: Found) -> Trial:
+        return _trial(balances, fitted, search, one, starts[one.which], weights, accepted)
+
     there = []
-    for one in promising:
-        trial = _trial(balances, fitted, search, one, starts[one.which], weights, accepted)
+    for one, trial in zip(promising, pool.map(refitted, promising), strict=True):
         held_out = trial.found.held_out >= least_held_out(expected(search, one)) or rolling is not None
         if trial.found.gain > _least(search, one, trial.listed, accepted) and held_out:
             there.append(trial)

@@ -2,10 +2,12 @@
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 from scipy.stats import gamma
+from threadpoolctl import threadpool_limits
 
 from wsp_env.diagnosis import null
 from wsp_env.diagnosis.answer import Closure, Diagnosis, Estimate, Evidence, Named
@@ -44,7 +46,9 @@ _FORM = 0.08
 Progress = Callable[[str], None]
 
 
-def diagnose(campaign: Campaign, effort: float = 1.0, seed: int = 0, progress: Progress = lambda step: None) -> Diagnosis:
+def diagnose(
+    campaign: Campaign, effort: float = 1.0, seed: int = 0, progress: Progress = lambda step: None, workers: int = 2
+) -> Diagnosis:
     """Say which physics a campaign's simulation lacks.
 
     Parameters
@@ -52,6 +56,7 @@ def diagnose(campaign: Campaign, effort: float = 1.0, seed: int = 0, progress: P
     effort : multiplies the number of null recordings
     seed : of the null recordings
     progress : is told what is done next
+    workers : threads that search null recordings and refit mechanisms side by side; the answer does not depend on them
 
     Raises
     ------
@@ -59,6 +64,12 @@ def diagnose(campaign: Campaign, effort: float = 1.0, seed: int = 0, progress: P
         when no run can be used
 
     """
+    # The matrices are small: BLAS threads would only take the cores from the workers.
+    with threadpool_limits(1, "blas"), ThreadPoolExecutor(workers) as pool:
+        return _diagnose(campaign, effort, seed, progress, pool)
+
+
+def _diagnose(campaign: Campaign, effort: float, seed: int, progress: Progress, pool: Executor) -> Diagnosis:
     progress("checking the data")
     stops, notes = prepare(campaign)
     if not stops:
@@ -74,10 +85,10 @@ def diagnose(campaign: Campaign, effort: float = 1.0, seed: int = 0, progress: P
     raws = np.column_stack([one.raw(model) for one in few])
     bias = raws.mean(axis=1)
     weights = Weights(np.hypot(weights.deviation, _BIAS_SHARE * bias), bias)
-    nulls = _null_scans(maker, weights, tried, max(round(REPLICATES * effort), 4), rng, progress)
+    nulls = _null_scans(maker, weights, tried, max(round(REPLICATES * effort), 4), rng, progress, pool)
     progress("searching the library")
     data = scan(balances, model, weights, tried)
-    outcome = select(balances, model, weights, data, nulls, tried)
+    outcome = select(balances, model, weights, data, nulls, tried, pool)
     progress("judging")
     return _answer(balances, model, weights, outcome, nulls, raws, notes)
 
@@ -108,12 +119,17 @@ def _null_scans(
     count: int,
     rng: np.random.Generator,
     progress: Progress,
+    pool: Executor,
 ) -> list[Scan]:
+    def search(stops: list[Stop]) -> Scan:
+        return scan(maker.balances.like(stops), maker.model, weights, tried, held_out=False)
+
+    # Drawn one after the other: whoever searches them, they are the same.
+    made = [maker.make(1, rng)[0] for _ in range(count)]
     scans = []
-    for i in range(count):
+    for i, found in enumerate(pool.map(search, made)):
         progress(f"null recordings {i + 1} of {count}")
-        (stops,) = maker.make(1, rng)
-        scans.append(scan(maker.balances.like(stops), maker.model, weights, tried, held_out=False))
+        scans.append(found)
     return scans
 
 

@@ -183,13 +183,12 @@ class _State:
 
         def raw(share: float) -> np.ndarray:
             choice = choice_of(variant, np.where(tilt != 0.0, null + share * (values - null), values))
-            model = dataclasses.replace(self.model, choice={**self.model.choice, **choice})
-            result: np.ndarray = (self.balances.raw(model) / self.weights.deviation)[self.keep]
-            return result
+            return self.balances.raw(dataclasses.replace(self.model, choice={**self.model.choice, **choice}))
 
         # It grows with the size until the change itself does not any more.
         none = raw(0.0)
-        whole, little = (float(np.linalg.norm(raw(share) - none)) / share for share in (1.0, _LITTLE))
+        changes = ((self.base - none, 1.0), (raw(_LITTLE) - none, _LITTLE))
+        whole, little = (float(np.linalg.norm((c / self.weights.deviation)[self.keep])) / share for c, share in changes)
         return linear * min(whole / max(little, 1e-12), 1.0)
 
     def _nulls(self, variant: Variant) -> np.ndarray:
