@@ -22,6 +22,8 @@ from wsp_env.evaluation.policy import (
     CONTRACT,
     CONTRACT_VERSION,
     INPUT,
+    MEMORY_INPUT,
+    MEMORY_OUTPUT,
     NETWORK,
     OUTPUTS,
     Contract,
@@ -50,11 +52,19 @@ class Actor(torch.nn.Module):
         self.valve = isinstance(policy.action_space, spaces.MultiDiscrete)
         self.mlp_extractor = policy.mlp_extractor
         self.action_net = policy.action_net
+        self.memory = 0  # numbers that it keeps from one decision to the next
 
-    def forward(self, observation: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def forward(self, observation: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """Return commands (N, axles) and the last layer from observations (N, size)."""
-        normal = torch.clamp((observation - self.mean) / self.deviation, -self.bound, self.bound)
-        raw = self.action_net(self.mlp_extractor.forward_actor(normal))
+        return self.decided(observation, self.normal(observation))
+
+    def normal(self, observation: torch.Tensor) -> torch.Tensor:
+        """Return normalised observations (N, size)."""
+        return torch.clamp((observation - self.mean) / self.deviation, -self.bound, self.bound)
+
+    def decided(self, observation: torch.Tensor, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return commands (N, axles) and the last layer from observations and what the layers are fed (N, features)."""
+        raw = self.action_net(self.mlp_extractor.forward_actor(features))
         if self.valve:
             command = torch.argmax(raw.reshape(raw.shape[0], -1, 3), dim=2).to(torch.float32) - 1.0
         elif self.steering:
@@ -64,19 +74,29 @@ class Actor(torch.nn.Module):
         slow = observation[:, REFERENCE] < CUT_OUT_MPS / Observer.SPEED_SCALE
         return torch.where(slow[:, None], torch.ones_like(command), command), raw
 
-    def infer(self, observation: np.ndarray) -> np.ndarray:
-        """Return the commands as the exported network would."""
+    def infer(self, observation: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return commands and memory as the exported network would."""
+        inputs = (observation, memory) if self.memory else (observation,)
         with torch.no_grad():
-            return self(torch.as_tensor(observation))[0].numpy()
+            found = [part.numpy() for part in self(*map(torch.as_tensor, inputs))]
+        return found[0], found[2] if self.memory else memory
+
+    def distribution(self, policy: Any, normal: torch.Tensor, memory: torch.Tensor) -> Any:
+        """Return the distribution of actions by SB3's own way from normalised observations."""
+        return policy.get_distribution(normal).distribution
 
 
-def disagreement(policy: ActorCriticPolicy, normalisation: VecNormalize, observation: np.ndarray, raw: np.ndarray) -> float:
+def disagreement(
+    policy: ActorCriticPolicy, normalisation: VecNormalize, actor: Actor, given: tuple[np.ndarray, ...], raw: np.ndarray
+) -> float:
     """Return the largest difference of SB3's own distribution of actions from an exported last layer (N, L).
 
     Of valves the log-probabilities are compared (logits have a free constant), of pressures, also those wanted, the means.
+    `given` are the observations, and the memory of a network that has one.
     """
     with torch.no_grad():
-        own: Any = policy.get_distribution(torch.as_tensor(normalisation.normalize_obs(observation))).distribution
+        normal = torch.as_tensor(normalisation.normalize_obs(given[0]))
+        own = actor.distribution(policy, normal, torch.as_tensor(given[-1]))
     if not isinstance(own, list):
         return float(np.abs(own.mean.numpy() - raw).max())
     logits = np.concatenate([axle.logits.numpy() for axle in own], axis=1)
@@ -85,7 +105,12 @@ def disagreement(policy: ActorCriticPolicy, normalisation: VecNormalize, observa
 
 
 def describe(
-    vehicle: str, task: Task, limits: dict[str, Any] | None = None, training: dict[str, Any] | None = None, sha256: str = ""
+    vehicle: str,
+    task: Task,
+    limits: dict[str, Any] | None = None,
+    training: dict[str, Any] | None = None,
+    sha256: str = "",
+    memory: int = 0,
 ) -> Contract:
     """Return the contract of a policy trained for a task."""
     axles = VEHICLES[vehicle].axles
@@ -107,7 +132,7 @@ def describe(
         measurement=measurement,
         observation=describe_observation(axles, task.pressure_sensors),
         observer=observer_constants(),
-        output=OUTPUTS,
+        output=OUTPUTS | (MEMORY_OUTPUT if memory else {}),
         limits=limits or {},
         training=training or {},
         sha256=sha256,
@@ -130,28 +155,30 @@ def export(
     import onnxruntime
 
     actor.eval()
-    size = len(describe_observation(VEHICLES[vehicle].axles, task.pressure_sensors))
+    sizes = [len(describe_observation(VEHICLES[vehicle].axles, task.pressure_sensors)), actor.memory]
+    names = [INPUT, MEMORY_INPUT][: 2 if actor.memory else 1]
     with tempfile.TemporaryDirectory() as temporary:
         path = Path(temporary) / NETWORK
         torch.onnx.export(
             actor,
-            (torch.zeros(2, size),),
+            tuple(torch.zeros(2, size) for _, size in zip(names, sizes, strict=False)),
             path,
-            input_names=[INPUT],
-            output_names=list(OUTPUTS),
-            dynamic_shapes=({0: torch.export.Dim("N")},),
+            input_names=names,
+            output_names=[*OUTPUTS, *MEMORY_OUTPUT][: 1 + len(names)],
+            dynamic_shapes=({0: torch.export.Dim("N")},) * len(names),
             dynamo=True,
             external_data=False,
             verbose=False,
         )
         content = without_traces(path.read_bytes())
     session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
-    observation = np.random.default_rng(0).normal(0.0, 1.0, (1000, size)).astype(np.float32)
-    difference = disagreement(policy, normalisation, observation, session.run(["raw"], {INPUT: observation})[0])
+    rng = np.random.default_rng(0)
+    given = {name: rng.normal(0.0, 1.0, (1000, size)).astype(np.float32) for name, size in zip(names, sizes, strict=False)}
+    difference = disagreement(policy, normalisation, actor, tuple(given.values()), session.run(["raw"], given)[0])
     if difference > AGREEMENT:
         raise RuntimeError(f"the exported network differs from the trained one by {difference:.2g}")
     scenario = dataclasses.asdict(task.distributions)
-    contract = describe(vehicle, task, scenario, training, hashlib.sha256(content).hexdigest())
+    contract = describe(vehicle, task, scenario, training, hashlib.sha256(content).hexdigest(), actor.memory)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / NETWORK).write_bytes(content)
     (folder / CONTRACT).write_text(json.dumps(dataclasses.asdict(contract), indent=2) + "\n", encoding="utf-8")

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from rich.progress import track
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecNormalize
 
@@ -37,7 +38,7 @@ def imitate(model: PPO, world: VecNormalize, slide_price: float, rounds: int, de
     wanted: list[np.ndarray] = []
     losses = []
     observation: Any = world.reset()
-    for turn in range(rounds):
+    for turn in track(range(rounds), "imitation"):
         for step in range(decisions):
             if turn == 0 or step % THIN == 0:
                 doubts = [batch.observer.reckoning.doubtful for batch in batches]

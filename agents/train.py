@@ -17,6 +17,7 @@ import numpy as np
 import torch
 import tyro
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from sb3_contrib import RecurrentPPO
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
@@ -24,17 +25,14 @@ from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from agents import checkpoint
-from agents.export import Actor, describe, export
+from agents.export import Actor, export
 from agents.imitation import imitate
-from agents.measure import WATCHED, Yardstick, low_adhesion, means
+from agents.recurrent import RecurrentActor
 from agents.steering import Steered, make_steering
+from agents.watch import Watch
 from agents.worlds import Joined, Shaped, Stopped
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
-from wsp_env.evaluation.controller import Controller, load
-from wsp_env.evaluation.policy import Policy
-from wsp_env.evaluation.runner import Conduct
-from wsp_env.parameters.uic_z1 import VEHICLES
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,12 +67,9 @@ class Arguments:
         '{"mu_cd": [0.02, 0.06], "tau": [1e-4, 3.5e-4], "demand": [0.7, 1.0]}'  # JSON, see `wsp_env.scenario.Scenario`
     )
     mechanisms: str = "{}"  # JSON, {name: {parameter: value}}
+    recurrent: int = 0  # units of an LSTM before the networks (sb3-contrib), 0: none; it learns without a teacher
     start: str = ""  # folder of a run whose last checkpoint this one begins from; none: from nothing
     watched: int = 12  # stops under each law by which learning is watched
-
-
-#: A stop that is watched ends after so long [s]: what a beginner needs minutes for is bad enough.
-GIVEN_UP = Conduct(time_limit_s=120.0)
 
 
 class Told(BaseCallback):
@@ -109,6 +104,31 @@ def make_world(arguments: Arguments) -> VecNormalize:
     return VecNormalize(world, gamma=arguments.gamma)
 
 
+def make_model(arguments: Arguments, world: VecNormalize) -> PPO:
+    """Return a model that has learned nothing yet."""
+    networks: dict[str, Any] = {"net_arch": list(arguments.hidden), "log_std_init": arguments.log_deviation}
+    kind: type[PPO] = PPO
+    if arguments.recurrent:
+        kind = RecurrentPPO
+        networks["lstm_hidden_size"] = arguments.recurrent
+    model = kind(
+        "MlpLstmPolicy" if arguments.recurrent else "MlpPolicy",
+        world,
+        n_steps=arguments.rollout,
+        batch_size=arguments.batch,
+        n_epochs=arguments.epochs,
+        gamma=arguments.gamma,
+        gae_lambda=arguments.gae_lambda,
+        clip_range=arguments.clip,
+        ent_coef=arguments.entropy,
+        policy_kwargs=networks,
+        device="cpu",
+    )
+    model.lr_schedule = lambda _: arguments.learning_rate * max(0.0, 1.0 - model.num_timesteps / arguments.steps)
+    model.set_logger(configure(str(arguments.out), ["tensorboard"]))
+    return model
+
+
 def task_options(arguments: Arguments) -> dict[str, Any]:
     """Return the options of the environments."""
     texts = {name: json.loads(getattr(arguments, name)) for name in ("reward", "scenario", "mechanisms")}
@@ -119,12 +139,14 @@ def task_options(arguments: Arguments) -> dict[str, Any]:
 def actor(arguments: Arguments, model: PPO, world: VecNormalize) -> Actor:
     """Return what is exported of a model."""
     steered = arguments.action == "steered"
-    return Actor(model.policy, world, make_steering(arguments.vehicle, make_task(task_options(arguments))) if steered else None)
+    steering = make_steering(arguments.vehicle, make_task(task_options(arguments))) if steered else None
+    return (RecurrentActor if arguments.recurrent else Actor)(model.policy, world, steering)
 
 
 def learns(model: PPO, policy: bool) -> None:
     """Let the policy's own network learn or not; the value function always does."""
     own = [model.policy.mlp_extractor.policy_net, model.policy.action_net]
+    own += [model.policy.lstm_actor] if hasattr(model.policy, "lstm_actor") else []
     parameters = [parameter for part in own for parameter in part.parameters()]
     parameters += [model.policy.log_std] if hasattr(model.policy, "log_std") else []
     for parameter in parameters:
@@ -151,24 +173,12 @@ def train(arguments: Arguments) -> tuple[PPO, VecNormalize]:
     arguments.out.mkdir(parents=True, exist_ok=True)
     if arguments.imitation and arguments.action != "steered":
         raise SystemExit("the teacher says which pressures it wants: --imitation 0, or --action steered")
+    if arguments.imitation and arguments.recurrent:
+        raise SystemExit("a recurrent network learns without the teacher: --imitation 0")
     _same_arguments(arguments)
     set_random_seed(segment_seed(arguments.seed, 0))
     world = make_world(arguments)
-    model = PPO(
-        "MlpPolicy",
-        world,
-        n_steps=arguments.rollout,
-        batch_size=arguments.batch,
-        n_epochs=arguments.epochs,
-        gamma=arguments.gamma,
-        gae_lambda=arguments.gae_lambda,
-        clip_range=arguments.clip,
-        ent_coef=arguments.entropy,
-        policy_kwargs={"net_arch": list(arguments.hidden), "log_std_init": arguments.log_deviation},
-        device="cpu",
-    )
-    model.lr_schedule = lambda _: arguments.learning_rate * max(0.0, 1.0 - model.num_timesteps / arguments.steps)
-    model.set_logger(configure(str(arguments.out), ["tensorboard"]))
+    model = make_model(arguments, world)
     if arguments.start and not (arguments.out / checkpoint.CHECKPOINT).exists():
         begin_from(Path(arguments.start), model, world)
     done, curve = checkpoint.load(arguments.out / checkpoint.CHECKPOINT, model, world)
@@ -180,7 +190,9 @@ def train(arguments: Arguments) -> tuple[PPO, VecNormalize]:
         )
     update = arguments.envs * arguments.rollout
     segments = max(1, round(arguments.steps / (update * arguments.segment)))
-    watch = Watch(arguments)
+    watch = Watch(
+        arguments.vehicle, make_task(task_options(arguments)), arguments.slide_price, arguments.classic_share, arguments.watched
+    )
     columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns) as progress:
         bar = progress.add_task(watch.told(curve), total=segments, completed=done)
@@ -205,60 +217,6 @@ def train(arguments: Arguments) -> tuple[PPO, VecNormalize]:
             print(f"{model.num_timesteps} steps, {rate:.0f} a second: {watch.told(curve)}", flush=True)
     _write_curve(arguments.out / "curve.csv", curve)
     return model, world
-
-
-class Watch:
-    """Compares the policy with the rule-based WSP on a few stops as it learns."""
-
-    def __init__(self, arguments: Arguments) -> None:
-        self.vehicle, self.task = arguments.vehicle, make_task(task_options(arguments))
-        self.slide_price, self.classic_share = arguments.slide_price, arguments.classic_share
-        kind, count = VEHICLES[self.vehicle], arguments.watched
-        laws = {law: low_adhesion(kind, law, count, WATCHED) for law in ("recovering", "classic")}
-        self.rows = {law: slice(count * i, count * (i + 1)) for i, law in enumerate(laws)}
-        self.yardstick = Yardstick(self.vehicle, [stop for stops in laws.values() for stop in stops], GIVEN_UP)
-        self.rules = self.means(load("rule-based"))
-
-    def look(self, actor: Actor) -> dict[str, float]:
-        """Return the policy's figures over those of the rules, by law."""
-        own = self.means(Policy(describe(self.vehicle, self.task), actor.infer))
-        found = {"score": self.score(own)}
-        for law, figures in own.items():
-            for name in ("distance_m", "mean_slip_mps", "slip_deviation_mps", "contact_energy_mj", "air_nl"):
-                found[f"{law}_{name}_ratio"] = figures[name] / self.rules[law][name]
-            found |= {f"{law}_locked_s": figures["locked_s"], f"{law}_ran_on": figures["ran_on"]}
-        return found
-
-    def score(self, own: dict[str, dict[str, float]]) -> float:
-        """Return what training is after, over the same of the rules: metres travelled plus the price of those slid.
-
-        The laws count by their share; a stop that ran on counts as one more.
-        """
-        shares = {"recovering": 1.0 - self.classic_share, "classic": self.classic_share}
-        return sum(
-            share * (self._paid(own[law]) / self._paid(self.rules[law]) + own[law]["ran_on"]) for law, share in shares.items()
-        )
-
-    def _paid(self, figures: dict[str, float]) -> float:
-        return figures["distance_m"] + self.slide_price * figures["slide_distance_m"]
-
-    def means(self, controller: Controller) -> dict[str, dict[str, float]]:
-        """Return a controller's figures, by law."""
-        found = self.yardstick.figures(controller)
-        return {law: means({name: values[rows] for name, values in found.items()}) for law, rows in self.rows.items()}
-
-    def told(self, curve: list[dict[str, float]]) -> str:
-        """Return the last row of a curve in words."""
-        if not curve:
-            return "no checkpoint yet"
-        row = curve[-1]
-        laws = (
-            f"{law}: distance x{row[f'{law}_distance_m_ratio']:.3f}, slip x{row[f'{law}_mean_slip_mps_ratio']:.2f}, "
-            f"energy x{row[f'{law}_contact_energy_mj_ratio']:.2f}, locked {row[f'{law}_locked_s']:.1f} s, "
-            f"{row[f'{law}_ran_on']:.0%} ran on"
-            for law in self.rules
-        )
-        return f"score {row['score']:.3f}, of the rules' " + "; ".join(laws)
 
 
 def _same_arguments(arguments: Arguments) -> None:

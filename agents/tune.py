@@ -43,7 +43,7 @@ def suggest(trial: Any, search: Search) -> Arguments:
 
 
 def score(arguments: Arguments) -> float:
-    """Train; return the best score on the watched stops, see `agents.train.Watch`."""
+    """Train; return the best score on the watched stops, see `agents.watch.Watch`."""
     train(arguments)
     with np.load(arguments.out / checkpoint.BEST) as best:
         return float(best["curve/score"][-1])

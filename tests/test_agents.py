@@ -13,7 +13,7 @@ import torch
 from numpy.testing import assert_allclose, assert_array_equal
 from stable_baselines3 import PPO
 
-import agents.train
+import agents.watch
 from agents import checkpoint
 from agents.export import AGREEMENT, Actor, disagreement, export
 from agents.measure import HELD_OUT, WATCHED, Yardstick, low_adhesion
@@ -41,7 +41,7 @@ def arrays(folder):
 @pytest.fixture(scope="module", autouse=True)
 def _short_looks():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(agents.train, "GIVEN_UP", Conduct(time_limit_s=1.0))
+        patch.setattr(agents.watch, "GIVEN_UP", Conduct(time_limit_s=1.0))
         yield
 
 
@@ -113,7 +113,7 @@ def test_onnx_and_sb3_agree(tmp_path, action):
     observation = rng.uniform(-3.0, 3.0, (2000, model.observation_space.shape[0])).astype(np.float32)
     session = onnxruntime.InferenceSession(tmp_path / "policy" / "policy.onnx", providers=["CPUExecutionProvider"])
     command, raw = session.run(["command", "raw"], {"observation": observation})
-    assert disagreement(model.policy, world, observation, raw) <= AGREEMENT
+    assert disagreement(model.policy, world, made, (observation,), raw) <= AGREEMENT
     slow = observation[:, REFERENCE] < CUT_OUT_MPS / Observer.SPEED_SCALE
     assert (command[slow] == 1.0).all()
     command, raw, observation = command[~slow], raw[~slow], observation[~slow]
@@ -135,6 +135,46 @@ def test_onnx_and_sb3_agree(tmp_path, action):
     assert json.loads((tmp_path / "policy" / "contract.json").read_text())["training"] == {"seed": 1}
     yardstick = Yardstick.drawn("bogie", "recovering", 1, WATCHED)
     assert np.isfinite(yardstick.means(policy)["distance_m"])
+
+
+def test_a_recurrent_policy_remembers_in_its_folder_as_it_does_in_training(tmp_path):
+    arguments = dataclasses.replace(TINY, out=tmp_path, action="steered", recurrent=6, steps=128, scenario=Arguments.scenario)
+    model, world = train(arguments)
+    made = actor(arguments, model, world)
+    assert export(model.policy, world, made, "bogie", make_task(task_options(arguments)), tmp_path / "p", {}) <= AGREEMENT
+    policy = load(str(tmp_path / "p"))
+    assert policy.contract.output.keys() == {"command", "raw", "remembered"}
+    rng = np.random.default_rng(3)
+    state, memory, start = None, np.zeros((5, 12), dtype=np.float32), np.ones(5, dtype=bool)
+    session = onnxruntime.InferenceSession(tmp_path / "p" / "policy.onnx", providers=["CPUExecutionProvider"])
+    for _ in range(20):
+        observation = rng.uniform(-3.0, 3.0, (5, model.observation_space.shape[0])).astype(np.float32)
+        chosen, state = model.predict(world.normalize_obs(observation), state, start, deterministic=True)
+        raw, memory = session.run(["raw", "remembered"], {"observation": observation, "memory": memory})
+        assert_allclose(np.clip(raw, -1.0, 1.0), chosen, atol=AGREEMENT)
+        start = np.zeros(5, dtype=bool)
+    yardstick = Yardstick.drawn("bogie", "recovering", 1, WATCHED)
+    assert yardstick.means(policy) == yardstick.means(policy)  # it forgets between stops
+
+
+def test_a_recurrent_policy_killed_and_resumed_ends_with_the_same_weights(tmp_path, monkeypatch):
+    whole = dataclasses.replace(TINY, out=tmp_path / "whole", action="steered", recurrent=6)
+    train(whole)
+    killed, real_save = dataclasses.replace(whole, out=tmp_path / "killed"), checkpoint.save
+
+    def save(path, *given):
+        real_save(path, *given)
+        if path.name == checkpoint.CHECKPOINT:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoint, "save", save)
+        with pytest.raises(KeyboardInterrupt):
+            train(killed)
+    train(killed)
+    expected, found = arrays(tmp_path / "whole"), arrays(tmp_path / "killed")
+    for name, value in expected.items():
+        assert_array_equal(found[name], value, err_msg=name)
 
 
 def test_what_differs_is_not_exported(tmp_path, trained):

@@ -178,7 +178,7 @@ def test_another_interval_is_refused(tmp_path):
 
 def test_a_missing_sensor_is_said():
     values = contract(pressure_sensors=True, observation=describe_observation(2, True))
-    policy = Policy(Contract(**values), lambda observation: np.ones((len(observation), 2)))
+    policy = Policy(Contract(**values), lambda observation, memory: (np.ones((len(observation), 2)), memory))
     policy.reset(1, BOGIE)
     measurement = Measurement(np.zeros(1), np.full((1, 2), 50.0), np.ones(1))
     with pytest.raises(ParameterError, match="cylinder pressures"):

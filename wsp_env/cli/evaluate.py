@@ -64,7 +64,8 @@ def main(
     Parameters
     ----------
     controllers
-        Short names (none, rule-based, slip, extremum), package.module:Class or path.py:Class; such code is run.
+        Short names (none, rule-based, slip, extremum), folders of policies, package.module:Class, path.py:Class;
+        such code is run.
     vehicle
         Wheelset, bogie or coach.
     cases

@@ -32,6 +32,15 @@ OUTPUTS = {
     "or (N, axles), the pressure wanted, -1 none to +1 full",
 }
 
+#: The same of a network that remembers.
+MEMORY_INPUT = "memory"
+MEMORY_OUTPUT = {
+    "remembered": "(N, M), to be given as the input memory with the next observation; zeros at the start of a stop"
+}
+
+#: From observations (N, size) and memory (N, M), both float32, to commands (N, axles) and memory.
+Infer = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
 #: Share of the control interval by which the time between two measurements may differ from it (assumption).
 _INTERVAL_TOLERANCE = 0.01
 
@@ -127,14 +136,15 @@ class Policy:
     Parameters
     ----------
     contract : what it needs
-    infer : from observations (N, size) float32 to commands (N, axles)
+    infer : from observations (N, size) and memory (N, M), both float32, to commands (N, axles) and memory
+    memory : M, 0 for a network without
 
     """
 
-    def __init__(self, contract: Contract, infer: Callable[[np.ndarray], np.ndarray]) -> None:
+    def __init__(self, contract: Contract, infer: Infer, memory: int = 0) -> None:
         self.contract = contract
         self.action = contract.action
-        self._infer = infer
+        self._infer, self._size = infer, memory
 
     def reset(self, n: int, vehicle: Vehicle) -> None:
         """Begin n new stops; `ParameterError` for a vehicle with another number of axles."""
@@ -147,6 +157,7 @@ class Policy:
             vehicle, self.contract.control_interval_s, self.contract.pressure_sensors, by_pressure=self.action == "pressure"
         )
         self._command = np.ones((n, vehicle.axles))
+        self._memory = np.zeros((n, self._size), dtype=np.float32)
         self._time = np.zeros(n)
         self._decisions = 0
 
@@ -162,7 +173,8 @@ class Policy:
             observation = self._observer.observe(measurement, self._command)
         self._time = np.array(measurement.time)
         self._decisions += 1
-        self._command = self._infer(observation).astype(np.float64)
+        command, self._memory = self._infer(observation, self._memory)
+        self._command = command.astype(np.float64)
         return self._command.copy()
 
     def _check_interval(self, step: float) -> None:
@@ -181,7 +193,7 @@ def load_policy(folder: str | Path) -> Policy:
         raise ParameterError(f"policy {place}: {NETWORK} cannot be read: {error.strerror}") from None
     if hashlib.sha256(content).hexdigest() != contract.sha256:
         raise ParameterError(f"policy {place}: {NETWORK} is not the network that {CONTRACT} was written for (sha256 differs)")
-    return Policy(contract, _session(place, content, contract))
+    return Policy(contract, *_session(place, content, contract))
 
 
 def read_contract(folder: Path) -> Contract:
@@ -203,7 +215,7 @@ def read_contract(folder: Path) -> Contract:
         raise ParameterError(f"policy {folder}: {error}") from None
 
 
-def _session(place: Path, content: bytes, contract: Contract) -> Callable[[np.ndarray], np.ndarray]:
+def _session(place: Path, content: bytes, contract: Contract) -> tuple[Infer, int]:
     try:
         import onnxruntime
     except ImportError as error:
@@ -217,11 +229,21 @@ def _session(place: Path, content: bytes, contract: Contract) -> Callable[[np.nd
         raise ParameterError(f"policy {place}: {NETWORK} cannot be loaded: {error}") from None
     size = len(contract.observation)
     given = {item.name: item.shape for item in session.get_inputs()}
-    if set(given) != {INPUT} or given[INPUT][-1] != size or "command" not in {item.name for item in session.get_outputs()}:
-        raise ParameterError(f"policy {place}: {NETWORK} takes {given}, expected {INPUT} (N, {size}) and the output command")
+    remembers = [MEMORY_INPUT] if MEMORY_INPUT in given else []
+    wanted = ["command", *(MEMORY_OUTPUT if remembers else ())]
+    if (
+        set(given) != {INPUT, *remembers}
+        or given[INPUT][-1] != size
+        or not set(wanted) <= {item.name for item in session.get_outputs()}
+    ):
+        raise ParameterError(
+            f"policy {place}: {NETWORK} takes {given}, expected {INPUT} (N, {size}) and the output {' and '.join(wanted)}"
+        )
 
-    def infer(observation: np.ndarray) -> np.ndarray:
-        command: np.ndarray = session.run(["command"], {INPUT: observation})[0]
-        return command
+    def infer(observation: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if not remembers:
+            return session.run(wanted, {INPUT: observation})[0], memory
+        command, remembered = session.run(wanted, {INPUT: observation, MEMORY_INPUT: memory})
+        return command, remembered
 
-    return infer
+    return infer, given[MEMORY_INPUT][-1] if remembers else 0
