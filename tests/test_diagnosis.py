@@ -1,6 +1,7 @@
 """Diagnosis of stops of known truth: what is wrong in a campaign's belief must be found, and nothing else."""
 
 import dataclasses
+import html
 import json
 import shutil
 import warnings
@@ -233,6 +234,6 @@ def test_command_writes_json_model_and_report(tmp_path, capsys):
     assert printed == json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
     assert printed["model"] == json.loads((tmp_path / "out" / "model.json").read_text(encoding="utf-8"))
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert printed["sentence"] in page
+    assert html.escape(printed["sentence"]) in page
     assert "http" not in page.split("<body>")[1].split("<script")[0]
     assert main(["diagnose", str(folder), "--effort", "0"]) == 2

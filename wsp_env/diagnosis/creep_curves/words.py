@@ -10,7 +10,7 @@ from wsp_env.diagnosis.creep_curves.answer import Inseparable, NamedOnCurve
 from wsp_env.diagnosis.creep_curves.model import CreepModel, Fit
 from wsp_env.diagnosis.creep_curves.search import CreepSearch
 from wsp_env.diagnosis.creep_curves.separation import radius_note
-from wsp_env.plant.mechanisms import ALL
+from wsp_env.diagnosis.words import said
 
 #: Why the other mechanisms of the library are not searched on creep curves.
 NOT_SEARCHED = (
@@ -31,8 +31,8 @@ def sentence(verdict: str, named: Sequence[NamedOnCurve]) -> str:
     for one in named:
         others = [name.replace("_", " ") for name in one.alternatives[1:]]
         doubt = f" (or {', '.join(others)}: these points cannot tell)" if others else ""
-        told.append(f"{one.name.replace('_', ' ')}: {ALL[one.name].summary}{doubt}")
-    return f"The law lacks {'; and '.join(told)}."
+        told.append(f"{'probably ' if others else ''}{said(one.name, one.parameters)}{doubt}")
+    return f"What the law lacks: {'; and '.join(told)}."
 
 
 def next_test(verdict: str, named: Sequence[NamedOnCurve], open_parameters: Sequence[Inseparable], model: CreepModel) -> str:

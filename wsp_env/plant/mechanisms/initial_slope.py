@@ -18,7 +18,7 @@ class Parameters(NamedTuple):
 
 MECHANISM = Mechanism(
     name="initial_slope",
-    summary="the creep curve rises less steeply than Kalker's",
+    summary="the creep curve rises less steeply than Kalker's, or more",
     parameters=(
         Parameter("factor", "-", 1.0, 0.5, 0.005, 3.0, "Polach (2005): reduction by a third body; bounds: assumption"),
     ),

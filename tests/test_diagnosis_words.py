@@ -1,0 +1,100 @@
+"""What a diagnosis says in words: the right direction, size, axle and place, and no more certainty than there is."""
+
+import numpy as np
+import pytest
+
+from wsp_env.diagnosis.answer import Closure, Estimate, Named
+from wsp_env.diagnosis.words import next_test, said, sentence
+from wsp_env.plant.mechanisms import ALL, leading_axle_cleaning
+
+
+def estimates(mechanism: str, **values: float | tuple[float, float, float]) -> dict[str, Estimate]:
+    """Return estimates: value, or value with its interval."""
+    units = {one.name: one.unit for one in ALL[mechanism].parameters}
+    found = {}
+    for name, given in values.items():
+        value, low, high = given if isinstance(given, tuple) else (given, given, given)
+        found[name] = Estimate(value, units[name], (low, high))
+    return found
+
+
+def named(mechanism: str, parameters: dict[str, Estimate], multiple: float = 3.0, others: tuple[str, ...] = ()) -> Named:
+    return Named(mechanism, 0.9, (mechanism, *others), parameters, multiple, 100.0, 10.0, 50.0)
+
+
+WEAKER = estimates("brake_gain_imbalance", gain=(-0.039, -0.051, -0.027), axle=2.0)
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "values", "words"),
+    [
+        ("brake_gain_imbalance", {"gain": (-0.039, -0.051, -0.027), "axle": 2.0},
+         "axle 2's brake is 3.9 % weaker than believed (2.7 to 5.1 %)"),
+        ("brake_gain_imbalance", {"gain": (0.039, -0.01, 0.08), "axle": 4.0},
+         "axle 4's brake is 4 % stronger than believed (-1 to 8 %)"),
+        ("adhesion_patch", {"change": (0.13, 0.11, 0.152), "start_m": 582.0, "length_m": 120.0},
+         "the adhesion is 13 % higher from 582 m to 702 m (11 to 15 %)"),
+        ("track_gradient", {"rise": (-0.0089, -0.0097, -0.0081)},
+         "the track falls by 8.9 per mille more than believed (8.1 to 9.7 per mille)"),
+        ("initial_slope", {"factor": (1.047, 1.03, 1.06)}, "the creep curve begins 4.7 % steeper than Kalker's (3.0 to 6.0 %)"),
+        ("initial_slope", {"factor": (0.4, 0.35, 0.45)}, "the creep curve begins 60 % flatter than Kalker's (55 to 65 %)"),
+        ("wheel_radius", {"change": (-0.01, -0.0102, -0.0098), "axle": 3.0},
+         "axle 3's wheels are 1.00 % smaller than believed (0.98 to 1.02 %)"),
+        ("clock_offset", {"offset_s": (0.1, 0.09, 0.11)},
+         "the vehicle's speed is recorded 100 ms late beside the wheel speeds (90 to 110 ms)"),
+        ("pad_friction", {"per_speed_s_per_m": (-5e-3, -6e-3, -4e-3), "per_temperature_1_per_k": (1e-5, -2e-5, 4e-5)},
+         "the pads' friction falls by 5.0 % for every 10 m/s of speed (4.0 to 6.0 %)"),
+        ("aerodynamic_drag", {"c_ns2_per_m2": (2.0, 1.0, 3.0)},
+         "the running resistance at 30 m/s is 1.8 kN higher than believed (0.9 to 2.7 kN)"),
+        ("non_adhesive_brake", {"force_n": (5e3, 4e3, 6e3), "lowest_mps": 8.0},
+         "a brake that needs no wheels gives 5.0 kN above 8 m/s (4.0 to 6.0 kN)"),
+    ],
+)  # fmt: skip
+def test_a_mechanism_is_said_with_direction_size_and_place(mechanism, values, words):
+    assert said(mechanism, estimates(mechanism, **values)) == words
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_every_mechanism_of_the_library_has_words_for_every_size_and_sign(name):
+    for size in ALL[name].sizes:
+        if (name, size.name) in {("aerodynamic_drag", "a_n"), ("aerodynamic_drag", "b_ns_per_m")}:  # are the gradient's
+            continue
+        texts = set()
+        for value in {size.low, size.high} - {size.null}:
+            given = {one.name: one.typical for one in ALL[name].parameters if one.kind != "size"} | {size.name: value}
+            texts.add(said(name, estimates(name, **given)).partition(" (")[0])
+        assert len(texts) == (1 if size.null in (size.low, size.high) else 2)
+
+
+def test_film_taken_away_is_the_plant_s():
+    removal = 2e-5
+    ring = np.full((1, 4), 1e4)
+    left = leading_axle_cleaning.film_left(leading_axle_cleaning.Parameters(removal), 0, 0.0, ring)
+    words = said("leading_axle_cleaning", estimates("leading_axle_cleaning", removal_m_per_j=(removal, 1e-5, 3e-5)))
+    assert f"takes away {100.0 * (1.0 - left):.0f} % of the film" in words
+
+
+def test_the_sentence_claims_no_more_than_there_is():
+    sure = sentence("named", [named("brake_gain_imbalance", WEAKER)], None, ())
+    assert sure == "What the simulation lacks: axle 2's brake is 3.9 % weaker than believed (2.7 to 5.1 %)."
+    small = sentence("named", [named("brake_gain_imbalance", WEAKER, multiple=0.7)], None, ())
+    assert "perhaps axle 2's brake" in small
+    assert "too little to matter" in small
+    torn = sentence("named", [named("brake_gain_imbalance", WEAKER, others=("load_transfer",))], None, ())
+    assert "probably axle 2's brake" in torn
+    assert "or it is load transfer, which these recordings cannot tell from it" in torn
+
+
+@pytest.mark.parametrize(
+    ("depends_on", "wanted"),
+    [
+        ("adhesion over slip speed", "controlled slip"),
+        ("adhesion over time", "controlled slip"),
+        ("torque of each axle", "torque measured"),
+        ("force on the vehicle swinging at 0.5 Hz", "couplers"),
+        ("slip while rolling freely", "diameters"),
+        ("recorded speed over deceleration", "one clock"),
+    ],
+)
+def test_the_next_test_of_an_unknown_cause_follows_what_it_depends_on(depends_on, wanted):
+    assert wanted in next_test("unknown", (), {}, Closure(depends_on, 100.0, 50.0))
