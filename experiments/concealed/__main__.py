@@ -27,11 +27,11 @@ SMALL = 8
 class Bank:
     """Generate the bank and publish the hash of its labels; goes on where it was broken off."""
 
-    out: Path = Path("out/concealed")
-    cases: int = 230
-    seed: int = 2  # 1 was looked at while the diagnosis was made
-    jobs: int = multiprocessing.cpu_count()
-    small: bool = False  # a few cases only
+    out: Path = Path("out/concealed")  # folder of the bank, its answers and its figures
+    cases: int = 230  # campaigns to make, of all classes; the figures count from 200 on
+    seed: int = 2  # of the bank; 1 was looked at while the diagnosis was made
+    jobs: int = multiprocessing.cpu_count()  # cases worked on side by side, a process each
+    small: bool = False  # make a few cases only
 
     def run(self) -> None:
         """Run."""
@@ -48,8 +48,8 @@ class Bank:
 class Diagnose:
     """Diagnose every case of the bank."""
 
-    out: Path = Path("out/concealed")
-    jobs: int = multiprocessing.cpu_count()
+    out: Path = Path("out/concealed")  # folder of the bank, its answers and its figures
+    jobs: int = multiprocessing.cpu_count()  # cases worked on side by side, a process each
 
     def run(self) -> None:
         """Run."""
@@ -60,8 +60,8 @@ class Diagnose:
 class Rivals:
     """Let the rivals answer every case of the bank, into OUT/rivals/NAME."""
 
-    out: Path = Path("out/concealed")
-    jobs: int = multiprocessing.cpu_count()
+    out: Path = Path("out/concealed")  # folder of the bank, its answers and its figures
+    jobs: int = multiprocessing.cpu_count()  # cases worked on side by side, a process each
 
     def run(self) -> None:
         """Run."""
@@ -72,7 +72,7 @@ class Rivals:
 class Score:
     """Compare all answers with the labels; prints what is required, writes OUT/score.json and OUT/rivals/NAME/score.json."""
 
-    out: Path = Path("out/concealed")
+    out: Path = Path("out/concealed")  # folder of the bank, its answers and its figures
 
     def run(self) -> None:
         """Run."""
@@ -92,8 +92,8 @@ class Score:
 class Page:
     """Put the figures of OUT into docs/concealed.md and the pictures beside it."""
 
-    out: Path = Path("out/concealed")
-    docs: Path = Path("docs")
+    out: Path = Path("out/concealed")  # folder of the bank, its answers and its figures
+    docs: Path = Path("docs")  # folder of the page
 
     def run(self) -> None:
         """Run."""
@@ -104,7 +104,7 @@ class Page:
 class Interest:
     """Compute the smallest effects of interest anew, into smallest.json beside this file (some minutes)."""
 
-    jobs: int = multiprocessing.cpu_count()
+    jobs: int = multiprocessing.cpu_count()  # cases worked on side by side, a process each
 
     def run(self) -> None:
         """Run."""

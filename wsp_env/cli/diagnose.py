@@ -4,7 +4,10 @@ A campaign of stops and a folder of creep curves (`[campaign] kind = "creep_curv
 """
 
 import json
+import math
 import os
+import re
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,7 +15,7 @@ from typing import Annotated
 
 import tyro
 from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from wsp_env.diagnosis import Diagnosis, diagnose
 from wsp_env.diagnosis.creep_curves import CreepDiagnosis, diagnose_creep_curves
@@ -22,6 +25,18 @@ from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import read_campaign
 from wsp_env.recordings.creep_curves import holds_creep_curves, read_creep_curves
 from wsp_env.report import write_text
+
+#: Steps of a diagnosis of stops and the share of its time [-] after which each begins (measured on campaigns of eight stops).
+STEPS = {
+    "checking the data": 0.0,
+    "fitting the baseline": 0.02,
+    "making null recordings": 0.08,
+    "null recordings": 0.12,
+    "searching the library": 0.55,
+    "judging": 0.9,
+}
+_COUNTED = re.compile(r"(?P<name>.*?)s? (?P<done>\d+) of (?P<of>\d+)")
+_TELL = 0.1  # share of the whole after which a log is told of progress again
 
 
 def main(
@@ -42,47 +57,98 @@ def main(
     out
         Folder for diagnosis.json, model.json and report.html.
     effort
-        Multiplies the number of null recordings: more of them make rare verdicts surer.
+        Multiplies the number of null recordings (of stops 10, and at least 4; of creep curves 99, and no fewer): more of
+        them make rare verdicts surer.
     seed
-        Of the null recordings.
+        Of the null recordings; 0 or more.
     workers
         Threads that search null recordings and refit mechanisms side by side; the answer does not depend on them.
     as_json
         Print the JSON instead of the verdict.
 
     """
-    if not effort > 0.0:
-        raise ParameterError(f"effort = {effort:g} is impossible: it must be above 0")
-    if not workers > 0:
-        raise ParameterError(f"workers = {workers} is impossible: there must be at least 1")
+    _check(out, effort, seed, workers)
     found: Diagnosis | CreepDiagnosis
     if holds_creep_curves(campaign):
         curves = read_creep_curves(campaign)
         with _progress() as told:
             found = diagnose_creep_curves(curves, effort, seed, told)
-        write_creep_report(out / "report.html", found)
     else:
         recorded = read_campaign(campaign)
         with _progress() as told:
             found = diagnose(recorded, effort, seed, told, workers)
-        write_report(out / "report.html", found)
     text = json.dumps(found.to_json(), indent=1, allow_nan=False)
     write_text(out / "diagnosis.json", text + "\n")
     write_text(out / "model.json", json.dumps(found.model, indent=1) + "\n")
+    if isinstance(found, CreepDiagnosis):
+        write_creep_report(out / "report.html", found)
+    else:
+        write_report(out / "report.html", found)
     if as_json:
         print(text)
     else:
         _print(found, out)
 
 
+def _check(out: Path, effort: float, seed: int, workers: int) -> None:
+    """Refuse what cannot be before the work begins."""
+    if not 0.0 < effort < math.inf:
+        raise ParameterError(f"effort = {effort:g} is impossible: it must be above 0 and finite")
+    if seed < 0:
+        raise ParameterError(f"seed = {seed} is impossible: it must be 0 or more")
+    if workers < 1:
+        raise ParameterError(f"workers = {workers} is impossible: there must be at least 1")
+    there = next(one for one in (out, *out.absolute().parents) if one.exists())
+    if not there.is_dir():
+        raise ParameterError(f"out = {out} is impossible: {there} is a file, not a folder")
+
+
 @contextmanager
 def _progress() -> Iterator[Callable[[str], None]]:
-    """Show what step the diagnosis is at."""
-    with Progress(
-        SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), console=Console(stderr=True), transient=True
-    ) as bar:
-        task = bar.add_task("diagnosing")
-        yield lambda step: bar.update(task, description=step)
+    """Show what step the diagnosis is at and how far it is: a bar on a terminal, lines in a log."""
+    console, course = Console(stderr=True), Advance()
+    if not console.is_terminal:
+        yield lambda step: _tell(course, step)
+        return
+    columns = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("diagnosing", total=1.0)
+        yield lambda step: bar.update(task, description=step, completed=course.reach(step))
+
+
+def _tell(course: "Advance", step: str) -> None:
+    before = course.share
+    if course.enters(step) or int(course.reach(step) / _TELL) > int(before / _TELL):
+        print(f"wsp: {course.reach(step):.0%}: {step}", file=sys.stderr, flush=True)
+
+
+class Advance:
+    """How far a diagnosis is; the steps of creep curves are not known before, each takes half of what is left."""
+
+    def __init__(self) -> None:
+        """Stand before the first step."""
+        self.share = 0.0
+        self._name, self._span = "", (0.0, 0.0)
+
+    def enters(self, step: str) -> bool:
+        """Whether a text is of another step than the last one."""
+        return _parsed(step)[0] != self._name
+
+    def reach(self, step: str) -> float:
+        """Return the share of the whole [-] that is done when a step, "name" or "name 3 of 10", is told of."""
+        name, inside = _parsed(step)
+        if name != self._name:
+            self._name = name
+            later = [start for start in (*STEPS.values(), 1.0) if start > STEPS.get(name, 1.0)]
+            self._span = (STEPS[name], later[0]) if name in STEPS else (self.share, 0.5 + 0.5 * self.share)
+        start, end = self._span
+        self.share = max(self.share, start + inside * (end - start))
+        return self.share
+
+
+def _parsed(step: str) -> tuple[str, float]:
+    counted = _COUNTED.fullmatch(step)
+    return (f"{counted['name']}s", int(counted["done"]) / int(counted["of"])) if counted else (step, 0.0)
 
 
 def _print(found: Diagnosis | CreepDiagnosis, out: Path) -> None:
@@ -98,6 +164,7 @@ def _print(found: Diagnosis | CreepDiagnosis, out: Path) -> None:
     if isinstance(found, CreepDiagnosis):
         for tied in found.inseparable:
             console.print(f"  left open: {tied.words}")
+    console.print(f"  null recordings: {max((len(one.null) for one in found.evidence), default=0)}")
     console.print(f"  next test: {found.next_test}")
     for note in found.notes:
         console.print(f"  note: {note}")

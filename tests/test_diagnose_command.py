@@ -1,0 +1,61 @@
+"""The command `wsp diagnose` around the work: what it refuses before, and how it tells how far it is."""
+
+import pytest
+
+from wsp_env.cli import diagnose, main
+from wsp_env.recordings import demo_campaign
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("--seed", "-1", "seed = -1 is impossible"),
+        ("--effort", "0", "effort = 0 is impossible"),
+        ("--effort", "inf", "effort = inf is impossible"),
+        ("--effort", "nan", "effort = nan is impossible"),
+        ("--workers", "0", "workers = 0 is impossible"),
+    ],
+)
+def test_options_that_cannot_be_are_refused_before_the_work(option, value, words, tmp_path, capsys):
+    assert main(["diagnose", str(demo_campaign()), "--out", str(tmp_path / "out"), option, value]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("below", ["", "deeper/still"])
+def test_a_file_in_place_of_the_folder_is_refused_before_the_work(below, tmp_path, capsys):
+    file = tmp_path / "diagnosis"
+    file.write_text("kept", encoding="utf-8")
+    assert main(["diagnose", str(demo_campaign()), "--out", str(file / below)]) == 2
+    assert "is a file, not a folder" in capsys.readouterr().err
+    assert file.read_text(encoding="utf-8") == "kept"
+
+
+def test_the_share_done_only_grows_over_the_steps_of_stops():
+    course = diagnose.Advance()
+    steps = list(diagnose.STEPS)
+    told = [*steps[:3], *(f"null recordings {i + 1} of 4" for i in range(4)), *steps[4:]]
+    shares = [course.reach(step) for step in told]
+    assert shares == sorted(shares)
+    assert shares[0] == 0.0
+    assert shares[6] == diagnose.STEPS["searching the library"]  # all null recordings are made
+    assert shares[-1] < 1.0
+
+
+def test_the_share_done_only_grows_over_steps_not_known_before():
+    course = diagnose.Advance()
+    told = [f"{step}: null recording {i + 1} of 9" for step in ("first", "second", "without it") for i in range(9)]
+    shares = [course.reach(step) for step in told]
+    assert shares == sorted(shares)
+    assert shares[8] == 0.5
+    assert shares[-1] < 1.0
+
+
+def test_a_log_gets_lines_and_few_of_them(capsys):
+    with diagnose._progress() as told:
+        for step in ("checking the data", "making null recordings", *(f"null recordings {i + 1} of 100" for i in range(100))):
+            told(step)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "wsp: 0%: checking the data"
+    assert 4 <= len(lines) <= 10
+    assert not any("\x1b" in line for line in lines)
