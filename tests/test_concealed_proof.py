@@ -12,7 +12,7 @@ from experiments.concealed import bank, black_box, concealment, diagnoses, page,
 from experiments.concealed.__main__ import Diagnose, Page, Rivals, Score
 from experiments.concealed.effects import ALL, LIBRARY
 from experiments.concealed.plan import SHARES
-from experiments.concealed.required import checks
+from experiments.concealed.required import DISTANCES, checks
 from experiments.concealed.score import found, plain, rate, restored, score, true_value
 from experiments.concealed.setup import RUNS
 from wsp_env.diagnosis.candidates import Candidate, Variant, step
@@ -161,6 +161,23 @@ def test_figures_survive_the_file_and_are_held_against_what_is_required():
     assert met["right name first"] is True
     assert met["out-of-library effects called by a library name"] is False
     assert met["both of a pair found"] is None
+    assert met[DISTANCES] is None  # a gradient's own parameter is compared
+
+
+def test_intervals_of_the_change_of_distance_are_required_to_cover():
+    labels = {f"s{i}": truth("single", "load_transfer") for i in range(10)}  # of a change by -2 %
+    answers = {
+        name: answer("named", "load_transfer")
+        | {"distance_change": {"value": -0.03, "interval90": [-0.04, -0.025 if i == 0 else -0.01]}}
+        for i, name in enumerate(labels)
+    }
+    (told,) = (one for one in checks(score(labels, answers)) if one.what == DISTANCES)
+    assert told.measured.startswith("90.0 % (9 of 10;")
+    assert told.met is True
+    for name in list(labels)[:2]:
+        answers[name]["distance_change"]["interval90"] = [-0.04, -0.025]
+    (told,) = (one for one in checks(score(labels, answers)) if one.what == DISTANCES)
+    assert told.met is False
 
 
 def test_page_is_filled_and_filled_again(tmp_path):
@@ -179,6 +196,8 @@ def test_page_is_filled_and_filled_again(tmp_path):
     text = (docs / page.PAGE).read_text(encoding="utf-8")
     assert "| false alarms on nulls | at most 5 % | 0.0 % (0 of 1; 0.0 % to 95.0 %) | yes |" in text
     assert "`abc`" in text
+    required = text.partition("<!-- begin: required -->")[2].partition("<!-- end: required -->")[0]
+    assert "90 % intervals of the change of stopping distance cover" in required
     pictures = [line.split("(")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")]
     assert pictures
     assert all((docs / picture).is_file() for picture in pictures)
