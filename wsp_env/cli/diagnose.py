@@ -30,10 +30,10 @@ from wsp_env.report import write_text
 STEPS = {
     "checking the data": 0.0,
     "fitting the baseline": 0.02,
-    "making null recordings": 0.08,
-    "null recordings": 0.12,
-    "searching the library": 0.55,
-    "judging": 0.9,
+    "making null recordings": 0.04,
+    "null recordings": 0.09,
+    "searching the library": 0.35,
+    "judging": 0.8,
 }
 _COUNTED = re.compile(r"(?P<name>.*?)s? (?P<done>\d+) of (?P<of>\d+)")
 _TELL = 0.1  # share of the whole after which a log is told of progress again
