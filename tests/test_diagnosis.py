@@ -20,6 +20,7 @@ from experiments.concealed.plan import Case
 from wsp_env.cli import main
 from wsp_env.diagnosis import Diagnosis, diagnose
 from wsp_env.diagnosis.balances import VEHICLE, Balances
+from wsp_env.diagnosis.effects import course
 from wsp_env.diagnosis.fitting import baseline, refit
 from wsp_env.diagnosis.null import Maker
 from wsp_env.diagnosis.stops import prepare
@@ -201,6 +202,19 @@ def test_null_recordings_leave_noise_and_normal_variation_alone(fitted):
     vehicle = other.rows.balance == VEHICLE
     # 1 % of gain moves a stop's speed by some tenths of a metre per second, and no more than that is left.
     assert np.abs(other.raw(again)[vehicle]).max() < 0.5
+
+
+def test_the_course_of_a_held_out_run_is_what_the_law_predicts(fitted):
+    balances, model, _ = fitted
+    slippery = dataclasses.replace(model, mu_cd=tuple(0.8 * mu for mu in model.mu_cd))
+    shown = course(balances, slippery, model)
+    assert (shown.run, shown.group) == ("B1", "validate")
+    assert len(shown.time_s) == len(shown.adhesion_measured) <= 200
+    assert np.all(np.diff(shown.time_s) > 0.0)
+    measured, before, after = map(np.array, (shown.adhesion_measured, shown.adhesion_before, shown.adhesion_after))
+    assert np.abs(after - measured).mean() < 0.05 * measured.mean()  # the demo campaign is made with this law
+    assert before[measured > 0.05].mean() < after[measured > 0.05].mean()
+    assert shown.speed_residual_before_mps == shown.speed_residual_after_mps  # the vehicle's balance holds no law
 
 
 def test_the_law_is_found_from_wherever_it_is_sought(fitted):

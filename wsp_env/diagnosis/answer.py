@@ -47,6 +47,22 @@ class RunFigures:
 
 
 @dataclasses.dataclass(frozen=True)
+class Course:
+    """One run before and after: the axle that slides most, and the vehicle; at most 200 points each."""
+
+    run: str
+    group: str  # "validate" where there is a held-out run
+    axle: int  # from 1
+    time_s: tuple[float, ...]
+    adhesion_measured: tuple[float, ...]  # [-]
+    adhesion_before: tuple[float, ...]  # measured less what the baseline leaves [-]
+    adhesion_after: tuple[float, ...]
+    speed_time_s: tuple[float, ...]
+    speed_residual_before_mps: tuple[float, ...]  # recorded minus predicted
+    speed_residual_after_mps: tuple[float, ...]
+
+
+@dataclasses.dataclass(frozen=True)
 class Named:
     """An accepted mechanism."""
 
@@ -101,6 +117,9 @@ class Closure:
     depends_on: str
     gain: float
     held_out_gain: float
+    over: str = ""  # what its shape is drawn over, with its unit
+    unit: str = ""  # of its values
+    shape: tuple[tuple[float, float, float], ...] = ()  # (place, value, deviation) at its nodes; none of creep curves
 
 
 @dataclasses.dataclass(frozen=True)
@@ -122,6 +141,7 @@ class Diagnosis:
     residuals: dict[str, Any]  # for the report: mean squares by balance, run, axle, before and after
     runs: tuple[RunFigures, ...]
     notes: tuple[str, ...]
+    course: Course | None = None  # none where no axle has blocks to show
 
     def to_json(self) -> dict[str, Any]:
         """Return plain data."""

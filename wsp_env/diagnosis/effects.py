@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from wsp_env.diagnosis.answer import Curve, Estimate, RunFigures
+from wsp_env.diagnosis.answer import Course, Curve, Estimate, RunFigures
 from wsp_env.diagnosis.balances import ADHESION, BALANCES, VEHICLE, Balances
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights
@@ -25,6 +25,7 @@ _OVER = {
     "speed_dependent_friction": "speed", "load_transfer": "axle", "brake_gain_imbalance": "axle", "wheel_radius": "speed",
     "wheel_speed_lag": "deceleration", "clock_offset": "deceleration",
 }  # fmt: skip
+_COURSE_POINTS = 200
 _UNITS = {"slip": "slip speed [m/s]", "work": "W_sp [J/m]", "place": "place [m]", "time": "time [s]", "speed": "speed [m/s]",
           "axle": "axle [-]", "deceleration": "deceleration [m/s2]"}  # fmt: skip
 
@@ -104,6 +105,35 @@ def held_out(balances: Balances, before: Model, after: Model) -> tuple[RunFigure
             )
         )  # fmt: skip
     return tuple(figures)
+
+
+def course(balances: Balances, before: Model, after: Model) -> Course | None:
+    """Return the course of the run and axle that slides most, of the runs to validate if there are any."""
+    rows = balances.rows
+    wheels = (rows.axle >= 0) & (rows.validate if rows.validate.any() else True)
+    if not wheels.any():
+        return None
+    which = rows.run * balances.axles + rows.axle
+    slides = np.bincount(which[wheels], weights=rows.slip[wheels]) / np.maximum(np.bincount(which[wheels]), 1)
+    run, axle = divmod(int(np.argmax(slides)), balances.axles)
+    mine = _thinned(wheels & (rows.run == run) & (rows.axle == axle))
+    vehicle = _thinned((rows.run == run) & (rows.balance == VEHICLE))
+    base, extended = balances.raw(before), balances.raw(after)
+    one = balances.evaluate(before)[run]
+    measured = np.zeros(len(rows))
+    measured[(rows.run == run) & (rows.axle >= 0)] = balances.parts[run].wheel_rows(one.force / (2.0 * one.load))
+    return Course(
+        balances.stops[run].name, balances.stops[run].group, axle + 1,
+        *(tuple(map(float, values)) for values in (
+            rows.time[mine], measured[mine], (measured - base)[mine], (measured - extended)[mine], rows.time[vehicle],
+            base[vehicle], extended[vehicle])),
+    )  # fmt: skip
+
+
+def _thinned(mask: np.ndarray) -> np.ndarray:
+    """Return the indices of at most `_COURSE_POINTS` rows of a mask."""
+    index = np.flatnonzero(mask)
+    return index[:: -(-len(index) // _COURSE_POINTS) or 1]
 
 
 def _adhesion_errors(balances: Balances, i: int, measured: np.ndarray, raw: np.ndarray) -> tuple[float | None, ...]:

@@ -1,9 +1,13 @@
 """The diagnosis as a self-contained page; every number in it comes from the JSON."""
 
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from wsp_env.diagnosis.answer import Curve, Diagnosis
+from wsp_env.diagnosis.answer import Closure, Curve, Diagnosis, Evidence
+from wsp_env.diagnosis.report_runs import course_plot, figures, heat_maps, still_high
+from wsp_env.diagnosis.words import said
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.report import COLOURS, Section, Table, axes, plotly, write_page
 
@@ -22,64 +26,63 @@ def _where(found: Diagnosis) -> Section:
         for one in found.location
     ]
     shows: list[Any] = [Table(("Balance", "Axles", "Runs", "Range", "Share"), rows)] if rows else []
-    text = ["Mean squares of the residuals in deviations of noise and normal variation: 1 is what a sound vehicle leaves."]
+    text = [
+        "Colours: mean squares of the baseline's residuals, normal variation fitted away, over the squared deviation that the "
+        "channels' noise gives them. A sound vehicle leaves 1 or less, as the fit takes some of the noise along. The first "
+        "table of Before and after has another scale: there such squares are divided by those of null recordings, so that 1 "
+        "is exactly what noise and normal variation leave."
+    ]
     if not rows:
         text.insert(0, "No balance is off by more than normal variation explains.")
-    return Section("Where", text, [*shows, _map(found), _places(found)])
-
-
-def _map(found: Diagnosis) -> Any:
-    objects, _ = plotly()
-    cells = found.residuals["cells"]
-    runs = list(dict.fromkeys(cell["run"] for cell in cells))
-    series = list(dict.fromkeys((cell["balance"], cell["axle"]) for cell in cells))
-    values = {(cell["balance"], cell["axle"], cell["run"]): cell["before"] for cell in cells}
-    z = [[values.get((*one, run)) for run in runs] for one in series]
-    names = [f"{balance}, axle {axle}" if axle else balance for balance, axle in series]
-    figure = objects.Figure(objects.Heatmap(z=z, x=runs, y=names, colorscale="YlOrRd", zmin=0.5, zmax=5.0))
-    figure.update_layout(title="Residuals of the baseline, by balance and run", height=120 + 28 * len(series))
-    return axes(figure, "run", "")
-
-
-def _places(found: Diagnosis) -> Any:
-    objects, _ = plotly()
-    cells = found.residuals["places"]
-    places = sorted({cell["place_m"] for cell in cells})
-    series = list(dict.fromkeys((cell["balance"], cell["axle"]) for cell in cells))
-    values = {(cell["balance"], cell["axle"], cell["place_m"]): cell["before"] for cell in cells}
-    z = [[values.get((*one, place)) for place in places] for one in series]
-    names = [f"{balance}, axle {axle}" if axle else balance for balance, axle in series]
-    figure = objects.Figure(objects.Heatmap(z=z, x=places, y=names, colorscale="YlOrRd", zmin=0.5, zmax=5.0))
-    figure.update_layout(title="The same along the track, all runs", height=120 + 28 * len(series))
-    return axes(figure, "place of the axle [m]", "")
+    maps = [
+        heat_maps(found.residuals["cells"], "run", {"before": "Residuals of the baseline, by run"}, "run"),
+        heat_maps(
+            found.residuals["places"], "place_m", {"before": "The same along the track, all runs"}, "place of the axle [m]"
+        ),
+    ]
+    return Section("Where", text, [*shows, *maps])
 
 
 def _what(found: Diagnosis) -> Section:
+    shown = sorted(found.evidence, key=lambda one: -one.gain)[:_SHOWN]
+    rows = [
+        (_called(one), f"{one.gain:.0f}", f"{min(one.null):.0f} to {max(one.null):.0f}", f"{min(one.surprise, 300):.1f}",
+         f"{one.held_out:.0f}", f"{one.multiple:.2f}" if one.multiple else "-")
+        for one in shown
+    ]  # fmt: skip
+    header = ("Candidate", "Gain", "Null band", "Surprise", "Held-out gain", "Size / smallest of interest")
+    text = [
+        "Every candidate's gain in the recordings, alone, against its gain in null recordings: what the fitted baseline would "
+        "have recorded with noise and normal variation alone.",
+        "Gain: by how much the sum of squared residuals falls, counted in deviations of noise, when the candidate is added. "
+        f"Null band: the least to the largest gain in {len(shown[0].null) if shown else 0} null recordings. "
+        "Surprise: -log10 of the probability of such a gain in a null recording; 4 is 1 in 10 000. "
+        "Held-out gain: the same in the runs to validate, with amplitudes fitted to the runs to tune on. "
+        "A closure is a free function: it shows what is there, not what it is.",
+    ]
+    return Section("What", text, [_evidence(shown), Table(header, rows), _confounding(found)])
+
+
+def _called(one: Evidence) -> str:
+    return one.name.replace("_", " ") if one.name in ALL else f"{one.name} (closure)"
+
+
+def _evidence(shown: Sequence[Evidence]) -> Any:
     objects, _ = plotly()
-    shown = sorted(found.evidence, key=lambda one: -one.gain / max(max(one.null), 1.0))[:_SHOWN][::-1]
-    names = [one.name.replace("_", " ") for one in shown]
+    names = [_called(one) for one in shown]
     figure = objects.Figure()
     figure.add_bar(x=[max(one.gain, 0.1) for one in shown], y=names, orientation="h", name="data", marker_color=COLOURS[0])
+    bands = [(max(min(one.null), 0.1), max(max(one.null), 0.1), None) for one in shown]
     figure.add_scatter(
-        x=[max(max(one.null), 0.1) for one in shown], y=names, mode="markers", name="largest null recording",
-        marker={"color": COLOURS[1], "symbol": "line-ns-open", "size": 14, "line": {"width": 3}},
+        x=[x for band in bands for x in band], y=[y for name in names for y in (name, name, None)], mode="lines",
+        name="null band", line={"color": COLOURS[1], "width": 6},
     )  # fmt: skip
-    figure.update_layout(title="Gain of each candidate, alone", height=120 + 26 * len(shown), margin={"l": 260})
+    figure.update_layout(title="Gain of each candidate, alone", height=140 + 26 * len(shown))
     figure.update_xaxes(type="log")
+    figure.update_yaxes(autorange="reversed")
     axes(figure, "fall of the sum of squares [-]", "", legend={"orientation": "h", "y": 1.08, "x": 0.5})
-    figure.update_layout(margin={"l": 260})
-    rows = [
-        (one.name, f"{one.gain:.0f}", f"{max(one.null):.0f}", f"{min(one.surprise, 300):.1f}", f"{one.held_out:.0f}",
-         f"{one.multiple:.2f}" if one.multiple else "-")
-        for one in shown[::-1]
-    ]  # fmt: skip
-    header = ("Candidate", "Gain", "Largest null gain", "Surprise", "Held-out gain", "Size / smallest of interest")
-    caption = "Surprise: -log10 of the probability of such a gain in a null recording. Names with spaces are closures."
-    text = [
-        "Every candidate's gain in the recordings, against its gain in null recordings: what the fitted baseline would have "
-        "recorded with noise and normal variation alone."
-    ]
-    return Section("What", text, [figure, Table(header, rows, caption), _confounding(found)])
+    figure.update_layout(margin={"l": 290})
+    return figure
 
 
 def _confounding(found: Diagnosis) -> Any:
@@ -103,7 +106,7 @@ def _fitted(found: Diagnosis) -> list[Section]:
         ]
         others = ", ".join(name.replace("_", " ") for name in one.alternatives[1:])
         text = [
-            f"{ALL[one.name].summary[0].upper()}{ALL[one.name].summary[1:]}. What it leaves: {ALL[one.name].trace}.",
+            f"{_capital(said(one.name, one.parameters))}. What it leaves: {ALL[one.name].trace}.",
             f"Confidence {one.confidence:.2f}; {one.multiple:.1f} times the smallest effect of interest; gain {one.gain:.0f} "
             f"against at most {one.null_gain:.0f} in null recordings; held-out gain {one.held_out_gain:.0f}.",
             f"These data cannot tell it from: {others}." if others else "No other mechanism of the library comes near.",
@@ -127,6 +130,8 @@ def _curve(curve: Curve) -> Any:
         error_y={"array": curve.deviation},
     )  # fmt: skip
     figure.update_layout(title=f"What it changes in the {curve.equation} balance", height=420)
+    if curve.over.startswith("axle"):
+        figure.update_xaxes(dtick=1)
     return axes(figure, curve.over, curve.change)
 
 
@@ -139,63 +144,60 @@ def _before_after(found: Diagnosis) -> Section:
     removed = "" if fit.removed_validate is None else f" {fit.removed_validate:.0%} of the removable held-out residual is gone."
     text = [f"Parameters fitted to the runs to tune on alone, scored on the runs to validate too.{removed}"]
     shows: list[Any] = [table]
+    if found.course:
+        text.append(
+            "The course of one run: the speed's residual still holds the normal variation of brakes and track. It is computed "
+            "with the measured torque, as E (eq. 19) is: by construction both are the same before and after, unless what was "
+            "found acts on the vehicle, its brakes or its speed sensor."
+        )
+        shows.append(course_plot(found.course, bool(found.mechanisms)))
+    text.append(still_high(found))
     if found.mechanisms:
-        shows.append(_after(found))
-    return Section("Before and after", text, [*shows, *_runs(found)])
-
-
-def _runs(found: Diagnosis) -> list[Table]:
-    """Return the paper's figures by run and axle; before alone where nothing was found."""
-
-    def sides(*values: float | None) -> str:
-        shown = values if found.mechanisms else values[:-1]
-        return " / ".join("-" if value is None else f"{value:.3g}" for value in shown)
-
-    axles = [f"axle {k + 1}" for k in range(len(found.runs[0].adhesion_error_before))]
-    errors = [
-        (one.run, one.group,
-         *(sides(*(None if e is None else 100.0 * e for e in pair))
-           for pair in zip(one.adhesion_error_before, one.adhesion_error_after, strict=True)),
-         sides(one.speed_error_before_mps, one.speed_error_after_mps))
-        for one in found.runs
-    ]  # fmt: skip
-    slides = [
-        (one.run, one.group, *(f"{mean} ({deviation})" for mean, deviation in zip(
-            map(sides, one.slide_mean_recorded_mps, one.slide_mean_before_mps, one.slide_mean_after_mps),
-            map(sides, one.slide_deviation_recorded_mps, one.slide_deviation_before_mps, one.slide_deviation_after_mps),
-            strict=True)))
-        for one in found.runs
-    ]  # fmt: skip
-    then = " / after" if found.mechanisms else ""
-    return [
-        Table(("Run", "Group", *axles, "E [m/s]"), errors,
-              f"Error of the adhesion coefficient over its mean [%] while the axle slides (Table 4), and E of the speed by the "
-              f"measured torque (eq. 19): before{then}."),
-        Table(("Run", "Group", *axles), slides,
-              f"Mean slide and, in brackets, its deviation [m/s] (eqs. 20 and 21): recorded / before{then}. Whole stops "
-              "simulated with the recorded torque, which no controller corrects: compare the statistics, not instants."),
-    ]  # fmt: skip
-
-
-def _after(found: Diagnosis) -> Any:
-    objects, _ = plotly()
-    cells = found.residuals["cells"]
-    names = [f"{cell['run']} {cell['balance']}" + (f" {cell['axle']}" if cell["axle"] else "") for cell in cells]
-    figure = objects.Figure()
-    for key, colour in (("before", COLOURS[1]), ("after", COLOURS[2])):
-        figure.add_scatter(x=names, y=[cell[key] for cell in cells], mode="markers", name=key, marker_color=colour)
-    figure.update_layout(title="Mean square of every residual series", height=420, xaxis={"showticklabels": False})
-    return axes(figure, "run, balance and axle", "mean square [-]")
+        sides = {"before": "Residuals before", "after": "and after, by run"}
+        shows.append(heat_maps(found.residuals["cells"], "run", sides, "run"))
+    return Section("Before and after", text, [*shows, *figures(found)])
 
 
 def _remains(found: Diagnosis) -> Section:
-    text = []
+    text, shows = [], []
     if found.closure:
         text.append(
             f"Still structured: {found.closure.depends_on}, gain {found.closure.gain:.0f} "
             f"(held out: {found.closure.held_out_gain:.0f})."
         )
-    text += [f"Next test: {found.next_test}.", *found.notes]
-    rows = [(name, size, f"{value:.3g}") for name, sizes in found.detectable.items() for size, value in sizes.items()]
-    table = Table(("Mechanism", "Parameter", "Smallest change that would have been seen"), rows)
-    return Section("What remains", text, [table])
+        if found.closure.shape:
+            shows.append(_shape(found.closure))
+    text += [f"Next test: {found.next_test}.", *(f"{_capital(note)}." for note in found.notes)]
+    units = {(name, one.name): one.unit for name, mechanism in ALL.items() for one in mechanism.parameters}
+    rows = [
+        (name.replace("_", " "), size, f"{value:.3g}", units[name, size])
+        for name, sizes in found.detectable.items()
+        for size, value in sizes.items()
+    ]
+    table = Table(("Mechanism", "Parameter", "Smallest change that would have been seen", "Unit"), rows)
+    return Section("What remains", text, [*shows, table])
+
+
+def _shape(closure: Closure) -> Any:
+    """Draw a closure's values at its nodes; where nodes come again, another axle's, run's or part's curve goes on."""
+    objects, _ = plotly()
+    figure, seen = objects.Figure(), Counter[float]()
+    curves: dict[int, list[tuple[float, float, float]]] = {}
+    for point in closure.shape:
+        seen[point[0]] += 1
+        curves.setdefault(seen[point[0]], []).append(point)
+    for i, points in curves.items():
+        x, values, deviations = zip(*points, strict=True)
+        figure.add_scatter(
+            x=x, y=values, mode="lines+markers", name=str(i), marker_color=COLOURS[(i - 1) % len(COLOURS)],
+            error_y={"array": deviations}, showlegend=len(curves) > 1,
+        )  # fmt: skip
+    title = f"What remains: {closure.depends_on}, with its standard deviation"
+    figure.update_layout(title=title, height=420, legend_title="run" if "each run" in closure.over else "part")
+    if closure.over.startswith(("axle", "run")):
+        figure.update_xaxes(dtick=1)
+    return axes(figure, closure.over, closure.unit)
+
+
+def _capital(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}"

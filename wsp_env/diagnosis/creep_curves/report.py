@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from wsp_env.diagnosis.creep_curves.answer import CreepDiagnosis, ShownCurve
-from wsp_env.plant.mechanisms import ALL
+from wsp_env.diagnosis.words import said
 from wsp_env.report import COLOURS, Section, Table, axes, plotly, write_page
 
 _TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)  # [%]
@@ -72,9 +72,8 @@ def _fitted(found: CreepDiagnosis) -> Section:
     for one in found.mechanisms:
         others = ", ".join(name.replace("_", " ") for name in one.alternatives[1:])
         apart = f" These points cannot tell it from {others}." if others else ""
-        summary = ALL[one.name].summary
         text.append(
-            f"{one.name.replace('_', ' ').capitalize()}: {summary}. Confidence {one.confidence:.2f}; {one.multiple:.1f} times "
+            f"{one.name.replace('_', ' ').capitalize()}: {said(one.name, one.parameters)}. Confidence {one.confidence:.2f}; {one.multiple:.1f} times "
             f"the smallest effect of interest; gain {one.gain:.0f} beside the others, against at most {one.null_gain:.0f} in "
             f"null recordings; held out {one.held_out_gain:.0f}.{apart}"
         )
