@@ -73,9 +73,9 @@ def _fitted(found: CreepDiagnosis) -> Section:
         others = ", ".join(name.replace("_", " ") for name in one.alternatives[1:])
         apart = f" These points cannot tell it from {others}." if others else ""
         text.append(
-            f"{one.name.replace('_', ' ').capitalize()}: {said(one.name, one.parameters)}. "
-            f"Confidence {one.confidence:.2f}; {one.multiple:.1f} times the smallest effect of interest; gain {one.gain:.0f} beside the others, against at most {one.null_gain:.0f} in "
-            f"null recordings; held out {one.held_out_gain:.0f}.{apart}"
+            f"{one.name.replace('_', ' ').capitalize()}: {said(one.name, one.parameters)}. Confidence {one.confidence:.2f}; "
+            f"{one.multiple:.1f} times the smallest effect of interest; gain {one.gain:.0f} beside the others, against at most "
+            f"{one.null_gain:.0f} in null recordings; held out {one.held_out_gain:.0f}.{apart}"
         )
     estimates = {f"{one.name}: {name}": value for one in found.mechanisms for name, value in one.parameters.items()} | found.law
     rows = [
