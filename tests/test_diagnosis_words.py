@@ -82,7 +82,7 @@ def test_the_sentence_claims_no_more_than_there_is():
     assert "too little to matter" in small
     torn = sentence("named", [named("brake_gain_imbalance", WEAKER, others=("load_transfer",))], None, ())
     assert "probably axle 2's brake" in torn
-    assert "or it is load transfer, which these recordings cannot tell from it" in torn
+    assert "(or it is load transfer: these recordings cannot tell)" in torn
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ _SAID: dict[str, tuple[_Size, ...]] = {
         _Size("threshold_j_per_m", "J/m", _itself, "friction work below {size} removes no film"),
     ),
     "flash_temperature": (
-        _Size("fall_per_k", "%", _percent, "friction falls by {size} for every kelvin by which sliding heats the contact"),
+        _Size("fall_per_k", "%", lambda a: 1e4 * a, "friction falls by {size} for every 100 K that sliding heats it"),
     ),
     "load_transfer": (
         _Size("body_height_m", "m", _itself, "braking loads the leading bogie: the body's mass acts {size} above the pivots"),
@@ -213,4 +213,4 @@ def _claim(one: Named) -> str:
         words = f"perhaps {words}, which is too little to matter in a stop"
     elif others:
         words = f"probably {words}"
-    return f"{words}; or it is {others}, which these recordings cannot tell from it" if others else words
+    return f"{words} (or it is {others}: these recordings cannot tell)" if others else words
