@@ -47,7 +47,7 @@ _SAID: dict[str, tuple[_Size, ...]] = {
         _Size("threshold_j_per_m", "J/m", _itself, "friction work below {size} removes no film"),
     ),
     "flash_temperature": (
-        _Size("fall_per_k", "%", lambda a: 1e4 * a, "friction falls by {size} for every 100 K that sliding heats it"),
+        _Size("fall_per_k", "%", lambda a: 1e4 * a, "friction falls by {size} for every 100 K of heat in the contact"),
     ),
     "load_transfer": (
         _Size("body_height_m", "m", _itself, "braking loads the leading bogie: the body's mass acts {size} above the pivots"),
