@@ -1,12 +1,16 @@
 """Least squares with nuisances against the plain augmented problem; gains, estimates, null probabilities."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wsp_env.diagnosis.balances import Rows
 from wsp_env.diagnosis.gls import Projector, fit
-from wsp_env.diagnosis.search import Products, conditioned, surprise
+from wsp_env.diagnosis.locate import change_points
+from wsp_env.diagnosis.search import Products, conditioned, held_out_rows, surprise
 
 
 def augmented_cost(columns: np.ndarray, prior: np.ndarray, y: np.ndarray) -> float:
@@ -64,3 +68,30 @@ def test_surprise_of_a_chi_square():
     # A gain of one column in Gaussian noise: 3.84 is exceeded in 5 % of cases.
     nulls = np.random.default_rng(0).chisquare(1, 20_000)
     assert surprise(3.84, nulls) == pytest.approx(-np.log10(0.05), abs=0.05)
+
+
+def rows_of(run, validate, time):
+    """Rows of which only run, group and time are looked at."""
+    names = [field.name for field in dataclasses.fields(Rows)]
+    return Rows(**dict.fromkeys(names, np.zeros(len(run))) | {"run": run, "validate": validate, "time": time})
+
+
+def test_what_is_held_out_with_a_validate_group_without_one_and_in_a_single_run():
+    run, time = np.repeat(np.arange(4), 30), np.tile(np.linspace(0.0, 30.0, 30), 4)
+    group, none = run >= 3, np.zeros(120, dtype=bool)
+    assert (held_out_rows(rows_of(run, group, time)) == group).all()
+    assert set(run[held_out_rows(rows_of(run, none, time))]) == {1, 3}
+    alone = held_out_rows(rows_of(np.zeros(120, dtype=int), none, time))
+    assert 0.3 < alone.mean() < 0.7
+    assert np.abs(np.diff(alone[:30].astype(int))).sum() >= 4  # in turns, not one half and then the other
+
+
+@given(st.floats(0.0, 0.7), st.floats(0.1, 0.25), st.integers(0, 1000))
+def test_change_points_are_where_a_mean_changes(start, length, seed):
+    rng = np.random.default_rng(seed)
+    values = rng.permutation(np.linspace(0.0, 1.0, 400))
+    inside = (values > start) & (values < start + length)
+    low, high, contrast, share = change_points(values, 10.0 * inside + rng.normal(0.0, 0.5, 400))
+    assert (low, high) == pytest.approx((start, start + length), abs=0.02)
+    assert contrast == pytest.approx(1.0 - inside.mean(), abs=0.1)
+    assert share == pytest.approx(inside.mean(), abs=0.03)

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from wsp_env.diagnosis.answer import Closure, Course, Diagnosis, Estimate, Evidence, FitQuality, Named, RunFigures
+from wsp_env.diagnosis.answer import Closure, Course, Diagnosis, Estimate, Evidence, FitQuality, Named, Pair, RunFigures
 from wsp_env.diagnosis.report import write_report
 from wsp_env.diagnosis.report_runs import figures, still_high
 
@@ -40,6 +40,7 @@ def found() -> Diagnosis:
         closure=Closure("force on the vehicle over time", 60.0, 30.0, "time in each run [s]", "speed lost [m/s]",
                         ((0.0, 0.1, 0.01), (3.0, 0.2, 0.01), (0.0, -0.1, 0.01), (3.0, -0.2, 0.01))),
         evidence=evidence,
+        pairs=(Pair(("adhesion_patch", "track_gradient"), 310.0, 12.0),),
         confounding={a: dict.fromkeys(names, 1.0) for a in names},
         model={},
         residuals={"cells": cells, "places": places},
@@ -58,6 +59,7 @@ def test_the_page_tells_where_what_and_what_remains(found, tmp_path):
         "Run B1, held out: adhesion coefficient of axle 2",
         "Recorded minus predicted vehicle speed",
         "vehicle in B1 (3.5)",
+        "<td>adhesion patch and track gradient</td><td>310</td><td>12</td>",
         "What remains: force on the vehicle over time",
         "<td>track gradient</td><td>rise</td><td>0.0003</td><td>-</td>",
     ):

@@ -150,6 +150,20 @@ def test_a_frozen_sensor_is_marked_and_a_locked_wheel_is_not():
     assert any("saturated or frozen, from row 201" in note for note in notes)
 
 
+def test_a_channel_that_jumps_and_stays_is_not_trusted():
+    rng = np.random.default_rng(1)
+    values = 80.0 - 10.0 * STEP * np.arange(500) + 0.05 * rng.standard_normal(500)
+    values[200:] *= 0.5
+    mended, bad, notes = quality.mend(values, "axle1_wheel_speed", even(), "here")
+    assert bad.all()
+    assert_array_equal(mended, values)
+    assert "row 201" in notes[0]
+    assert "not compared with the law" in notes[0]
+    values = np.maximum(40.0 - 8.0 * STEP * np.arange(500), 0.0)
+    values[values < 2.0] = 0.0  # a sensor that reads nothing at low speed
+    assert not quality.mend(values, "vehicle_speed", even(), "here")[1].any()
+
+
 def test_too_long_a_gap_is_refused():
     values = np.linspace(80.0, 0.0, 500)
     values[100:250] = np.nan

@@ -101,6 +101,15 @@ class Evidence:
 
 
 @dataclasses.dataclass(frozen=True)
+class Pair:
+    """Two mechanisms searched together; gains as in `Evidence`, linear, of the better variant of each."""
+
+    names: tuple[str, str]
+    gain: float
+    null_gain: float  # mean in null recordings
+
+
+@dataclasses.dataclass(frozen=True)
 class FitQuality:
     """Mean squares of the residuals, relative to those of null recordings: the noise floor is 1."""
 
@@ -136,6 +145,7 @@ class Diagnosis:
     next_test: str
     closure: Closure | None
     evidence: tuple[Evidence, ...]
+    pairs: tuple[Pair, ...]  # those that gain most, best first
     confounding: dict[str, dict[str, float]]  # cosines between projected sensitivities
     model: dict[str, Any]  # what model.json holds
     residuals: dict[str, Any]  # for the report: mean squares by balance, run, axle, before and after

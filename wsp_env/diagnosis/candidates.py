@@ -46,6 +46,9 @@ class Candidate:
     columns: np.ndarray  # (n, k) raw change of the residuals per step
     variant: Variant | None = None  # None: a closure
     steps: tuple[float, ...] = ()  # of each size parameter
+    nodes: tuple[float, ...] = ()  # of a closure: what its columns are at
+    over: str = ""  # of a closure: what its nodes are, with its unit
+    unit: str = ""  # of a closure: of its amplitudes
 
 
 def unavailable(balances: Balances) -> dict[str, str]:

@@ -1,5 +1,7 @@
 """Closures: flexible functions of what was measured, which show what is structured but in no library, and where."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from wsp_env.diagnosis.balances import KINEMATICS, VEHICLE, Balances
@@ -8,6 +10,7 @@ from wsp_env.diagnosis.evaluate import Model
 
 _NODES = 6  # of a function of slip speed, speed or work, at quantiles
 _TIME_NODE_S = 3.0
+_RELATIVE = "relative change of friction [-]"
 _FREQUENCIES_HZ = tuple(np.geomspace(0.15, 1.2, 13))
 
 
@@ -25,25 +28,52 @@ def closures(balances: Balances, model: Model, friction: np.ndarray) -> list[Can
     own = (rows.axle[:, None] == np.arange(balances.axles)).astype(float)
     by_run = (rows.run[:, None] == np.arange(len(balances.stops))).astype(float)
 
-    def add(name: str, columns: np.ndarray) -> None:
-        found.append(Candidate(name, columns))
+    def add(name: str, columns: np.ndarray, nodes: Iterable[float], over: str, unit: str) -> None:
+        found.append(Candidate(name, columns, nodes=tuple(map(float, nodes)), over=over, unit=unit))
 
+    axles, runs = range(1, balances.axles + 1), range(1, len(balances.stops) + 1)
     if slides.any():
-        for name, values in (("slip speed", rows.slip), ("speed", rows.speed), ("friction work", rows.work)):
-            add(f"adhesion over {name}", (friction * slides)[:, None] * _hats(values, slides))
-        add("adhesion of each axle", (friction * slides)[:, None] * own)
-        add("adhesion over time", np.column_stack([(friction * slides * run)[:, None] * _clock(rows.time) for run in by_run.T]))
+        for name, over, values in (
+            ("slip speed", "slip speed [m/s]", rows.slip),
+            ("speed", "speed [m/s]", rows.speed),
+            ("friction work", "friction work W_sp [J/m]", rows.work),
+        ):
+            nodes = _quantiles(values[slides])
+            add(f"adhesion over {name}", (friction * slides)[:, None] * _interpolation(values, nodes), nodes, over, _RELATIVE)
+        add("adhesion of each axle", (friction * slides)[:, None] * own, axles, "axle [-]", _RELATIVE)
+        nodes = _clock(rows.time)
+        clock = _interpolation(rows.time, nodes)
+        columns = np.column_stack([(friction * slides * run)[:, None] * clock for run in by_run.T])
+        add("adhesion over time", columns, np.tile(nodes, len(runs)), "time in each run [s]", _RELATIVE)
     steepness, offset, drift, resisted = _parts(balances, model)
     free = (rows.balance == KINEMATICS).astype(float)
-    add("slip while rolling freely", (steepness * free)[:, None] * np.column_stack([own, own * rows.speed[:, None]]))
-    add("recorded speed over deceleration", (rows.deceleration * (1.0 * ~wheels - steepness) * rows.speed)[:, None])
-    add("torque of each axle", np.column_stack([offset, drift]))
-    add("force on the vehicle over speed", resisted)
+    columns = (steepness * free)[:, None] * np.column_stack([own, own * rows.speed[:, None]])
+    add(
+        "slip while rolling freely",
+        columns,
+        (*axles, *axles),
+        "axle [-]: offset, then per speed",
+        "recorded less true slip [m/s], [-]",
+    )
+    columns = (rows.deceleration * (1.0 * ~wheels - steepness) * rows.speed)[:, None]
+    add("recorded speed over deceleration", columns, (1.0,), "deceleration times speed", "true less recorded speed [s2/m]")
+    add(
+        "torque of each axle",
+        np.column_stack([offset, drift]),
+        (*axles, *axles),
+        "axle [-]: offset, then drift",
+        "true less believed torque [N m], [N m/s]",
+    )
+    add("force on the vehicle over speed", resisted, _quantiles(rows.speed), "speed [m/s]", "resisting force [N]")
     for frequency in _FREQUENCIES_HZ:
         phase = 2.0 * np.pi * frequency * rows.time
         waves = np.column_stack([np.sin(phase), np.cos(phase)]) * ~wheels[:, None]
-        add(f"force on the vehicle swinging at {frequency:.2g} Hz", np.column_stack([waves * run[:, None] for run in by_run.T]))
-    add("force on the vehicle over time", np.column_stack([_clock(rows.time) * (~wheels * run)[:, None] for run in by_run.T]))
+        columns = np.column_stack([waves * run[:, None] for run in by_run.T])
+        over = "run [-]: sine, cosine"
+        add(f"force on the vehicle swinging at {frequency:.2g} Hz", columns, np.repeat(runs, 2), over, "speed lost [m/s]")
+    nodes = _clock(rows.time)
+    columns = np.column_stack([_interpolation(rows.time, nodes) * (~wheels * run)[:, None] for run in by_run.T])
+    add("force on the vehicle over time", columns, np.tile(nodes, len(runs)), "time in each run [s]", "speed lost [m/s]")
     return found
 
 
@@ -80,10 +110,5 @@ def _interpolation(values: np.ndarray, nodes: np.ndarray) -> np.ndarray:
     return np.column_stack([np.interp(values, nodes, unit) for unit in np.eye(len(nodes))])
 
 
-def _hats(values: np.ndarray, where: np.ndarray) -> np.ndarray:
-    return _interpolation(values, _quantiles(values[where])) * where[:, None]
-
-
 def _clock(time: np.ndarray) -> np.ndarray:
-    nodes = np.arange(0.0, time.max(initial=0.0) + _TIME_NODE_S, _TIME_NODE_S)
-    return _interpolation(time, nodes)
+    return np.arange(0.0, time.max(initial=0.0) + _TIME_NODE_S, _TIME_NODE_S)

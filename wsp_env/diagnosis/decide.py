@@ -44,6 +44,8 @@ MOST = 3
 TRIED = 5
 #: Wheel radius [-] off by more than this is no normal variation: three times its tolerance.
 ABNORMAL_RADIUS = 1.5e-3
+#: The same of the factor of the creep stiffness [-]: twice the 3 % by which sound contacts vary.
+ABNORMAL_STIFFNESS = 0.06
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,6 +155,9 @@ def _trials(
     library = [one for one in found if one.name in ALL and one.surprise >= SURPRISE]
     library.sort(key=lambda one: -one.net)
     promising = library[:TRIED]
+    if not accepted and (pairs := search.pairs(found)):  # two together may show what neither does alone
+        promising += [one for one in pairs[0][2:] if one.name not in {other.name for other in promising}]
+    left = [one for one in library if one.name not in {other.name for other in promising}]
     starts = {one.which: _null(v) - one.fit.amplitude * search.data.candidates[one.which].steps
               for one in promising for v in [_variant(search, one)]}  # fmt: skip
     rolling = _rolling(balances, search, found)
@@ -169,8 +174,16 @@ def _trials(
         if trial.found.gain > _least(search, one, trial.listed, accepted) and held_out:
             there.append(trial)
     there.sort(key=lambda trial: -trial.found.net)
-    passed = [t for i, t in enumerate(there) if t.multiple >= LEAST_MULTIPLE and not _shadow(search, t, there[:i])]
-    return passed, library[TRIED:]
+    passed = [
+        t for i, t in enumerate(there) if t.multiple >= LEAST_MULTIPLE and not _normal(t) and not _shadow(search, t, there[:i])
+    ]
+    return passed, left
+
+
+def _normal(trial: Trial) -> bool:
+    """Whether sound contacts vary as much."""
+    factor = trial.fitted.model.choice[trial.variant.name].get("factor", np.inf)
+    return trial.variant.name == "initial_slope" and abs(factor - 1.0) < ABNORMAL_STIFFNESS
 
 
 def _shadow(search: Search, trial: Trial, better: Sequence[Trial]) -> bool:

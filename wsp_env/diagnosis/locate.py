@@ -1,41 +1,67 @@
-"""Where a mismatch is: balance, axles, runs, and the range of slip, speed or place."""
+"""Where a mismatch is: balance, axles, runs, and the range of place, time, speed, slip or friction work."""
 
+import dataclasses
 from typing import Any
 
 import numpy as np
 
 from wsp_env.diagnosis.answer import Location
-from wsp_env.diagnosis.balances import BALANCES, KINEMATICS, VEHICLE, Balances
+from wsp_env.diagnosis.balances import BALANCES, VEHICLE, Balances
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.variation import nuisances
 
-_LEAST_SHARE = 0.1  # of the removed residual, from which on a balance is told of
+_LEAST_SHARE = 0.1  # of what a mechanism removed, from which on a balance is told of
+_LEAST_CONTRAST = 0.2  # of what is removed, that a range must hold more than its share of the rows
 _STRETCHES = 30  # of the track, in the map
+_UNITS = {"place": "m", "time": "s", "speed": "m/s", "slip": "m/s", "work": "J/m"}
+_TOLD = {"slip": "slip speed", "work": "friction work W_sp"}
 _AXLE_SHARE = 0.5  # of an equal share, from which on an axle or a run is told of
 
 
 def rests(balances: Balances, model: Model, weights: Weights) -> np.ndarray:
     """Squares (n,) of the whitened residuals of a model, the nuisances' best part taken away."""
-    base = balances.raw(model)
+    return _rest(balances, model, weights, balances.raw(model)) ** 2
+
+
+def _rest(balances: Balances, model: Model, weights: Weights, base: np.ndarray) -> np.ndarray:
     found = nuisances(balances, model, base)
     projector = Projector(found.columns / weights.deviation[:, None], found.prior)
-    result: np.ndarray = projector.rest(weights(base)) ** 2
-    return result
+    return projector.rest(weights(base))
 
 
 def locate(balances: Balances, model: Model, extended: Model, weights: Weights, closure: str) -> tuple[Location, ...]:
-    """Return where the extension removed what, or, without one, where the largest residuals are."""
-    rows = balances.rows
-    before = rests(balances, model, weights)
-    removed = before - (rests(balances, extended, weights) if extended.choice else 1.0)
-    total = max(float(removed.sum()), 1e-12)
-    found = []
+    """Return where each mechanism removed what, or, without one, where the largest residuals are.
+
+    Parameters
+    ----------
+    closure : what a closure depends on, in place of mechanisms; empty: none
+
+    """
+    if not extended.choice:
+        removed = rests(balances, model, weights) - 1.0
+        return _places_of(balances, removed, float(removed.sum()), closure)
+    base = balances.raw(extended)
+    normal = weights(base) - _rest(balances, extended, weights, base)
+    removed_by = []
+    for name in extended.choice:
+        others = {other: values for other, values in extended.choice.items() if other != name}
+        without = weights(balances.raw(dataclasses.replace(extended, choice=others)))
+        # With normal variation as it is beside the mechanism: fitted anew it would hide some of what is missing.
+        removed_by.append((without - normal) ** 2 - (weights(base) - normal) ** 2)
+    total = float(sum(removed.sum() for removed in removed_by))
+    found = [one for removed in removed_by for one in _places_of(balances, removed, total, "")]
+    return tuple(sorted(found, key=lambda one: -one.share))
+
+
+def _places_of(balances: Balances, removed: np.ndarray, total: float, closure: str) -> tuple[Location, ...]:
+    """Return in which balances the squares `removed` (n,) lie, and where in them; shares are of `total`."""
+    rows, own, found = balances.rows, max(float(removed.sum()), 1e-12), []
     for balance, name in enumerate(BALANCES):
         mine = rows.balance == balance
-        share = float(removed[mine].sum()) / total
-        if not mine.any() or share < _LEAST_SHARE or (closure.startswith("force") and balance != VEHICLE):
+        share = float(removed[mine].sum())
+        if not mine.any() or share < _LEAST_SHARE * own or (closure.startswith("force") and balance != VEHICLE):
             continue
         axles = [k for k in range(balances.axles) if _stands_out(removed, mine & (rows.axle == k), mine, balances.axles)]
         runs = [
@@ -46,8 +72,8 @@ def locate(balances: Balances, model: Model, extended: Model, weights: Weights, 
                 name,
                 () if balance == VEHICLE else tuple(k + 1 for k in axles),
                 tuple(balances.stops[i].name for i in runs),
-                closure or _range(balances, removed, mine, balance),
-                round(min(share, 1.0), 3),
+                closure or _range(balances, removed, mine, ("place", "time", "speed") if balance == VEHICLE else tuple(_UNITS)),
+                round(min(share / max(total, 1e-12), 1.0), 3),
             )
         )
     return tuple(sorted(found, key=lambda one: -one.share))
@@ -57,13 +83,32 @@ def _stands_out(removed: np.ndarray, part: np.ndarray, whole: np.ndarray, parts:
     return bool(removed[part].sum() > _AXLE_SHARE / parts * removed[whole].sum())
 
 
-def _range(balances: Balances, removed: np.ndarray, mine: np.ndarray, balance: int) -> str:
-    """Say between which slip speeds or speeds the middle four fifths of what is removed lie."""
-    values, what = (balances.rows.speed, "speed") if balance in (VEHICLE, KINEMATICS) else (balances.rows.slip, "slip speed")
-    order = np.argsort(values[mine])
-    gained = np.cumsum(np.maximum(removed[mine][order], 0.0))
-    low, high = (float(values[mine][order][np.searchsorted(gained, share * gained[-1])]) for share in (0.1, 0.9))
-    return f"{what} from {low:.2g} to {high:.2g} m/s"
+def _range(balances: Balances, removed: np.ndarray, mine: np.ndarray, over: tuple[str, ...]) -> str:
+    """Say between which two change points what is removed lies, of the quantity over which it is told apart best."""
+    best, where = 0.0, "everywhere"
+    for name in over:
+        low, high, contrast, inside = change_points(getattr(balances.rows, name)[mine], removed[mine])
+        told = contrast / np.sqrt(max(inside * (1.0 - inside), 1e-6))  # as a step of a signal stands out of noise
+        if contrast > _LEAST_CONTRAST and told > best:
+            best, where = told, f"{_TOLD.get(name, name)} from {low:.3g} to {high:.3g} {_UNITS[name]}"
+    return where
+
+
+def change_points(values: np.ndarray, removed: np.ndarray) -> tuple[float, float, float, float]:
+    """Return between which values (n,) what is removed (n,) lies above its mean, and by how much of it.
+
+    The two change points are those of the largest sum of `removed` less its mean between them; the third number is that sum
+    over all that is removed: the share of it inside less the share of the rows inside, which is the fourth.
+    """
+    order = np.argsort(values, kind="stable")
+    excess = removed[order] - removed.mean()
+    sums = np.concatenate([[0.0], np.cumsum(excess)])
+    lowest = np.minimum.accumulate(sums)
+    end = int(np.argmax(sums - lowest))
+    start = int(np.argmin(sums[: end + 1]))
+    contrast = float(sums[end] - sums[start]) / max(float(removed.sum()), 1e-12)
+    low, high = values[order[min(start, len(order) - 1)]], values[order[max(end - 1, 0)]]
+    return float(low), float(high), contrast, (end - start) / len(order)
 
 
 def residual_map(balances: Balances, model: Model, extended: Model, weights: Weights) -> dict[str, Any]:

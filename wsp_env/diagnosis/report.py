@@ -60,7 +60,12 @@ def _what(found: Diagnosis) -> Section:
         "Held-out gain: the same in the runs to validate, with amplitudes fitted to the runs to tune on. "
         "A closure is a free function: it shows what is there, not what it is.",
     ]
-    return Section("What", text, [_evidence(shown), Table(header, rows), _confounding(found)])
+    pairs = Table(
+        ("Two together", "Gain", "In null recordings"),
+        [(" and ".join(pair.names).replace("_", " "), f"{pair.gain:.0f}", f"{pair.null_gain:.0f}") for pair in found.pairs],
+        "The pairs of mechanisms that gain most.",
+    )
+    return Section("What", text, [_evidence(shown), Table(header, rows), pairs, _confounding(found)])
 
 
 def _called(one: Evidence) -> str:

@@ -5,13 +5,14 @@ its inner product with the residual therefore has a mean of its own, and that me
 """
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
 from scipy.stats import gamma
 
 from wsp_env.diagnosis import candidates
-from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.balances import Balances, Rows
 from wsp_env.diagnosis.candidates import Candidate, Variant, library
 from wsp_env.diagnosis.closures import closures
 from wsp_env.diagnosis.evaluate import Model
@@ -24,6 +25,8 @@ from wsp_env.plant.mechanisms import ALL
 _LEFT = 1e-3
 #: Share of its square, before the nuisances are taken away, that a column must have left.
 _SPANNED = 1e-6
+#: Stretches of a single run that are held out in turn [s]: some slides long.
+_STRETCH_S = 4.0
 _NONE = np.zeros(0, dtype=int)
 _LOG10 = float(np.log(10.0))
 
@@ -70,7 +73,7 @@ def scan(
     weights : with which rows are whitened
     tried : variants of the library
     accepted : mechanisms that are on in the model
-    held_out : whether the halves, runs to tune on and to validate, are wanted too
+    held_out : whether the halves, rows to tune on and to validate, are wanted too
 
     """
     rows = balances.rows
@@ -98,9 +101,22 @@ def scan(
     every = np.ones(len(rows), dtype=bool)
     whole = products(every)
     halves = [whole, whole]
-    if held_out and rows.validate.any() and not rows.validate.all():
-        halves = [products(~rows.validate), products(rows.validate)]
+    if held_out:
+        held = held_out_rows(rows)
+        halves = [products(~held), products(held)]
     return Scan(bare, parts, sum(one.shape[1] for one in on), whole, halves[0], halves[1])
+
+
+def held_out_rows(rows: Rows) -> np.ndarray:
+    """Return the rows (n,) bool to validate on.
+
+    Those of the validate group; where there is none, or nothing else, every other run, and in a single run every other stretch.
+    """
+    if rows.validate.any() and not rows.validate.all():
+        return rows.validate
+    turns = rows.run if rows.run.max(initial=0) > 0 else np.floor(rows.time / _STRETCH_S).astype(int)
+    result: np.ndarray = turns % 2 == 1
+    return result
 
 
 def conditioned(
@@ -208,9 +224,7 @@ class Search:
         return fit(*conditioned(getattr(self.data, part), index, given, self.offsets[part]), _LEFT)
 
     def held_out(self, index: np.ndarray) -> float:
-        """Gain on the runs to validate of amplitudes fitted to the runs to tune on; the whole gain without such runs."""
-        if self.data.tune is self.data.validate:
-            return self.gain(index).gain
+        """Gain on the rows to validate of amplitudes fitted to the others."""
         amplitude = self.gain(index, "tune").amplitude
         gram, against, _ = conditioned(self.data.validate, index, self.own, self.offsets["validate"])
         return float(2.0 * amplitude @ against - amplitude @ gram @ amplitude)
@@ -229,6 +243,17 @@ class Search:
             one = fit(*conditioned(null.whole, index, self.given, offset), _LEFT)
             gains.append(one.gain if can_be(null.candidates[its], one) else 0.0)
         return np.array(gains)
+
+    def pairs(self, found: Sequence[Found]) -> list[tuple[float, float, Found, Found]]:
+        """Return net gain, mean gain in null recordings and members of pairs of mechanisms, the best pair first."""
+        library = [one for one in found if one.name in ALL and one.gain > 0.0]
+        result = []
+        for a, b in itertools.combinations(library, 2):
+            joint = self.gain(np.concatenate([self.data.columns_of(one.which) for one in (a, b)])).gain
+            # No mechanism's own null gain is counted twice: two that gain the same in noise gain it once.
+            null = float(max(a.nulls.mean(), b.nulls.mean()))
+            result.append((joint - null, null, a, b))
+        return sorted(result, key=lambda pair: -pair[0])
 
     def found(self) -> list[Found]:
         """Return the best variant of every name with the name's null gains, largest surprise first."""

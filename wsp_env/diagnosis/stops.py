@@ -77,8 +77,8 @@ class Stop:
 
 
 def prepare(campaign: Campaign) -> tuple[list[Stop], list[str]]:
-    """Return the stops that can be used, and what was left out and why."""
-    stops, left_out = [], []
+    """Return the stops that can be used, and what was left out and why, with what the reader said of the runs."""
+    stops, left_out = [], [sentence for run in campaign.runs.values() for sentence in run.warnings]
     for name in (*campaign.tune, *campaign.validate):
         run = campaign.runs[name]
         group = "tune" if name in campaign.tune else "validate"
@@ -87,7 +87,11 @@ def prepare(campaign: Campaign) -> tuple[list[Stop], list[str]]:
         if fast < needed:
             left_out.append(f"run {name}: {fast} samples above {LEAST_SPEED_MPS:g} m/s, {needed} are needed")
             continue
-        stops.append(_prepared(campaign, run, group, channel_noise(run)))
+        stop = _prepared(campaign, run, group, channel_noise(run))
+        if not stop.usable.any():
+            left_out.append(f"run {name}: left out, no sample can be compared with the law")
+            continue
+        stops.append(stop)
     return stops, left_out
 
 

@@ -75,7 +75,7 @@ def mend(values: np.ndarray, name: str, clock: Clock, where: str) -> tuple[np.nd
             notes.append(f"{where}: {unread.sum()} samples without a number{absurd}, {_where(unread, clock)}; bridged")
         values = _bridged(values, bad)
     noise = _noise(_stretches(values))
-    spikes = _excursions(values, max(channel(name).fastest * clock.step_s, _SIGMAS * noise), clock, where, notes)
+    spikes, whole = _excursions(values, name, max(channel(name).fastest * clock.step_s, _SIGMAS * noise), clock, where, notes)
     if spikes.any():
         notes.append(
             f"{where}: {spikes.sum()} samples jump faster than physically possible and back, {_where(spikes, clock)}; bridged"
@@ -86,7 +86,7 @@ def mend(values: np.ndarray, name: str, clock: Clock, where: str) -> tuple[np.nd
     if noise > _NOISY * float(np.ptp(values)) and (held := _held(values, clock.step_s) & ~bad).any():
         notes.append(f"{where}: {held.sum()} samples repeat one value, saturated or frozen, {_where(held, clock)}; not used")
         bad |= held
-    return values, bad, notes
+    return values, bad if whole else np.ones(len(values), dtype=bool), notes
 
 
 def _stretches(values: np.ndarray) -> list[np.ndarray]:
@@ -104,18 +104,22 @@ def _noise(blocks: list[np.ndarray]) -> float:
     return float(np.median(thirds) / (0.6745 * np.sqrt(20.0))) if thirds.size else 0.0
 
 
-def _excursions(values: np.ndarray, threshold: float, clock: Clock, where: str, notes: list[str]) -> np.ndarray:
-    """Return the samples between a jump larger than the threshold and the jump back."""
+def _excursions(
+    values: np.ndarray, name: str, threshold: float, clock: Clock, where: str, notes: list[str]
+) -> tuple[np.ndarray, bool]:
+    """Return the samples between a jump larger than the threshold and the jump back, and whether the others can be trusted."""
     marked: np.ndarray = np.zeros(len(values), dtype=bool)
+    whole = True
     if not np.isfinite(threshold):
-        return marked
+        return marked, whole
     steps = np.diff(values)
     jumps = np.flatnonzero(np.abs(steps) > threshold)
     if len(jumps) > max(_MANY_JUMPS * len(values), 20):
         notes.append(
-            f"{where}: {len(jumps)} jumps faster than physically possible, the first in {clock.row(int(jumps[0]) + 1)}; kept"
+            f"{where}: {len(jumps)} jumps faster than physically possible, the first in {clock.row(int(jumps[0]) + 1)}; kept, "
+            "not compared with the law"
         )
-        return marked
+        return marked, False
     edge = max(round(_SPIKE_S / clock.step_s), 1)
     done = -1
     for i, start in enumerate(jumps):
@@ -130,8 +134,21 @@ def _excursions(values: np.ndarray, threshold: float, clock: Clock, where: str, 
         elif start >= len(values) - 1 - edge:
             marked[start + 1 :] = True
         else:
-            notes.append(f"{where}: jumps by {steps[start]:g} in {clock.row(int(start) + 1)} and stays there; kept")
-    return marked
+            trusted = _may_be(values, int(start), name, clock.step_s)
+            row, fate = clock.row(int(start) + 1), "kept" if trusted else "kept, not compared with the law"
+            notes.append(f"{where}: jumps by {steps[start]:g} in {row} and stays there; {fate}")
+            whole &= trusted
+    return marked, whole
+
+
+def _may_be(values: np.ndarray, start: int, name: str, step_s: float) -> bool:
+    """Whether a jump after `start` has a reason that spoils nothing else.
+
+    A wheel locks or turns again between two samples; a sensor reads nothing from some low speed on; one was frozen before.
+    """
+    locks = "wheel_speed" in name and 0.0 in values[start : start + 2]
+    frozen = _held(values[max(start - round(2.0 * _HELD_S / step_s), 0) : start + 1], step_s)[-1:].any()
+    return bool(locks or frozen or not values[start + 1 :].any())
 
 
 def _returns(values: np.ndarray, start: int, end: int, threshold: float, step_s: float) -> bool:
