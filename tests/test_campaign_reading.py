@@ -58,6 +58,7 @@ def test_demo_campaign_is_complete():
     [
         ("tune = ['A1']", "tune = ['A1', 'A7']", ["'A7'", r"add \[runs.A7\]"]),
         ("tune = ['A1']", "tune = []", ["tune is empty"]),
+        ('"measured"', "'guess'", ["brake_torque_source = 'guess'", 'valid: "measured"']),
         ("tune = ['A1']", "tune = ['A1', 'B1']", ["B1 in both tune and validate"]),
         ("tune = ['A1']", "tune = 3", ["must be a list of run names"]),
         ("sample_time_s = 0.01", "", ["lacks sample_time_s"]),

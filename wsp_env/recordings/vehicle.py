@@ -29,3 +29,8 @@ class CampaignVehicle(Checked):
             raise ParameterError(f"axle_positions_m has {len(self.axle_positions_m)} values for {self.axles} axles")
         if len(self.resistance_n) != 3:
             raise ParameterError(f"resistance_n must be the three numbers [A, B, C], got {list(self.resistance_n)}")
+        if self.brake_torque_source != "measured" and "pressure" not in self.brake_torque_source:
+            raise ParameterError(
+                f'brake_torque_source = {self.brake_torque_source!r} is unknown; valid: "measured", '
+                '"cylinder pressure times the nominal gain"'
+            )
