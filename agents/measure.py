@@ -23,8 +23,9 @@ INITIAL_SPEED_MPS = (22.0, 44.5)
 #: Recovery rate [m/J] as in the test programme (assumption: around the seed paper's 1.9e-4).
 RECOVERY_M_PER_J = (1.2e-4, 3.0e-4)
 
-#: Seeds of the conditions: watched while training, and held out of it. Training itself draws from other streams.
-WATCHED, HELD_OUT = 1_000_001, 2_000_003
+#: Seeds of the conditions: watched while training; looked at while prices and ranges of the trainings were chosen; held out of
+#: all of that. Training itself draws from other streams.
+WATCHED, CHOSEN_BY, HELD_OUT = 1_000_001, 4_000_037, 5_000_011
 
 #: Described track [m].
 _TRACK_M = 8000.0

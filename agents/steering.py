@@ -2,6 +2,7 @@
 
 Of venting, holding and applying that command is chosen whose cylinder pressure, one interval after the dead time, comes nearest
 to the one wanted. The pressures are those of the observation, reckoned by `wsp_env.envs.reckoning` from the commands alone.
+A wheelset that has not slid for seconds is braked whatever is wanted: a WSP takes away no braking where nothing slides.
 """
 
 from typing import Any
@@ -11,11 +12,19 @@ import torch
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
+from wsp_env.envs.observation import Observer
 from wsp_env.envs.task import Task
 from wsp_env.parameters.vehicle import Vehicle
 
 #: Places in an observation of A axles: the pressures to come begin at 4 A, the offered one is the third from its end.
 PRESSURE_TO_COME, OFFERED = 4, -3
+
+#: And those of the recent and the slow slip, in axles; of the doubt on the running speed and of that speed, from the end.
+RECENT_SLIP, SLOW_SLIP, DOUBTFUL, SPEED = 6, 8, -4, -2
+
+#: A wheelset does not slide while its recent and its slow slip are below this speed [m/s] or this creepage [-]: so much has a
+#: wheel that rolls under brake (assumption).
+ROLLS_MPS, ROLLS_CREEPAGE = 0.05, 0.003
 
 
 class Steering:
@@ -36,7 +45,15 @@ class Steering:
         rest, applied, vented = (torch.abs(pressure - share) for pressure in (held, filled, self.kept_venting * held))
         apply = ((applied < rest) & (applied <= vented)) | (share >= 1.0)
         vent = (vented < rest) & ~apply
+        apply, vent = apply | (rolls := self.rolls(observation)), vent & ~rolls
         return apply.to(torch.float32) - vent.to(torch.float32)
+
+    def rolls(self, observation: torch.Tensor) -> torch.Tensor:
+        """Return which wheelsets (N, A) have not slid for seconds; none while one is released for the speed's sake."""
+        limit = torch.clamp(ROLLS_CREEPAGE * Observer.SPEED_SCALE * observation[:, SPEED, None], min=ROLLS_MPS)
+        slips = [observation[:, place * self.axles : (place + 1) * self.axles] for place in (RECENT_SLIP, SLOW_SLIP)]
+        slides = (Observer.SLIP_SCALE * torch.maximum(*slips)) >= limit
+        return ~slides & (observation[:, DOUBTFUL, None] < 0.5)
 
 
 def make_steering(vehicle: str, task: Task) -> Steering:

@@ -15,7 +15,7 @@ _SHARES = np.geomspace(0.002, 0.25, 24)
 _LEAST_MPS = 0.05
 
 #: Share of full pressure to which the last wheelset is released when the running speed is in doubt: it then rolls (assumption).
-RELEASED_SHARE = 0.15
+RELEASED_SHARE = 0.07
 
 
 class Teacher:

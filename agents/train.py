@@ -55,16 +55,16 @@ class Arguments:
     clip: float = 0.1
     entropy: float = 0.0
     log_deviation: float = -3.0  # of the pressure wanted, at the start
-    imitation: int = 20  # rounds in which the policy first learns from a teacher, see `agents.imitation`; 0: none
+    imitation: int = 30  # rounds in which the policy first learns from a teacher, see `agents.imitation`; 0: none
     imitation_decisions: int = 400  # of each stop in a round
     critic_segments: int = 1  # first segments in which only the value function learns
     hidden: tuple[int, ...] = (128, 128)
-    slide_price: float = 3.25  # metres travelled that a metre of sliding is worth, see `Shaped`
+    slide_price: float = 3.4  # metres travelled that a metre of sliding is worth, see `Shaped`
     action: Literal["steered", "valve", "pressure"] = "steered"  # steered: pressure wanted, reached by the valves
     pressure_sensors: bool = False
     reward: str = '{"air": 0.00005}'  # JSON, see `wsp_env.envs.task.RewardWeights`
     scenario: str = (
-        '{"mu_cd": [0.02, 0.06], "tau": [1e-4, 3.5e-4], "demand": [0.7, 1.0]}'  # JSON, see `wsp_env.scenario.Scenario`
+        '{"mu_cd": [0.02, 0.06], "tau": [1e-4, 3.5e-4], "demand": [0.5, 1.0]}'  # JSON, see `wsp_env.scenario.Scenario`
     )
     mechanisms: str = "{}"  # JSON, {name: {parameter: value}}
     recurrent: int = 0  # units of an LSTM before the networks (sb3-contrib), 0: none; it learns without a teacher

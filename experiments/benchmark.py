@@ -14,6 +14,7 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Annotated, Any
 
 import gymnasium as gym
@@ -29,6 +30,7 @@ from wsp_env.contact.kalker import Patch, kalker_coefficients
 from wsp_env.contact.polach import polach_adhesion
 from wsp_env.envs import IDS
 from wsp_env.envs.vector import BrakingVectorEnv
+from wsp_env.evaluation.policy import load_policy
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.velim import CONTACT
 from wsp_env.plant.plant import SUBSTEP_S, Plant
@@ -188,6 +190,19 @@ def step_runs(n: int) -> dict[str, Callable[[], int]]:
     return runs
 
 
+def decision_run() -> Callable[[], int]:
+    """Ask the shipped bogie policy's network for the command of one vehicle."""
+    policy = load_policy(Path(__file__).parents[1] / "agents" / "trained" / "bogie")
+    observation, memory = np.zeros((1, len(policy.contract.observation)), dtype=np.float32), np.zeros((1, 0), dtype=np.float32)
+
+    def run() -> int:
+        for _ in range(100):
+            policy.infer(observation, memory)
+        return 100
+
+    return run
+
+
 # --- the report -------------------------------------------------------------------------------------------------------
 
 
@@ -200,6 +215,8 @@ def measure(quick: bool) -> dict[str, Any]:
         Goal("brentq and limits per sample / closed form, batched", ratio(contact["brentq and the limits"], law), 200.0, True),
         Goal("closed form / one Polach evaluation", ratio(law, contact["Polach"]), 3.0, False),
     ]
+    decision = 1e6 * float(np.median(in_turns({"decision": decision_run()}, rounds, seconds)["decision"]))
+    goals.append(Goal("a decision of the bogie's ONNX policy for one vehicle [us]", decision, 50.0, False))
     rows = []
     for n in QUICK_SIZES if quick else SIZES:
         times = in_turns(step_runs(n), rounds, seconds)

@@ -10,7 +10,17 @@ from stable_baselines3 import PPO
 
 from agents.imitation import imitate
 from agents.measure import low_adhesion
-from agents.steering import OFFERED, PRESSURE_TO_COME, Steering
+from agents.steering import (
+    DOUBTFUL,
+    OFFERED,
+    PRESSURE_TO_COME,
+    RECENT_SLIP,
+    ROLLS_CREEPAGE,
+    ROLLS_MPS,
+    SLOW_SLIP,
+    SPEED,
+    Steering,
+)
 from agents.teacher import Teacher
 from agents.train import Arguments, learns, make_world, train
 from wsp_env.contact.degraded import degraded_adhesion
@@ -160,6 +170,7 @@ def test_the_command_brings_the_pressure_nearest_to_the_one_wanted():
     observation = np.zeros((500, Observer(BOGIE, INTERVAL).size), np.float32)
     held, offered, wanted = rng.uniform(0, 1, (500, 2)), rng.uniform(0.2, 1, (500, 1)), rng.uniform(-1, 0.99, (500, 2))
     observation[:, 2 * PRESSURE_TO_COME : 2 * PRESSURE_TO_COME + 2], observation[:, OFFERED] = held, offered[:, 0]
+    observation[:, 2 * RECENT_SLIP : 2 * RECENT_SLIP + 2] = 1.0  # they slide
     command = steering.commands(torch.as_tensor(observation), torch.as_tensor(wanted.astype(np.float32))).numpy()
     fill, vent = (np.exp(-INTERVAL / t) for t in (BOGIE.brake.fill_time_constant_s, BOGIE.brake.vent_time_constant_s))
     after = {-1: vent * held, 0: held, 1: offered + (held - offered) * np.where(offered > held, fill, vent)}
@@ -179,6 +190,22 @@ def test_steering_sees_pressure_and_supply_where_the_observer_puts_them():
         seen = observer.observe(measure(plant), command)
     assert_allclose(seen[:, 2 * PRESSURE_TO_COME : 2 * PRESSURE_TO_COME + 2], observer.reckoning.pressure_to_come(), rtol=1e-6)
     assert_allclose(seen[:, OFFERED], observer.reckoning.offered, rtol=1e-6)
+    for place, kept in ((RECENT_SLIP, 0), (SLOW_SLIP, 1)):
+        assert_allclose(Observer.SLIP_SCALE * seen[:, 2 * place : 2 * place + 2], observer._slips[kept], rtol=1e-5)
+    assert_allclose(Observer.SPEED_SCALE * seen[:, SPEED], observer.reckoning.speed, rtol=1e-6)
+    assert_array_equal(seen[:, DOUBTFUL], observer.reckoning.doubtful)
+
+
+@pytest.mark.parametrize("speed", [5.0, 40.0])
+def test_where_nothing_slides_the_brake_is_applied_whatever_is_wanted(speed):
+    steering, limit = Steering(BOGIE, INTERVAL), max(ROLLS_MPS, ROLLS_CREEPAGE * speed)
+    observation = np.zeros((4, Observer(BOGIE, INTERVAL).size), np.float32)
+    observation[:, SPEED], observation[:, OFFERED] = speed / Observer.SPEED_SCALE, 1.0
+    observation[:, 2 * PRESSURE_TO_COME : 2 * PRESSURE_TO_COME + 2] = 0.5
+    observation[1, 2 * RECENT_SLIP] = observation[2, 2 * SLOW_SLIP] = 1.1 * limit / Observer.SLIP_SCALE  # of the first axle
+    observation[3, DOUBTFUL] = 1.0
+    command = steering.commands(torch.as_tensor(observation), -torch.ones(4, 2)).numpy()  # nothing is wanted
+    assert_array_equal(command, [[1, 1], [-1, 1], [-1, 1], [-1, -1]])
 
 
 @pytest.mark.slow

@@ -10,9 +10,9 @@ import numpy as np
 
 from wsp_env.parameters.vehicle import Vehicle
 
-#: A wheelset that the reckoned brake asks for less adhesion than this [-] for `ROLLING_S` [s] rolls (assumption: below the
-#: adhesion of any contaminated rail).
-ROLLING_ADHESION = 0.03
+#: A wheelset that the reckoned brake asks for less adhesion than this [-] for `ROLLING_S` [s] rolls (assumption: half the
+#: adhesion of rail that the standard's tests call extremely low).
+ROLLING_ADHESION = 0.015
 ROLLING_S = 0.06
 
 #: It then slips by so much [m/s] (assumption: half the creep at which the poorest rail carries that adhesion).
@@ -23,11 +23,13 @@ ROLLING_CREEP_MPS = 0.02
 ROLLING_DEVIATION_MPS = 0.1
 START_DEVIATION_MPS = 0.05
 MASS_DEVIATION = 0.04
-SPEED_DRIFT = 0.03
+SPEED_DRIFT = 0.02
 MASS_DRIFT = 0.002
 
-#: A wheel so much faster than the reckoned running speed corrects it although it may slide [m/s].
+#: A wheel so much faster than the reckoned running speed [m/s], as a mean over the time constant [s], corrects it although it
+#: may slide; not smoothed, the noise of the sensors alone would drive the running speed up (assumptions).
 FASTER_MPS = 0.15
+FASTER_FILTER_S = 0.1
 
 #: Standard deviation of the running speed [m/s] from which it is in doubt, and below which no longer: a good moment to let a
 #: wheelset roll.
@@ -70,6 +72,7 @@ class Reckoning:
         self._fill = 1.0 - np.exp(-interval / brake.fill_time_constant_s)
         self._vent = 1.0 - np.exp(-interval / brake.vent_time_constant_s)
         self._smooth = 1.0 - np.exp(-interval / ADHESION_FILTER_S)
+        self._lift = 1.0 - np.exp(-interval / FASTER_FILTER_S)
 
     def reset(self, wheel: np.ndarray, rows: np.ndarray | slice = slice(None)) -> None:
         """Begin new stops, of all vehicles or of `rows`, from the peripheral wheel speeds (N, A) [m/s]."""
@@ -77,6 +80,7 @@ class Reckoning:
             n, axles = wheel.shape
             self.speed, self.pressure = np.zeros(n), np.zeros((n, axles))
             self.adhesion, self._wheel, self._unbraked = np.zeros((n, axles)), np.zeros((n, axles)), np.zeros((n, axles))
+            self._ahead = np.zeros((n, axles))  # of the running speed, smoothed [m/s]
             self._supply, self._demand, self._q = np.zeros(n), np.zeros(n), np.ones(n)
             self._way = np.ones((self._dead_steps + 1, n, axles))  # commands on their way to the valves
             self.doubtful = np.zeros(n, dtype=bool)
@@ -84,7 +88,7 @@ class Reckoning:
         self.speed[rows] = wheel[rows].max(axis=1)
         self._wheel[rows] = wheel[rows]
         self.doubtful[rows] = False
-        for array in (self.pressure, self.adhesion, self._unbraked, self._supply, self._p_vq):
+        for array in (self.pressure, self.adhesion, self._unbraked, self._ahead, self._supply, self._p_vq):
             array[rows] = 0.0
         self._q[rows] = 1.0
         self._way[:, rows] = 1.0
@@ -118,7 +122,7 @@ class Reckoning:
         self._unbraked = np.where(asked & (self.adhesion < ROLLING_ADHESION), self._unbraked + self.interval, 0.0)
         for k in range(wheel.shape[1]):
             self._correct(wheel[:, k] + ROLLING_CREEP_MPS, self._unbraked[:, k] >= ROLLING_S)
-        self._raise(wheel.max(axis=1))
+        self._raise(wheel)
         np.maximum(self.speed, 0.0, out=self.speed)
         doubt = self.uncertainty
         self.doubtful = ((doubt > DOUBTFUL_MPS) | (self.doubtful & (doubt > CERTAIN_MPS))) & (self.speed > SLOW_MPS)
@@ -154,10 +158,13 @@ class Reckoning:
         self._p_vq = self._p_vq - slowed * self._p_qq
         self._p_qq = self._p_qq + MASS_DRIFT**2 * self.interval
 
-    def _raise(self, fastest: np.ndarray) -> None:
-        """Follow the fastest wheel (N,) [m/s] where it runs ahead; it may slide, so that nothing becomes more certain."""
-        missing = np.where(fastest > self.speed + FASTER_MPS, fastest - self.speed, 0.0)
+    def _raise(self, wheel: np.ndarray) -> None:
+        """Follow the fastest of the wheels (N, A) [m/s] where it runs ahead; it may slide: nothing becomes more certain."""
+        self._ahead += self._lift * (wheel - self.speed[:, None] - self._ahead)
+        fastest = self._ahead.max(axis=1)
+        missing = np.where(fastest > FASTER_MPS, fastest, 0.0)
         self.speed = self.speed + missing
+        self._ahead -= missing[:, None]
         self._q = np.clip(self._q + self._p_vq / np.maximum(self._p_vv, 1e-9) * missing, *MASS_RANGE)
 
     def _correct(self, seen: np.ndarray, where: np.ndarray) -> None:

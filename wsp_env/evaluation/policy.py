@@ -144,7 +144,7 @@ class Policy:
     def __init__(self, contract: Contract, infer: Infer, memory: int = 0) -> None:
         self.contract = contract
         self.action = contract.action
-        self._infer, self._size = infer, memory
+        self.infer, self._size = infer, memory
 
     def reset(self, n: int, vehicle: Vehicle) -> None:
         """Begin n new stops; `ParameterError` for a vehicle with another number of axles."""
@@ -173,7 +173,7 @@ class Policy:
             observation = self._observer.observe(measurement, self._command)
         self._time = np.array(measurement.time)
         self._decisions += 1
-        command, self._memory = self._infer(observation, self._memory)
+        command, self._memory = self.infer(observation, self._memory)
         self._command = command.astype(np.float64)
         return self._command.copy()
 
