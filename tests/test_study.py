@@ -9,6 +9,7 @@ import pytest
 
 from agents import front, study
 from agents.measure import HELD_OUT, Yardstick
+from agents.seeds import TOLD, at_slip
 from agents.study import OUTSIDE, SIZES, Arguments, compare, table, worlds
 from wsp_env.evaluation.controller import load
 from wsp_env.plant.mechanisms import ALL, make
@@ -63,3 +64,10 @@ def test_the_front_is_drawn(tmp_path):
     pairs = {"rules": [(0.5, 900.0), (1.0, 850.0)], "bound": [(float("nan"), 700.0)]}
     front.draw({"recovering": pairs, "classic": pairs}, tmp_path / "docs" / "front.png")
     assert Path(tmp_path / "docs" / "front.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_front_is_linear_between_its_points_and_keeps_its_ends():
+    front = [{name: float(value) for name in TOLD} | {"mean_slip_mps": slip} for value, slip in ((700, 2.0), (800, 1.0))]
+    assert at_slip(front, 1.25)["distance_m"] == pytest.approx(775.0)
+    assert at_slip(front, 1.25)["mean_slip_mps"] == pytest.approx(1.25)
+    assert [at_slip(front, slip)["distance_m"] for slip in (0.5, 3.0)] == [800.0, 700.0]
