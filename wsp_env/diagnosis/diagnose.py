@@ -37,7 +37,7 @@ _DAMAGED = 5.0
 #: Closures: surprise, and share of the deceleration or of the adhesion, from which on structure remains that matters.
 _CLOSURE_SURPRISE = 8.0
 _LEAST_CLOSURE = 0.01
-_PAIRS_TOLD = 10
+_PAIRS_TOLD = 10  # in the answer
 _NEAR_NODE = 1e-3  # of the largest square of a closure's columns, from which on a node is told of
 #: Share of all gains, the mechanisms' and the closure's, from which on the mechanisms do not explain what is there: assumption.
 _LEFT_OPEN = 0.25

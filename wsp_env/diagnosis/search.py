@@ -27,6 +27,8 @@ _LEFT = 1e-3
 _SPANNED = 1e-6
 #: Stretches of a single run that are held out in turn [s]: some slides long.
 _STRETCH_S = 4.0
+#: Pairs that gain most, of which null recordings are asked too.
+_PAIRS = 20
 _NONE = np.zeros(0, dtype=int)
 _LOG10 = float(np.log(10.0))
 
@@ -229,30 +231,33 @@ class Search:
         gram, against, _ = conditioned(self.data.validate, index, self.own, self.offsets["validate"])
         return float(2.0 * amplitude @ against - amplitude @ gram @ amplitude)
 
-    def null_gains(self, which: int) -> np.ndarray:
-        """Gains (R,) of a candidate of the data's scan in the null recordings."""
-        its = self.twin[which]
-        if its < 0:
+    def null_gains(self, *which: int) -> np.ndarray:
+        """Gains (R,) of a candidate of the data's scan, or of some together, in the null recordings."""
+        twins = [self.twin[one] for one in which if self.twin[one] >= 0]
+        if not twins:
             return np.zeros(len(self.nulls))
-        index = self.nulls[0].columns_of(its)
+        index = np.concatenate([self.nulls[0].columns_of(its) for its in twins])
         # Each is freed from the mean of the others: its own would make it look smaller than the data's.
         mean, count = self.mean, len(self.nulls)
         gains = []
         for null in self.nulls:
             offset = (count * mean - null.whole.against) / max(count - 1, 1)
             one = fit(*conditioned(null.whole, index, self.given, offset), _LEFT)
-            gains.append(one.gain if can_be(null.candidates[its], one) else 0.0)
+            gains.append(one.gain if len(twins) > 1 or can_be(null.candidates[twins[0]], one) else 0.0)
         return np.array(gains)
 
     def pairs(self, found: Sequence[Found]) -> list[tuple[float, float, Found, Found]]:
         """Return net gain, mean gain in null recordings and members of pairs of mechanisms, the best pair first."""
         library = [one for one in found if one.name in ALL and one.gain > 0.0]
-        result = []
+        joint = []
         for a, b in itertools.combinations(library, 2):
-            joint = self.gain(np.concatenate([self.data.columns_of(one.which) for one in (a, b)])).gain
-            # No mechanism's own null gain is counted twice: two that gain the same in noise gain it once.
-            null = float(max(a.nulls.mean(), b.nulls.mean()))
-            result.append((joint - null, null, a, b))
+            columns = np.concatenate([self.data.columns_of(one.which) for one in (a, b)])
+            joint.append((self.gain(columns).gain, a, b))
+        joint.sort(key=lambda pair: -pair[0])
+        result = []
+        for gain, a, b in joint[:_PAIRS]:
+            null = float(self.null_gains(a.which, b.which).mean())
+            result.append((gain - null, null, a, b))
         return sorted(result, key=lambda pair: -pair[0])
 
     def found(self) -> list[Found]:

@@ -81,7 +81,7 @@ def load(name: str, parameters: Mapping[str, Any] | None = None) -> Controller:
         for key, value in parameters.items():
             if _is_number(getattr(present, key, None)) and not _is_number(value):
                 raise ParameterError(f"parameter {key} of {name} must be a number, got {value!r}")
-        changed = replace(controller.parameters, dict(parameters), f"parameter of {name}")  # type: ignore[attr-defined]
+        changed = replace(controller.parameters, dict(parameters), f"parameter of {name}")  # type: ignore[attr-defined]  # asked for above
         controller = _made(name, made, changed)
     return controller
 
