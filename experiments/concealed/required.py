@@ -33,6 +33,7 @@ def put(rate: Rate) -> str:
 def checks(figures: dict[str, Any]) -> list[Check]:
     """Compare the figures of `score` with what is required."""
     cases, separable, removed = figures["cases"], figures["separable"], figures["removed_share"]
+    abnormal = figures["separable_beyond_variation"]
     total, parameters = sum(cases.values()), figures["parameters"]
     median = parameters["relative_error"]["median"]
 
@@ -57,6 +58,8 @@ def checks(figures: dict[str, Any]) -> list[Check]:
         most("false alarms on nulls", figures["false_alarms"], 0.05),
         least("right name first, separable singles from twice the smallest effect", separable["right_name_first"], 0.9),
         least("truth inside a reported set, the same cases", separable["in_set"], 0.95),
+        least("right name first, those of them beyond normal variation", abnormal["right_name_first"], 0.9),
+        least("truth inside a reported set, beyond normal variation", abnormal["in_set"], 0.95),
         most("out-of-library effects called by a library name", figures["foreign_named_wrongly"], 0.1),
         least("both of a pair found", figures["pairs_both_found"], 0.8),
         least_share("removable held-out residual removed, mean of those named", removed["named"]["mean"], 0.85),

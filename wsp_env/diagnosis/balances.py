@@ -6,6 +6,8 @@ With T_k = (C_k + J dw_k/dt) / r from the wheel's own balance:
   v - r w = 0 times the steepness of the creep curve, and is reported as such.
 - vehicle: v(t) - v(0) + (1/M) integral of (sum T_k + resistances) dt, which holds no adhesion model. Summed up, the noise of
   the recorded speed stays white, and J dw/dt is exact.
+- actuator: C_k less the torque that the recorded cylinder pressure gives, per axle; where both are measured, else it says
+  nothing.
 
 Every row is divided by the deviation that noise alone gives it.
 """
@@ -24,19 +26,21 @@ from wsp_env.recordings import Campaign
 _SPEED_FLOOR_MPS = 5e-4
 #: The same of the adhesion coefficient [-].
 _ADHESION_FLOOR = 1e-4
+#: The same of a wheelset's torque [N m]: as much as the adhesion's at a wheelset load of some 100 kN.
+_TORQUE_FLOOR_NM = 5.0
 
 #: A wheel without torque may still slide; a wrong radius looks like less creepage than this.
 _ROLLING_CREEPAGE = 0.03
 
-ADHESION, KINEMATICS, VEHICLE = 0, 1, 2
-BALANCES = ("adhesion", "kinematics", "vehicle")
+ADHESION, KINEMATICS, VEHICLE, ACTUATOR = 0, 1, 2, 3
+BALANCES = ("adhesion", "kinematics", "vehicle", "actuator")
 
 
 @dataclasses.dataclass(frozen=True)
 class Rows:
     """What each residual (n,) is; the means over its block."""
 
-    balance: np.ndarray  # ADHESION, KINEMATICS or VEHICLE
+    balance: np.ndarray  # ADHESION, KINEMATICS, VEHICLE or ACTUATOR
     run: np.ndarray  # index into the stops
     axle: np.ndarray  # from 0; -1: the vehicle
     segment: np.ndarray  # of the vehicle's momentum, numbered through all stops; -1: a wheel's
@@ -50,6 +54,12 @@ class Rows:
 
     def __len__(self) -> int:
         return len(self.run)
+
+    @property
+    def wheels(self) -> np.ndarray:
+        """Rows (n,) bool of the wheels' contacts, sliding or rolling."""
+        result: np.ndarray = (self.balance == ADHESION) | (self.balance == KINEMATICS)
+        return result
 
 
 class Balances:
@@ -126,31 +136,52 @@ class _Blocks:
         work = moment / (2.0 * owner.radius) * slip / np.maximum(stop.speed, 1.0)[:, None]
         share = np.abs(self.mean(stop.torque)) / max(float(np.abs(stop.torque).max()), 1.0)
         rolls = (share < ROLLING_SHARE) & (np.abs(self.mean(slip)) < _ROLLING_CREEPAGE * self.mean(stop.speed)[:, None])
-        v = np.flatnonzero(self.segments >= 0)
 
-        def both(values: np.ndarray) -> np.ndarray:
-            return np.concatenate([self.mean(values)[b], self._mean_mask(values, self.vehicle_length)[v]])
+        def every(values: np.ndarray) -> np.ndarray:
+            own = self.mean(values)[b]
+            return self.joined(own, self.vehicle_rows(values), own)
 
         def wheels(values: np.ndarray) -> np.ndarray:
-            return np.concatenate([self.mean(values)[b, a], np.zeros(len(v))])
+            own = self.mean(values)[b, a]
+            return self.joined(own, brakes=own)
 
-        n = len(b) + len(v)
+        balance = np.where(rolls[b, a], KINEMATICS, ADHESION)
+        run = self.joined(np.full(len(b), index), np.full(self.momenta, index), np.full(len(b), index))
         return Rows(
-            balance=np.concatenate([np.where(rolls[b, a], KINEMATICS, ADHESION), np.full(len(v), VEHICLE)]),
-            run=np.full(n, index),
-            axle=np.concatenate([a, np.full(len(v), -1)]),
-            segment=np.concatenate([np.full(len(b), -1), self.segments[v]]),
-            validate=np.full(n, stop.group == "validate"),
-            time=both(stop.time),
-            place=both(stop.place) - np.concatenate([owner.offsets[a], np.zeros(len(v))]),
-            speed=both(stop.speed),
+            balance=self.joined(balance, np.full(self.momenta, VEHICLE), np.full(len(b), ACTUATOR)),
+            run=run,
+            axle=self.joined(a, np.full(self.momenta, -1), a),
+            segment=self.joined(np.full(len(b), -1), self.segments[self.segments >= 0], np.full(len(b), -1)),
+            validate=np.full(len(run), stop.group == "validate"),
+            time=every(stop.time),
+            place=every(stop.place) - self.joined(owner.offsets[a], brakes=owner.offsets[a]),
+            speed=every(stop.speed),
             slip=wheels(slip),
             work=wheels(work),
-            deceleration=-both(stop.acceleration),
+            deceleration=-every(stop.acceleration),
         )
 
+    @property
+    def momenta(self) -> int:
+        """Number of the vehicle's rows."""
+        return int((self.segments >= 0).sum())
+
+    def joined(
+        self, wheels: np.ndarray | None = None, vehicle: np.ndarray | None = None, brakes: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return all rows (n, ...) of this stop: those of its wheels, its momentum and its actuators; None: zeros.
+
+        Where no pressure was recorded beside the torque there are no actuators' rows, whatever is given.
+        """
+        wheel_rows, parts = int(self.used.sum()), []
+        counts = (wheel_rows, self.momenta, wheel_rows if self.stop.pressed is not None else 0)
+        given = next(part for part in (wheels, vehicle, brakes) if part is not None)
+        for part, count in zip((wheels, vehicle, brakes), counts, strict=True):
+            parts.append(np.zeros((count, *given.shape[1:]), given.dtype) if part is None else part[:count])
+        return np.concatenate(parts)
+
     def wheel_rows(self, values: np.ndarray) -> np.ndarray:
-        """Block means of an array (T, A) as rows."""
+        """Block means of an array (T, A) as rows of the wheels, or of their brakes."""
         result: np.ndarray = self.mean(values)[self.used]
         return result
 
@@ -173,7 +204,7 @@ class _Blocks:
         segment = self.segments[self.segments >= 0]
         for which in np.unique(segment):  # the speed that each stretch starts with is free
             momentum[segment == which] -= momentum[segment == which].mean()
-        return np.concatenate([self.wheel_rows(adhesion), momentum])
+        return self.joined(self.wheel_rows(adhesion), momentum, self.wheel_rows(one.torque - one.braking))
 
     def deviation(self, one: Evaluation) -> np.ndarray:
         """Deviation of the same by the channels' noise."""
@@ -181,8 +212,8 @@ class _Blocks:
         moment = noise.moment(self.owner.inertia) / (2.0 * radius * self.mean(one.load))
         slip = noise.slip(radius) * self.mean(one.slope)
         adhesion = np.sqrt(moment**2 + slip**2 + _ADHESION_FLOOR**2)[self.used]
-        vehicle = np.hypot(noise.block_speed, _SPEED_FLOOR_MPS)
-        return np.concatenate([adhesion, np.full(int((self.segments >= 0).sum()), vehicle)])
+        vehicle = np.full(self.momenta, np.hypot(noise.block_speed, _SPEED_FLOOR_MPS))
+        return self.joined(adhesion, vehicle, np.full(len(adhesion), np.hypot(noise.block_torque, _TORQUE_FLOOR_NM)))
 
 
 def _joined(parts: list[Rows]) -> Rows:

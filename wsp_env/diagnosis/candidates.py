@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from wsp_env.diagnosis.balances import ADHESION, VEHICLE, Balances
+from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, Balances
 from wsp_env.diagnosis.evaluate import Choice, Model
 from wsp_env.plant.mechanisms import ALL, Mechanism
 
@@ -19,7 +19,7 @@ _PATCH_LENGTHS_M = (30.0, 60.0, 120.0)
 _BANDS_MPS = ((-10.0, 200.0), (8.0, 200.0), (15.0, 200.0), (22.0, 200.0))
 #: Finite-difference steps as share of the typical change.
 _STEP = 0.05
-_PRESSURE_ONLY = ("pad_friction", "brake_gain_imbalance")
+_BRAKES = ("pad_friction", "brake_gain_imbalance")
 #: Sizes left to another mechanism that has the same trace, or a smaller one of the same mechanism.
 _LEFT_OUT = {
     ("aerodynamic_drag", "a_n"),  # the gradient's
@@ -54,8 +54,8 @@ class Candidate:
 def unavailable(balances: Balances) -> dict[str, str]:
     """Return the mechanisms that such recordings can say nothing on, and why."""
     reasons: dict[str, str] = {}
-    if balances.campaign.vehicle.brake_torque_source == "measured":
-        reasons |= dict.fromkeys(_PRESSURE_ONLY, "the torque itself is measured")
+    if balances.campaign.vehicle.torque_is_measured and not (balances.rows.balance == ACTUATOR).any():
+        reasons |= dict.fromkeys(_BRAKES, "the torque itself is measured, and no cylinder pressure beside it")
     for name, axles in _NEED_AXLES.items():
         if balances.axles < axles:
             reasons[name] = f"needs {axles} axles"
@@ -166,7 +166,7 @@ def library(
         if variant.name == "adhesion_patch":
             inside = _inside(balances.rows.place, variant.fixed["start_m"], variant.fixed["length_m"])
             _, change = step(variant.name, "change")
-            column = change * friction * inside * (balances.rows.balance != VEHICLE)
+            column = change * friction * inside * balances.rows.wheels
             found.append(Candidate(variant.name, column[:, None], variant, (change,)))
         else:
             found.append(Candidate(variant.name, *_swapped(columns(balances, model, base, variant), variant)))

@@ -1,16 +1,19 @@
 """Closures: flexible functions of what was measured, which show what is structured but in no library, and where."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 
-from wsp_env.diagnosis.balances import KINEMATICS, VEHICLE, Balances
+from wsp_env.diagnosis.balances import ACTUATOR, KINEMATICS, VEHICLE, Balances
 from wsp_env.diagnosis.candidates import Candidate
-from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.evaluate import Evaluation, Model
 
 _NODES = 6  # of a function of slip speed, speed or work, at quantiles
 _TIME_NODE_S = 3.0
 _RELATIVE = "relative change of friction [-]"
+#: How closures begin that stand for a fault of their own: what a mechanism's form leaves hardly looks like them.
+OF_THEIR_OWN = ("torque", "recorded speed over deceleration", "force on the vehicle swinging")
 _FREQUENCIES_HZ = tuple(np.geomspace(0.15, 1.2, 13))
 
 
@@ -23,8 +26,8 @@ def closures(balances: Balances, model: Model, friction: np.ndarray) -> list[Can
 
     """
     rows, found = balances.rows, []
-    wheels = rows.balance != VEHICLE
-    slides = wheels & (rows.slip > 0.01 * rows.speed)
+    vehicle = rows.balance == VEHICLE
+    slides = rows.wheels & (rows.slip > 0.01 * rows.speed)
     own = (rows.axle[:, None] == np.arange(balances.axles)).astype(float)
     by_run = (rows.run[:, None] == np.arange(len(balances.stops))).astype(float)
 
@@ -55,7 +58,7 @@ def closures(balances: Balances, model: Model, friction: np.ndarray) -> list[Can
         "axle [-]: offset, then per speed",
         "recorded less true slip [m/s], [-]",
     )
-    columns = (rows.deceleration * (1.0 * ~wheels - steepness) * rows.speed)[:, None]
+    columns = (rows.deceleration * (1.0 * vehicle - steepness) * rows.speed)[:, None]
     add("recorded speed over deceleration", columns, (1.0,), "deceleration times speed", "true less recorded speed [s2/m]")
     add(
         "torque of each axle",
@@ -64,15 +67,23 @@ def closures(balances: Balances, model: Model, friction: np.ndarray) -> list[Can
         "axle [-]: offset, then drift",
         "true less believed torque [N m], [N m/s]",
     )
+    if (rows.balance == ACTUATOR).any():
+        pressed = np.concatenate(
+            [part.joined(brakes=part.wheel_rows(one.braking)) for part, one in _evaluated(balances, model)]
+        )
+        nodes = _quantiles(pressed[rows.balance == ACTUATOR])
+        columns = -1.0 * (rows.balance == ACTUATOR)[:, None] * _interpolation(pressed, nodes)
+        over = "torque by the nominal gain [N m]"
+        add("torque over cylinder pressure", columns, nodes, over, "measured less believed torque [N m]")
     add("force on the vehicle over speed", resisted, _quantiles(rows.speed), "speed [m/s]", "resisting force [N]")
     for frequency in _FREQUENCIES_HZ:
         phase = 2.0 * np.pi * frequency * rows.time
-        waves = np.column_stack([np.sin(phase), np.cos(phase)]) * ~wheels[:, None]
+        waves = np.column_stack([np.sin(phase), np.cos(phase)]) * vehicle[:, None]
         columns = np.column_stack([waves * run[:, None] for run in by_run.T])
         over = "run [-]: sine, cosine"
         add(f"force on the vehicle swinging at {frequency:.2g} Hz", columns, np.repeat(runs, 2), over, "speed lost [m/s]")
     nodes = _clock(rows.time)
-    columns = np.column_stack([_interpolation(rows.time, nodes) * (~wheels * run)[:, None] for run in by_run.T])
+    columns = np.column_stack([_interpolation(rows.time, nodes) * (vehicle * run)[:, None] for run in by_run.T])
     add("force on the vehicle over time", columns, np.tile(nodes, len(runs)), "time in each run [s]", "speed lost [m/s]")
     return found
 
@@ -85,20 +96,25 @@ def _parts(balances: Balances, model: Model) -> tuple[np.ndarray, np.ndarray, np
     offsets: list[np.ndarray] = []
     drifts: list[np.ndarray] = []
     resisted: list[np.ndarray] = []
-    for part, one in zip(balances.parts, balances.evaluate(model), strict=True):
-        stop, none = part.stop, np.zeros(int((part.segments >= 0).sum()))
-        steepness.append(np.concatenate([part.wheel_rows(one.slope), none]))
+    for part, one in _evaluated(balances, model):
+        stop = part.stop
+        steepness.append(part.joined(part.wheel_rows(one.slope)))
         axle = np.nonzero(part.used)[1][:, None] == np.arange(balances.axles)
         per_torque = part.wheel_rows(1.0 / (2.0 * balances.radius * one.load))[:, None] * axle
         ones = np.ones(len(stop.time))
         for collected, course in ((offsets, ones), (drifts, stop.time - stop.time[0])):
             over_time = part.wheel_rows(np.repeat(course[:, None], balances.axles, axis=1))[:, None]
             vehicle = part.vehicle_rows(part.summed(course)) / (balances.radius * one.mass)
-            collected.append(np.vstack([per_torque * over_time, np.repeat(vehicle[:, None], balances.axles, axis=1)]))
+            every = np.repeat(vehicle[:, None], balances.axles, axis=1)
+            collected.append(part.joined(per_torque * over_time, every, axle * over_time))
         forces = _interpolation(stop.speed, nodes)
         summed = np.column_stack([part.vehicle_rows(part.summed(force)) for force in forces.T])
-        resisted.append(np.vstack([np.zeros((int(part.used.sum()), len(nodes))), summed / one.mass]))
+        resisted.append(part.joined(vehicle=summed / one.mass))
     return np.concatenate(steepness), np.vstack(offsets), np.vstack(drifts), np.vstack(resisted)
+
+
+def _evaluated(balances: Balances, model: Model) -> Iterator[tuple[Any, Evaluation]]:
+    return zip(balances.parts, balances.evaluate(model), strict=True)
 
 
 def _quantiles(values: np.ndarray) -> np.ndarray:

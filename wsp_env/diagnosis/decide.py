@@ -27,8 +27,8 @@ HELD_OUT_SHARE = 0.4
 _CHANCE = 1.645  # 5 % of true ones would show less
 #: Another mechanism must gain this share of what the first gained, times their squared cosine: less is the first one's form.
 LEAST_SHARE = 0.08
-#: And this share whatever the cosine: in general; where no balance shows both; and where the first
-#: has but one form, so that next to nothing of it is left.
+#: And this share whatever the cosine: in general; where no balance shows both, or the vehicle's shows it but not the first; and
+#: where the first has but one form, so that next to nothing of it is left.
 LEAST_SHARE_ANY = 0.03
 LEAST_SHARE_APART = 0.005
 LEAST_SHARE_EXACT = 0.002
@@ -154,9 +154,10 @@ def _trials(
     """
     library = [one for one in found if one.name in ALL and one.surprise >= SURPRISE]
     library.sort(key=lambda one: -one.net)
-    promising = library[:TRIED]
+    promising, together = library[:TRIED], set()
     if not accepted and (pairs := search.pairs(found)):  # two together may show what neither does alone
         promising += [one for one in pairs[0][2:] if one.name not in {other.name for other in promising}]
+        together = _held_out_together(search, pairs[0][2:])
     left = [one for one in library if one.name not in {other.name for other in promising}]
     starts = {one.which: _null(v) - one.fit.amplitude * search.data.candidates[one.which].steps
               for one in promising for v in [_variant(search, one)]}  # fmt: skip
@@ -170,7 +171,7 @@ def _trials(
 
     there = []
     for one, trial in zip(promising, pool.map(refitted, promising), strict=True):
-        held_out = trial.found.held_out >= least_held_out(expected(search, one)) or rolling is not None
+        held_out = one.name in together or one.held_out >= least_held_out(expected(search, one)) or rolling is not None
         if trial.found.gain > _least(search, one, trial.listed, accepted) and held_out:
             there.append(trial)
     there.sort(key=lambda trial: -trial.found.net)
@@ -206,8 +207,9 @@ def _least(search: Search, one: Found, listed: Variant, accepted: Sequence[Accep
 def _floor(one: str, other: str) -> float:
     if other in EXACT:
         return LEAST_SHARE_EXACT
-    shown = [{balance for balance in BALANCES if balance in ALL[name].trace} for name in (one, other)]
-    return LEAST_SHARE_ANY if shown[0] & shown[1] else LEAST_SHARE_APART
+    mine, its = ({balance for balance in BALANCES if balance in ALL[name].trace} for name in (one, other))
+    # No wrong form of a contact's mechanism looks like a force on the vehicle.
+    return LEAST_SHARE_APART if not mine & its or "vehicle" in mine - its else LEAST_SHARE_ANY
 
 
 def least_held_out(expected: float) -> float:
@@ -273,13 +275,23 @@ def _rolling(balances: Balances, search: Search, found: Sequence[Found]) -> tupl
     return dataclasses.replace(template, which=which, fit=gain, gain=gain.gain), np.array([change[axle]])
 
 
+def _held_out_together(search: Search, pair: Sequence[Found]) -> set[str]:
+    """Return the names of a pair that gains on the runs to validate as it should: there one may hide without the other."""
+    index = np.concatenate([search.data.columns_of(one.which) for one in pair])
+    seen = search.held_out(index) >= least_held_out(_part(search, index) * search.gain(index).gain)
+    return {one.name for one in pair} if seen else set()
+
+
 def expected(search: Search, one: Found) -> float:
     """Share of the gain that the runs to validate would have by their part of the columns' squares."""
-    index = search.data.columns_of(one.which)
+    return _part(search, search.data.columns_of(one.which)) * one.gain
+
+
+def _part(search: Search, index: np.ndarray) -> float:
     part = np.trace(search.data.validate.gram[np.ix_(index, index)]) / max(
         np.trace(search.data.whole.gram[np.ix_(index, index)]), 1e-12
     )
-    return float(min(part, 1.0)) * one.gain
+    return float(min(part, 1.0))
 
 
 def _variant(search: Search, one: Found) -> Variant:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from wsp_env.diagnosis.answer import Course, Curve, Estimate, RunFigures
-from wsp_env.diagnosis.balances import ADHESION, BALANCES, VEHICLE, Balances
+from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, BALANCES, VEHICLE, Balances
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.gls import Projector
@@ -61,7 +61,7 @@ def curve(balances: Balances, extended: Model, weights: Weights, name: str, para
     x, observed, deviation, fitted = np.array(points).reshape(-1, 4).T
     low, high = _interval(name, parameters)
     bounds = np.sort([low * fitted, high * fitted], axis=0)
-    quantity = "speed [m/s]" if balance == VEHICLE else "adhesion coefficient [-]"
+    quantity = {VEHICLE: "speed [m/s]", ACTUATOR: "brake torque [N m]"}.get(balance, "adhesion coefficient [-]")
     return Curve(
         BALANCES[balance], _UNITS[over], f"change of the {quantity}", *(tuple(map(float, a)) for a in (
             x, observed, deviation, fitted, bounds[0], bounds[1]))
@@ -110,7 +110,7 @@ def held_out(balances: Balances, before: Model, after: Model) -> tuple[RunFigure
 def course(balances: Balances, before: Model, after: Model) -> Course | None:
     """Return the course of the run and axle that slides most, of the runs to validate if there are any."""
     rows = balances.rows
-    wheels = (rows.axle >= 0) & (rows.validate if rows.validate.any() else True)
+    wheels = rows.wheels & (rows.validate if rows.validate.any() else True)
     if not wheels.any():
         return None
     which = rows.run * balances.axles + rows.axle
@@ -121,7 +121,7 @@ def course(balances: Balances, before: Model, after: Model) -> Course | None:
     base, extended = balances.raw(before), balances.raw(after)
     one = balances.evaluate(before)[run]
     measured = np.zeros(len(rows))
-    measured[(rows.run == run) & (rows.axle >= 0)] = balances.parts[run].wheel_rows(one.force / (2.0 * one.load))
+    measured[(rows.run == run) & rows.wheels] = balances.parts[run].wheel_rows(one.force / (2.0 * one.load))
     return Course(
         balances.stops[run].name, balances.stops[run].group, axle + 1,
         *(tuple(map(float, values)) for values in (
@@ -140,7 +140,7 @@ def _adhesion_errors(balances: Balances, i: int, measured: np.ndarray, raw: np.n
     """Mean absolute error of the adhesion over its mean, of each axle of a stop while it slides; None where it does not."""
     rows, part = balances.rows, balances.parts[i]
     recorded = np.zeros(len(rows))
-    recorded[(rows.run == i) & (rows.balance != VEHICLE)] = part.wheel_rows(measured)
+    recorded[(rows.run == i) & rows.wheels] = part.wheel_rows(measured)
     errors: list[float | None] = []
     for axle in range(balances.axles):
         mine = (rows.run == i) & (rows.axle == axle) & (rows.balance == ADHESION) & (rows.slip > 0.01 * rows.speed)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.diagnosis.stops import Stop
+from wsp_env.diagnosis.stops import Stop, torque_per_bar
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.parameters.vehicle import Brake, Vehicle
 from wsp_env.plant import along
@@ -34,7 +34,8 @@ class Evaluation:
     load: np.ndarray  # of one wheel [N]
     slip: np.ndarray  # [m/s]
     force: np.ndarray  # T = (C + J dw/dt) / r of the wheelset, by its own balance [N]
-    torque: np.ndarray  # C [N m]
+    torque: np.ndarray  # C, measured, else by the model's brake [N m]
+    braking: np.ndarray  # what the model's brake gives at the recorded pressure, else C [N m]
     impulse: np.ndarray  # (T,) J w / r summed over the wheelsets [N s]
     brake_force: np.ndarray  # (T,) C / r summed over the wheelsets [N]
     recorded_speed: np.ndarray  # (T,) raw, the recorder's clock mended [m/s]
@@ -75,7 +76,7 @@ def vehicle_of(campaign: Campaign) -> Vehicle:
 
 def _brake(campaign: Campaign) -> Brake:
     """Return a brake whose pressures fit the recorded torques: a mechanism may depend on the pressure."""
-    per_bar = campaign.vehicle.torque_per_bar_nm
+    per_bar = torque_per_bar(campaign)
     if per_bar > 0.0:
         return Brake(torque_per_bar_nm=per_bar)
     largest = max(float(np.quantile(run.brake_torque_nm, 0.999)) for run in campaign.runs.values())
@@ -90,7 +91,10 @@ class Evaluator:
         self.vehicle = vehicle_of(campaign)
         self.stops = tuple(stops)
         self._trajectories = [
-            along.Trajectory(s.time, s.speed, s.acceleration, s.place, s.wheel, s.wheel_rate, s.torque) for s in self.stops
+            along.Trajectory(
+                s.time, s.speed, s.acceleration, s.place, s.wheel, s.wheel_rate, s.torque if s.pressed is None else s.pressed
+            )
+            for s in self.stops
         ]
 
     def __call__(self, model: Model) -> list[Evaluation]:
@@ -107,7 +111,8 @@ class Evaluator:
         lag = model.choice.get("wheel_speed_lag", {}).get("lag_s", 0.0)
         if lag:
             rate = rate + lag * stop.wheel_jerk
-        torque = p.torque_factor * stop.torque
+        braking = p.torque_factor * (stop.torque if stop.pressed is None else stop.pressed)
+        torque = braking if stop.pressed is None else stop.torque
         return Evaluation(
             adhesion=p.adhesion,
             slope=p.adhesion_slope,
@@ -115,6 +120,7 @@ class Evaluator:
             slip=p.slip_speed_mps,
             force=(torque + inertia * rate) / p.radius_m,
             torque=torque,
+            braking=braking,
             impulse=(inertia * p.wheel_speed_radps / p.radius_m).sum(axis=1),
             brake_force=(torque / p.radius_m).sum(axis=1),
             recorded_speed=stop.recorded_speed + (p.speed_mps - stop.speed),

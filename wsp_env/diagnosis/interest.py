@@ -43,7 +43,7 @@ def effect(balances: Balances, model: Model, choice: Choice) -> Effect:
     slips = []
     for stop, one, other in zip(balances.stops, before, after, strict=True):
         slides = one.slip > _SLIDES * stop.speed[:, None]
-        slips.append(_moved(stop.speed, one, other, slides, sensor))
+        slips.append(_moved(stop.speed, one, other, slides, None if sensor else balances.radius))
         base, moved = (_retarded(e, slides, balances.radius) for e in (one, other))
         braked = base > _BRAKED_MPS2
         if not sensor and braked.any():
@@ -55,24 +55,34 @@ def effect(balances: Balances, model: Model, choice: Choice) -> Effect:
     return Effect(max(means, key=abs, default=0.0), slip)
 
 
-def _moved(speed: np.ndarray, one: Evaluation, other: Evaluation, slides: np.ndarray, sensor: bool) -> np.ndarray:
-    """Change (2, A) of each axle's slip [m/s] over the upper and lower half of the speeds; nan where it never slides."""
+def _moved(speed: np.ndarray, one: Evaluation, other: Evaluation, slides: np.ndarray, radius: float | None) -> np.ndarray:
+    """Change (2, A) of each axle's slip [m/s] over the upper and lower half of the speeds; nan where it never slides.
+
+    `radius` None: of the slip as it is measured.
+    """
     fast = speed > 0.5 * speed[0]
     result: np.ndarray = np.full((2, slides.shape[1]), np.nan)
-    change = other.slip - one.slip
-    residual = (other.force / other.load - one.force / one.load) / 2.0 - (other.adhesion - one.adhesion)
     for i, half in enumerate((fast, ~fast)):
         for k in range(slides.shape[1]):
-            used = half if sensor else half & slides[:, k]
+            used = half if radius is None else half & slides[:, k]
             if used.sum() >= _LEAST_SAMPLES:
-                steepness = max(float(np.abs(one.slope[used, k]).mean()), _LEAST_STEEPNESS)
-                moved = change if sensor else residual / steepness
+                if radius is None:
+                    moved = other.slip - one.slip
+                else:
+                    steepness = max(float(np.abs(one.slope[used, k]).mean()), _LEAST_STEEPNESS)
+                    moved = (_unbalanced(other, radius) - _unbalanced(one, radius)) / steepness
                 result[i, k] = float(np.sqrt(np.mean(moved[used, k] ** 2)))
+    return result
+
+
+def _unbalanced(one: Evaluation, radius: float) -> np.ndarray:
+    """Adhesion (T, A) [-] that a wheel's balance asks for with the model's brake, less what the contact gives."""
+    result: np.ndarray = (one.force + (one.braking - one.torque) / radius) / (2.0 * one.load) - one.adhesion
     return result
 
 
 def _retarded(one: Evaluation, slides: np.ndarray, radius: float) -> np.ndarray:
     """Deceleration (T,) [m/s2] that brakes, contacts and resistances give at the measured slip."""
-    force = np.where(slides, 2.0 * one.load * one.adhesion, one.torque / radius).sum(axis=1) + one.resistance
+    force = np.where(slides, 2.0 * one.load * one.adhesion, one.braking / radius).sum(axis=1) + one.resistance
     result: np.ndarray = force / one.mass
     return result

@@ -14,8 +14,8 @@ from wsp_env.compiled import inlined, kernel
 from wsp_env.contact.degraded import AdhesionLaw, adhesion, adhesion_slope, degraded_adhesion
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
-from wsp_env.diagnosis.stops import LEAST_SPEED_MPS, Stop, smooth_speed, smooth_wheels
-from wsp_env.diagnosis.variation import RADIUS, STIFFNESS, TRACK, gain_deviation
+from wsp_env.diagnosis.stops import LEAST_SPEED_MPS, Stop, smooth_speed, smooth_torque, smooth_wheels
+from wsp_env.diagnosis.variation import GAIN, RADIUS, STIFFNESS, TRACK, gain_deviation
 
 _SLIDES = 0.01  # creepage from which on the measured one is kept
 _TRACK_M = (5.0, 20.0)  # distances between values of mu_cd along the track
@@ -26,7 +26,8 @@ _NEWTON = 12
 class Draw:
     """Normal variation of one null campaign; deviations as `variation` has them, uniform."""
 
-    gain: np.ndarray  # (R, runs, A)
+    gain: np.ndarray  # (R, runs, A) of the torque
+    brake: np.ndarray  # (R, runs, A) of the brake, where its pressure is recorded beside a measured torque
     radius: np.ndarray  # (R, runs, A)
     stiffness: np.ndarray  # (R, A)
     places: np.ndarray  # (M,) [m]
@@ -54,7 +55,9 @@ def draw(balances: Balances, replicates: int, rng: np.random.Generator) -> Draw:
     def kept_or_own(deviation: float) -> np.ndarray:
         return np.where(own, uniform(deviation, runs, axles), uniform(deviation, 1, axles))
 
-    return Draw(kept_or_own(gain), kept_or_own(RADIUS), uniform(STIFFNESS, axles), places, track)
+    torque, radius, stiffness = kept_or_own(gain), kept_or_own(RADIUS), uniform(STIFFNESS, axles)
+    recorded = any(stop.pressed is not None for stop in balances.stops)
+    return Draw(torque, kept_or_own(GAIN) if recorded else torque, radius, stiffness, places, track)
 
 
 class Maker:
@@ -87,8 +90,9 @@ class Maker:
         radii = radius * (1.0 + varied.radius[:, min(index, varied.radius.shape[1] - 1)])[:, None, :]
         wheel = (1.0 - creepage) * speed[:, :, None] / radii
         torque = radii * force - inertia * np.gradient(wheel, step, axis=1)
+        pressed = torque / (1.0 + varied.brake[:, min(index, varied.brake.shape[1] - 1)][:, None, :])
         torque /= 1.0 + varied.gain[:, min(index, varied.gain.shape[1] - 1)][:, None, :]
-        return _recorded(balances, stop, speed, wheel, torque, rng)
+        return _recorded(balances, stop, (speed, wheel, torque, pressed), rng)
 
 
 @inlined
@@ -148,10 +152,9 @@ def _creepage(balances: Balances, one: Evaluation, model: Model, index: int) -> 
     return result
 
 
-def _recorded(
-    balances: Balances, stop: Stop, speed: np.ndarray, wheel: np.ndarray, torque: np.ndarray, rng: np.random.Generator
-) -> list[Stop]:
-    """Add noise, round, and smooth as recordings are."""
+def _recorded(balances: Balances, stop: Stop, channels: tuple[np.ndarray, ...], rng: np.random.Generator) -> list[Stop]:
+    """Add noise, round, and smooth as recordings are: speed, wheel speeds, torques and those by the cylinders' pressures."""
+    speed, wheel, torque, pressed = channels
     noise, step = stop.noise, stop.step_s
     thinning = np.sqrt(max(round(step / noise.step_s), 1))  # samples that were thinned were averaged by the smoothing
 
@@ -160,14 +163,15 @@ def _recorded(
         return result
 
     wheel, torque, recorded = noisy(wheel, noise.wheel), noisy(torque, noise.torque), noisy(speed, noise.speed)
-    smooth, rate, jerk, smooth_torque = smooth_wheels(wheel, torque, step)
-    v, acceleration = smooth_speed(recorded, smooth, rate, smooth_torque, balances.campaign, stop.mass, step)
+    smooth, rate, jerk, smoothed_torque = smooth_wheels(wheel, torque, step)
+    by_pressure = None if stop.pressed is None else smooth_torque(noisy(pressed, noise.pressed), step)
+    v, acceleration = smooth_speed(recorded, smooth, rate, smoothed_torque, balances.campaign, stop.mass, step)
     fast = v > 0.5 * LEAST_SPEED_MPS
     return [
         dataclasses.replace(
             stop, speed=v[r], acceleration=acceleration[r], recorded_speed=recorded[r], wheel=smooth[r], wheel_rate=rate[r],
-            wheel_jerk=jerk[r], torque=smooth_torque[r], place=stop.place[0] + np.cumsum(v[r]) * step,
-            usable=stop.usable & fast[r][:, None],
+            wheel_jerk=jerk[r], torque=smoothed_torque[r], pressed=None if by_pressure is None else by_pressure[r],
+            place=stop.place[0] + np.cumsum(v[r]) * step, usable=stop.usable & fast[r][:, None],
         )
         for r in range(len(speed))
     ]  # fmt: skip

@@ -35,6 +35,7 @@ class Noise:
     wheel: float  # [rad/s]
     torque: float  # [N m]
     step_s: float  # [s] between samples
+    pressed: float = 0.0  # [N m] of the torque by the cylinder pressure, where that is recorded beside the torque
 
     def slip(self, radius: float) -> float:
         """Deviation of the slip speed's mean over a block [m/s]."""
@@ -45,6 +46,11 @@ class Noise:
         """Deviation of C + J dw/dt over a block [N m]."""
         torque = self.torque * _kept(WHEEL_WINDOW_S, BLOCK_S, self.step_s, 0)
         return float(np.hypot(torque, inertia * self.wheel * _kept(WHEEL_WINDOW_S, BLOCK_S, self.step_s, 1)))
+
+    @property
+    def block_torque(self) -> float:
+        """Deviation of the measured torque less that by the cylinder pressure over a block [N m]."""
+        return float(np.hypot(self.torque, self.pressed)) * _kept(WHEEL_WINDOW_S, BLOCK_S, self.step_s, 0)
 
     @property
     def block_speed(self) -> float:
@@ -67,6 +73,7 @@ class Stop:
     wheel_rate: np.ndarray  # (T, A) [rad/s2]
     wheel_jerk: np.ndarray  # (T, A) [rad/s3]
     torque: np.ndarray  # (T, A) [N m]
+    pressed: np.ndarray | None  # (T, A) by the recorded cylinder pressure, where the torque is measured beside it [N m]
     place: np.ndarray  # (T,) of the leading axle [m]
     usable: np.ndarray  # (T, A) bool: turning, fast enough, as recorded
     segment: np.ndarray  # (T,) int: stretches without a locked wheel, over which momentum is summed; -1 outside
@@ -79,6 +86,7 @@ class Stop:
 def prepare(campaign: Campaign) -> tuple[list[Stop], list[str]]:
     """Return the stops that can be used, and what was left out and why, with what the reader said of the runs."""
     stops, left_out = [], [sentence for run in campaign.runs.values() for sentence in run.warnings]
+    per_bar = torque_per_bar(campaign)
     for name in (*campaign.tune, *campaign.validate):
         run = campaign.runs[name]
         group = "tune" if name in campaign.tune else "validate"
@@ -87,7 +95,7 @@ def prepare(campaign: Campaign) -> tuple[list[Stop], list[str]]:
         if fast < needed:
             left_out.append(f"run {name}: {fast} samples above {LEAST_SPEED_MPS:g} m/s, {needed} are needed")
             continue
-        stop = _prepared(campaign, run, group, channel_noise(run))
+        stop = _prepared(campaign, run, group, channel_noise(run, per_bar), per_bar)
         if not stop.usable.any():
             left_out.append(f"run {name}: left out, no sample can be compared with the law")
             continue
@@ -122,18 +130,46 @@ def thinned(stop: Stop) -> Stop:
     )
 
 
-def channel_noise(run: Recording) -> Noise:
-    """Estimate the noise of one run's channels by third differences; the median over the axles."""
+def torque_per_bar(campaign: Campaign) -> float:
+    """Return the nominal torque of a wheelset for one bar in its brake cylinders [N m/bar]; 0: nothing says it.
+
+    The campaign's; where torques and pressures were both measured, the best common one of all runs and axles.
+    """
+    vehicle = campaign.vehicle
+    if not vehicle.torque_is_measured:
+        return vehicle.torque_per_bar_nm
+    both = square = 0.0
+    for run in campaign.runs.values():
+        if run.cylinder_pressure_bar is not None:
+            turning = vehicle.wheel_radius_m * run.wheel_speed_radps > LOCKED_MPS
+            both += float((run.brake_torque_nm * run.cylinder_pressure_bar)[turning].sum())
+            square += float((run.cylinder_pressure_bar**2)[turning].sum())
+    return max(both / square, 0.0) if square > 0.0 else 0.0
+
+
+def channel_noise(run: Recording, per_bar: float = 0.0) -> Noise:
+    """Estimate the noise of one run's channels by third differences; the median over the axles.
+
+    Parameters
+    ----------
+    per_bar : torque of a wheelset for one bar in its cylinders [N m/bar]
+
+    """
     wheel = float(np.median([describe(column).noise for column in run.wheel_speed_radps.T]))
     torque = float(np.median([describe(column).noise for column in run.brake_torque_nm.T]))
-    speed = describe(run.vehicle_speed_mps).noise
+    speed, pressure = describe(run.vehicle_speed_mps).noise, 0.0
+    if run.cylinder_pressure_bar is not None:
+        pressure = float(np.median([describe(column).noise for column in run.cylinder_pressure_bar.T]))
     # A noiseless recording (a simulation) still has rounding and the smoothing's own error.
-    return Noise(max(speed, 1e-3), max(wheel, 1e-3), max(torque, 1.0), _step(run))
+    return Noise(max(speed, 1e-3), max(wheel, 1e-3), max(torque, 1.0), _step(run), per_bar * pressure)
 
 
-def _prepared(campaign: Campaign, run: Recording, group: str, noise: Noise) -> Stop:
+def _prepared(campaign: Campaign, run: Recording, group: str, noise: Noise, per_bar: float) -> Stop:
     vehicle, step = campaign.vehicle, _step(run)
     wheel, rate, jerk, torque = smooth_wheels(run.wheel_speed_radps, run.brake_torque_nm, step)
+    pressed: np.ndarray | None = None
+    if per_bar > 0.0 and vehicle.torque_is_measured and run.cylinder_pressure_bar is not None:
+        pressed = smooth_torque(per_bar * run.cylinder_pressure_bar, step)
     speed, acceleration = smooth_speed(run.vehicle_speed_mps, wheel, rate, torque, campaign, run.mass_kg, step)
     stride = max(round(STEP_S / step), 1)
     usable = (speed > LEAST_SPEED_MPS)[:, None] & (vehicle.wheel_radius_m * wheel > LOCKED_MPS)
@@ -151,9 +187,10 @@ def _prepared(campaign: Campaign, run: Recording, group: str, noise: Noise) -> S
     thin = slice(stride // 2, None, stride)
     raw = run.vehicle_speed_mps[: len(speed) // stride * stride].reshape(-1, stride).mean(axis=1)
     kept = len(raw)
+    pressed = None if pressed is None else pressed[thin][:kept]
     return Stop(
         run.name, group, step * stride, run.time_s[thin][:kept], speed[thin][:kept], acceleration[thin][:kept], raw,
-        wheel[thin][:kept], rate[thin][:kept], jerk[thin][:kept], torque[thin][:kept],
+        wheel[thin][:kept], rate[thin][:kept], jerk[thin][:kept], torque[thin][:kept], pressed,
         (run.start_position_m + behind)[thin][:kept], usable[thin][:kept], segment[thin][:kept],
         run.mass_kg, run.gradient, run.kinetic_friction_d, noise,
     )  # fmt: skip
@@ -167,7 +204,13 @@ def smooth_wheels(wheel: np.ndarray, torque: np.ndarray, step: float) -> tuple[n
         result: np.ndarray = savgol_filter(values, length, _ORDER, deriv=derivative, delta=step, axis=-2)
         return result
 
-    return smoothed(wheel, 0), smoothed(wheel, 1), smoothed(wheel, 2), smoothed(torque, 0)
+    return smoothed(wheel, 0), smoothed(wheel, 1), smoothed(wheel, 2), smooth_torque(torque, step)
+
+
+def smooth_torque(torque: np.ndarray, step: float) -> np.ndarray:
+    """Return a torque (..., T, A) smoothed as the wheels' speeds are."""
+    result: np.ndarray = savgol_filter(torque, _length(WHEEL_WINDOW_S, step), _ORDER, axis=-2)
+    return result
 
 
 def smooth_speed(

@@ -9,7 +9,7 @@ import dataclasses
 
 import numpy as np
 
-from wsp_env.diagnosis.balances import VEHICLE, Balances
+from wsp_env.diagnosis.balances import ACTUATOR, Balances
 from wsp_env.diagnosis.evaluate import Model
 
 _UNIFORM = 1.0 / np.sqrt(3.0)
@@ -36,7 +36,7 @@ class Nuisances:
 
 def gain_deviation(balances: Balances) -> float:
     """Prior deviation of an axle's brake gain [-]."""
-    return MEASURED_GAIN if balances.campaign.vehicle.brake_torque_source == "measured" else GAIN
+    return MEASURED_GAIN if balances.campaign.vehicle.torque_is_measured else GAIN
 
 
 def law_columns(balances: Balances, model: Model, base: np.ndarray) -> np.ndarray:
@@ -61,24 +61,28 @@ def nuisances(balances: Balances, model: Model, base: np.ndarray) -> Nuisances:
     segments = (rows.segment[:, None] == np.arange(rows.segment.max(initial=-1) + 1)).astype(float)
     own = (rows.axle[:, None] == np.arange(axles)).astype(float)
     evaluations = balances.evaluate(model)
-    gains, slopes, speeds = [], [], []
+    gains, slopes, speeds, brakes = [], [], [], []
     for part, one in zip(balances.parts, evaluations, strict=True):
         share = one.torque / (2.0 * balances.radius * one.load)
         lost = np.stack([part.summed(one.torque[:, k] / balances.radius) / one.mass for k in range(axles)], axis=1)
         mask = np.nonzero(part.used)[1][:, None] == np.arange(axles)
         gains.append(
-            np.vstack([part.wheel_rows(share)[:, None] * mask, np.column_stack([part.vehicle_rows(x) for x in lost.T])])
+            part.joined(
+                part.wheel_rows(share)[:, None] * mask,
+                np.column_stack([part.vehicle_rows(x) for x in lost.T]),
+                part.wheel_rows(one.torque)[:, None] * mask,
+            )
         )
-        none = np.zeros(int((part.segments >= 0).sum()))
-        slopes.append(np.concatenate([part.wheel_rows(one.slope * one.slip), none]))
+        slopes.append(part.joined(part.wheel_rows(one.slope * one.slip)))
         # A larger radius: less slip, so less adhesion expected of the law.
-        speeds.append(np.concatenate([part.wheel_rows(one.slope * balances.radius * part.stop.wheel), none]))
+        speeds.append(part.joined(part.wheel_rows(one.slope * balances.radius * part.stop.wheel)))
+        brakes.append(part.joined(brakes=part.wheel_rows(one.braking)))
     gain = np.vstack(gains)
     # A stiffer contact acts as more slip: df/dlog k is about s df/ds (exact at small creepage, where alone it counts).
     stiffness = -np.concatenate(slopes)
     radius = np.concatenate(speeds)
     friction: np.ndarray = law[:, 1:].sum(axis=1)
-    track = friction[:, None] * _hats(rows.place, rows.balance != VEHICLE)
+    track = friction[:, None] * _hats(rows.place, rows.wheels)
     by_run = rows.run[:, None] == np.arange(len(balances.stops))
 
     def each(columns: np.ndarray) -> np.ndarray:
@@ -97,6 +101,13 @@ def nuisances(balances: Balances, model: Model, base: np.ndarray) -> Nuisances:
         ("stiffness of a run", each(stiffness[:, None] * own), STIFFNESS),
         ("track", track, TRACK),
     ]
+    if (rows.balance == ACTUATOR).any():
+        brake = np.concatenate(brakes)[:, None]
+        groups += [
+            ("nominal gain of the brakes", brake, 0.0),
+            ("gain of a brake", brake * own, GAIN),
+            ("gain of a brake in a run", each(brake * own), GAIN),
+        ]
     names = tuple(name for name, columns, _ in groups for _ in range(columns.shape[1]))
     columns = np.column_stack([columns * (deviation or 1.0) for _, columns, deviation in groups])
     prior = np.concatenate([np.full(columns.shape[1], deviation > 0.0) for _, columns, deviation in groups])

@@ -22,6 +22,11 @@ class CampaignVehicle(Checked):
     torque_per_bar_nm: float = quantity(0.0, "N m/bar", _SOURCE, 0.0, 1e6)
     brake_torque_source: str = "measured"  # or "cylinder pressure times the nominal gain": then itself a model
 
+    @property
+    def torque_is_measured(self) -> bool:
+        """Whether the brake torque was measured, not computed from the cylinder pressure."""
+        return self.brake_torque_source == "measured" and self.torque_per_bar_nm == 0.0
+
     def __post_init__(self) -> None:
         """Check the ranges, and that tuples are as long as they must be."""
         super().__post_init__()

@@ -1,0 +1,104 @@
+"""The actuator's balance: torques and cylinder pressures, both measured, show what the brakes do without any contact model."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic_stops import RADIUS_M, stop, write_campaign
+
+from wsp_env.diagnosis import Diagnosis, diagnose
+from wsp_env.diagnosis.balances import ACTUATOR, Balances
+from wsp_env.diagnosis.candidates import unavailable
+from wsp_env.diagnosis.fitting import baseline
+from wsp_env.diagnosis.stops import prepare, torque_per_bar
+from wsp_env.recordings import Campaign, read_campaign
+
+PER_BAR_NM = 3000.0
+SOUND = (1.005, 0.997, 1.0, 0.994)  # gains of the axles' brakes, within the normal 1 %
+PADS = -0.004  # change of the pads' friction by speed [s/m]
+
+
+def campaign_with(folder: Path, gains: tuple[float, ...] = SOUND, per_speed: float = 0.0, spring_nm: float = 0.0) -> Campaign:
+    """Stops with measured torques, and the pressures of brakes with these gains, pads and springs that needed them."""
+    runs = {}
+    for i, name in enumerate(("A1", "A2", "B1")):
+        columns, true = (stop(2e-4, 0.06, speed_mps=30.0 + 2.0 * i, noise=noise, seed=i) for noise in (1.0, 0.0))
+        rng = np.random.default_rng([i, 7])
+        for k, gain in enumerate(gains):
+            torque, wheel = (true[f"axle{k + 1}_{channel}"] for channel in ("brake_torque_nm", "wheel_speed_radps"))
+            factor = gain * (1.0 + per_speed * (RADIUS_M * wheel - 20.0))
+            noise = 0.005 * rng.standard_normal(len(torque))
+            columns[f"axle{k + 1}_cylinder_pressure_bar"] = (torque + spring_nm) / (PER_BAR_NM * factor) + noise
+        runs[name] = columns
+    return read_campaign(write_campaign(folder, runs, ["A1", "A2"], ["B1"]))
+
+
+def found_in(campaign: Campaign) -> Diagnosis:
+    return diagnose(campaign, effort=0.4)
+
+
+def test_the_nominal_gain_is_that_of_all_axles_and_its_residual_is_what_the_gains_differ_by(tmp_path):
+    campaign = campaign_with(tmp_path / "c")
+    assert torque_per_bar(campaign) == pytest.approx(PER_BAR_NM * np.mean(SOUND), rel=2e-3)
+    balances = Balances(campaign, prepare(campaign)[0])
+    assert unavailable(balances) == {}
+    model, _ = baseline(balances)
+    raw, deviation = balances.raw(model), balances.deviation(model)
+    stops = balances.evaluate(model)
+    for k, gain in enumerate(SOUND):
+        mine = (balances.rows.balance == ACTUATOR) & (balances.rows.axle == k)
+        braking = np.concatenate([part.wheel_rows(one.braking) for part, one in zip(balances.parts, stops, strict=True)])
+        expected = (gain * PER_BAR_NM / torque_per_bar(campaign) - 1.0) * braking[balances.rows.axle[balances.rows.wheels] == k]
+        assert np.std((raw[mine] - expected) / deviation[mine]) == pytest.approx(1.0, abs=0.3)
+
+
+def test_pressures_alone_or_torques_alone_have_no_actuator_balance(tmp_path):
+    campaign = campaign_with(tmp_path / "c")
+    file = tmp_path / "c" / "campaign.toml"
+    text = file.read_text(encoding="utf-8")
+    for source in ('brake_torque_source = "cylinder pressure times the nominal gain"', "torque_per_bar_nm = 3000.0"):
+        file.write_text(text.replace('brake_torque_source = "measured"', source), encoding="utf-8")
+        computed = read_campaign(tmp_path / "c")
+        assert all(one.pressed is None for one in prepare(computed)[0])
+        assert not computed.vehicle.torque_is_measured
+    assert campaign.vehicle.torque_is_measured
+
+
+@pytest.mark.slow
+def test_sound_brakes_are_adequate(tmp_path):
+    found = found_in(campaign_with(tmp_path / "c"))
+    assert found.verdict == "adequate"
+    assert {"pad_friction", "brake_gain_imbalance"} <= set(found.detectable)
+
+
+@pytest.mark.slow
+def test_pads_that_fade_with_speed_are_named_from_the_actuator_alone(tmp_path):
+    found = found_in(campaign_with(tmp_path / "c", per_speed=PADS))
+    (one,) = found.mechanisms
+    assert one.name == "pad_friction"
+    low, high = one.parameters["per_speed_s_per_m"].interval90
+    assert low < PADS < high
+    assert {place.equation for place in found.location} == {"actuator"}
+    assert found.fit.removed_validate == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.slow
+def test_one_weak_brake_is_named_with_its_axle(tmp_path):
+    found = found_in(campaign_with(tmp_path / "c", (1.0, 0.94, 1.0, 1.0)))
+    (one,) = found.mechanisms
+    assert one.name == "brake_gain_imbalance"
+    assert one.parameters["axle"].value == 2.0
+    low, high = one.parameters["gain"].interval90
+    assert low < -0.06 < high
+    assert found.location[0].equation == "actuator"
+    assert found.location[0].axles == (2,)
+
+
+@pytest.mark.slow
+def test_a_return_spring_is_in_no_library(tmp_path):
+    found = found_in(campaign_with(tmp_path / "c", spring_nm=300.0))
+    assert found.verdict == "unknown"
+    assert found.closure.depends_on == "torque over cylinder pressure"
+    # The measured torque lies below the proportional one where the pressure is low, above where it is high.
+    shape = np.array(found.closure.shape)
+    assert np.corrcoef(shape[:, 0], shape[:, 1])[0, 1] > 0.9
