@@ -64,14 +64,14 @@ class Yardstick:
 
     Parameters
     ----------
-    vehicle : wheelset, bogie or coach
+    vehicle : wheelset, bogie or coach, or any other
     stops : N conditions
     conduct : sensors and mechanisms
 
     """
 
-    def __init__(self, vehicle: str, stops: Sequence[Stop], conduct: Conduct = _CONDUCT) -> None:
-        self.vehicle: Vehicle = VEHICLES[vehicle]
+    def __init__(self, vehicle: str | Vehicle, stops: Sequence[Stop], conduct: Conduct = _CONDUCT) -> None:
+        self.vehicle: Vehicle = VEHICLES[vehicle] if isinstance(vehicle, str) else vehicle
         self.stops = stops
         self.top: Ceiling = ceiling(self.vehicle, stops)
         self.conduct = conduct

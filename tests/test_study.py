@@ -7,12 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents import front, study
-from agents.measure import HELD_OUT, Yardstick
+from agents import behaviour, front, replayed, study
+from agents.measure import HELD_OUT, Yardstick, low_adhesion
 from agents.seeds import TOLD, at_slip
 from agents.study import OUTSIDE, SIZES, Arguments, compare, table, worlds
 from wsp_env.evaluation.controller import load
+from wsp_env.evaluation.policy import load_policy
+from wsp_env.evaluation.replay import braked
+from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.plant.mechanisms import ALL, make
+from wsp_env.recordings import conditions, demo_campaign, read_campaign, tune
 
 
 def test_every_mechanism_is_switched_on_at_a_size_that_acts():
@@ -71,3 +75,51 @@ def test_a_front_is_linear_between_its_points_and_keeps_its_ends():
     assert at_slip(front, 1.25)["distance_m"] == pytest.approx(775.0)
     assert at_slip(front, 1.25)["mean_slip_mps"] == pytest.approx(1.25)
     assert [at_slip(front, slip)["distance_m"] for slip in (0.5, 3.0)] == [800.0, 700.0]
+
+
+@pytest.mark.slow
+def test_replayed_conditions_are_those_of_the_recordings_and_nobody_beats_the_bound():
+    campaign = read_campaign(demo_campaign())
+    tuning = tune(campaign)
+    vehicle, stops, names = braked(campaign, conditions(campaign, tuning))
+    assert names == list(tuning.runs)
+    assert vehicle.axles == campaign.vehicle.axles
+    for name, one in zip(names, stops, strict=True):
+        assert one.initial_speed == pytest.approx(campaign.runs[name].vehicle_speed_mps[:5].mean(), rel=0.02)
+        assert one.tau == tuning.tau_m_per_J
+    (row,) = replayed.compare(replayed.Arguments((demo_campaign(),)))
+    assert row["stops"] == len(names)
+    assert row["stopped"]
+    assert row["over_bound"] > 1.0
+    assert replayed.table([row]).count("\n") == 2
+
+
+def test_replaying_against_unknown_thresholds_is_refused():
+    with pytest.raises(SystemExit, match=r"agents\.rules"):
+        replayed.compare(replayed.Arguments((demo_campaign(),), price="17"))
+
+
+def test_behaviour_counts_braked_wheels_by_speed_and_those_let_roll():
+    time, n = np.arange(0.0, 60.0, 0.5), 120
+    speed = np.linspace(44.0, 0.0, n)[:, None]
+    slip = np.where(speed > 30.0, 2.0, 1.0)[..., None] * np.ones((1, 1, 2))
+    pressure = np.ones((n, 1, 2))
+    pressure[:, :, 1] = 0.05  # the second axle is let roll all the time, its slip does not count
+    slip[:, :, 1] = 9.0
+    row = behaviour.summary(behaviour.Traces(time, speed, slip, 0.5 * slip, pressure))
+    assert [row[f"slip {name}"] for name in ("45 to 30", "30 to 20", "20 to 10")] == [2.0, 1.0, 1.0]
+    assert row["worth 45 to 30"] == 1.0
+    assert row["let_roll"] == 0.5
+    assert behaviour.table([{"tau_m_per_J": 0.0, **row}]).count("\n") == 2
+
+
+@pytest.mark.slow
+def test_behaviour_of_a_shipped_policy_is_that_of_its_stops():
+    stops = low_adhesion(VEHICLES["wheelset"], "recovering", 2, HELD_OUT)
+    policy = load_policy(Path("agents/trained/wheelset"))
+    found = behaviour.trace(policy, "wheelset", stops, 3.0)
+    assert found.speed[0] == pytest.approx([stop.initial_speed for stop in stops])
+    distance = Yardstick("wheelset", stops).figures(policy)["distance_m"]
+    step = found.time[1]
+    assert step * found.speed.sum(axis=0) == pytest.approx(distance, rel=0.01)
+    assert (found.worth > 0.0).all()

@@ -11,6 +11,8 @@ from wsp_env.envs.task import Task
 from wsp_env.evaluation.bound import SlideLimit
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.runner import Conduct, ControllerFailure, run
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.state import Stop
 from wsp_env.recordings import Campaign, Smoothing, conditions, derive, rolling_radii, tune, vehicle_name
 from wsp_env.recordings import replay as recorded_torque
 from wsp_env.recordings.derive import braking
@@ -95,11 +97,7 @@ def replay(
     courses = [course for name in tuning.runs for course in _recorded(campaign, name, tuning, smoothing)]
     last = {course.stop: float(course.speed_mps[-1]) for course in courses if course.who == RECORDED}
     done(RECORDED)
-    task = Task(conditions=replayed)
-    vehicle = task.make_vehicle(vehicle_name(campaign))
-    generator = np.random.default_rng(0)
-    pins = [{key: value for key, value in stop.items() if key != "name"} for stop in task.stops]
-    stops = [draw(Scenario(), vehicle, generator, task.track_nodes, pin) for pin in pins]
+    vehicle, stops, names = braked(campaign, replayed)
     failures = {}
     for name, controller in loaded.items():
         try:
@@ -107,14 +105,24 @@ def replay(
         except ControllerFailure as failure:
             failures[name] = str(failure)
             continue
-        for index, stop in enumerate(task.stops):
-            part = slice(0, int(np.argmax(result.speed[:, index] <= last[stop["name"]])) + 1 or None)
+        for index, stop in enumerate(names):
+            part = slice(0, int(np.argmax(result.speed[:, index] <= last[stop])) + 1 or None)
             position = result.position[part, index]
             speed, slip = result.speed[part, index], result.slip[part, index]
-            courses.append(_course(stop["name"], name, result.time[part], speed, slip, float(position[-1])))
+            courses.append(_course(stop, name, result.time[part], speed, slip, float(position[-1])))
         done(name)
     order = list(tuning.runs)
     return Replay(campaign.name, tuning.tau_m_per_J, tuple(sorted(courses, key=lambda c: order.index(c.stop))), failures)
+
+
+def braked(campaign: Campaign, replayed: Mapping[str, Any]) -> tuple[Vehicle, list[Stop], list[str]]:
+    """Return the vehicle, the stops and their names, from what `wsp_env.recordings.conditions` makes of a campaign."""
+    task = Task(conditions=replayed)
+    vehicle = task.make_vehicle(vehicle_name(campaign))
+    generator = np.random.default_rng(0)
+    pins = [{key: value for key, value in stop.items() if key != "name"} for stop in task.stops]
+    stops = [draw(Scenario(), vehicle, generator, task.track_nodes, pin) for pin in pins]
+    return vehicle, stops, [stop["name"] for stop in task.stops]
 
 
 def _recorded(campaign: Campaign, name: str, tuning: Any, smoothing: Smoothing) -> tuple[Course, Course]:
