@@ -64,7 +64,7 @@ def trace(policy: Policy, vehicle: str, stops: list[Stop], slide_price: float) -
         seen = (plant.state.speed, plant.slip_speed, teacher.targets(), plant.state.pressure / kind.brake.full_pressure_bar)
         for name, value in zip(kept, seen, strict=True):
             kept[name].append(np.array(value))
-        plant.step(policy.act(measure(plant)))
+        plant.step(policy.act(measure(plant, pressure_sensors=True)))
     time = conduct.control_interval_s * np.arange(len(kept["speed"]))
     return Traces(time, *(np.array(values) for values in kept.values()))
 

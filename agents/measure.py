@@ -1,5 +1,6 @@
 """The conditions by which learned controllers are measured, and the figures of any controller under them."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -74,7 +75,7 @@ class Yardstick:
         self.vehicle: Vehicle = VEHICLES[vehicle] if isinstance(vehicle, str) else vehicle
         self.stops = stops
         self.top: Ceiling = ceiling(self.vehicle, stops)
-        self.conduct = conduct
+        self.conduct = dataclasses.replace(conduct, pressure_sensors=True)  # who has not learned with them does not look
 
     @classmethod
     def drawn(cls, vehicle: str, law: str, count: int, seed: int, conduct: Conduct = _CONDUCT) -> "Yardstick":

@@ -54,8 +54,7 @@ def compare(arguments: Arguments) -> list[dict[str, Any]]:
     policies = [load_policy(run / "policy") for run in arguments.runs]
     best = read_best(Path("agents/trained") / arguments.vehicle)
     for world, (law, mechanisms) in WORLDS.items():
-        conduct = Conduct(mechanisms=mechanisms, pressure_sensors=True)  # who has not learned with the sensors does not look
-        yardstick = Yardstick.drawn(arguments.vehicle, law, arguments.stops, arguments.drawn_by, conduct)
+        yardstick = Yardstick.drawn(arguments.vehicle, law, arguments.stops, arguments.drawn_by, Conduct(mechanisms=mechanisms))
         own = [yardstick.means(policy) for policy in policies]
         rules = {price: yardstick.means(RuleBasedWSP(thresholds)) for price, thresholds in best.items()}
         alike = [at_slip(list(rules.values()), means["mean_slip_mps"]) for means in own]

@@ -177,6 +177,15 @@ def test_a_recurrent_policy_killed_and_resumed_ends_with_the_same_weights(tmp_pa
         assert_array_equal(found[name], value, err_msg=name)
 
 
+def test_a_policy_with_pressure_sensors_is_trained_watched_and_measured(tmp_path):
+    arguments = dataclasses.replace(TINY, out=tmp_path, action="steered", pressure_sensors=True, steps=128)
+    model, world = train(arguments)
+    export(model.policy, world, actor(arguments, model, world), "bogie", make_task(task_options(arguments)), tmp_path / "p", {})
+    policy = load(str(tmp_path / "p"))
+    assert policy.contract.pressure_sensors
+    assert np.isfinite(Yardstick.drawn("bogie", "recovering", 1, WATCHED).means(policy)["distance_m"])
+
+
 def test_what_differs_is_not_exported(tmp_path, trained):
     arguments, model, world = trained
     other = copy.deepcopy(world.obs_rms)
