@@ -10,6 +10,7 @@ import pytest
 
 from experiments.concealed import bank, black_box, concealment, diagnoses, page, rivals, workers
 from experiments.concealed.__main__ import Diagnose, Page, Rivals, Score
+from experiments.concealed.distances import distance_change
 from experiments.concealed.effects import ALL, LIBRARY
 from experiments.concealed.plan import SHARES
 from experiments.concealed.required import DISTANCES, checks
@@ -17,8 +18,9 @@ from experiments.concealed.score import found, plain, rate, restored, score, tru
 from experiments.concealed.setup import RUNS
 from wsp_env.diagnosis.candidates import Candidate, Variant, step
 from wsp_env.diagnosis.search import Products, Scan
+from wsp_env.plant import mechanisms
 from wsp_env.plant.mechanisms import clock_offset
-from wsp_env.recordings import CampaignError, read_campaign
+from wsp_env.recordings import CampaignError, demo_campaign, read_campaign
 
 DOCS = Path(__file__).parents[1] / "docs"
 together = pytest.mark.xdist_group("small bank")  # it is made once
@@ -311,3 +313,25 @@ def test_every_step_on_a_small_bank(small_bank, tmp_path):
     workers.write_whole(out / "diagnoses" / "version.json", {"sha256": "another"})
     with pytest.raises(bank.BankError, match="another version"):
         Diagnose(out, 1).run()
+
+
+def said_of(name, **values):
+    whole = {parameter.name: parameter.null for parameter in mechanisms.ALL[name].parameters} | values
+    parameters = {key: {"value": value, "interval90": [0.8 * value, 1.2 * value]} for key, value in values.items()}
+    model = {"tau_m_per_J": 2.3e-4, "mu_cd": {"A1": 0.058}, "mechanisms": {name: whole}}
+    return {"model": model, "mechanisms": [{"name": name, "parameters": parameters}]}
+
+
+@pytest.mark.slow
+def test_change_of_distance_is_that_of_stops_driven_with_and_without():
+    campaign = read_campaign(demo_campaign())
+    band = {"lowest_mps": 5.0, "highest_mps": 100.0}
+    found = distance_change(campaign, said_of("non_adhesive_brake", force_n=4000.0, **band))
+    # Some 4 kN beside the 25 kN or so that such rail carries.
+    assert -0.25 < found["value"] < -0.05
+    low, high = found["interval90"]
+    assert low < found["value"] < high < 0.0
+    nothing = distance_change(campaign, said_of("non_adhesive_brake", force_n=0.0, **band))
+    assert nothing == {"value": 0.0, "interval90": [0.0, 0.0]}
+    beyond = distance_change(campaign, said_of("adhesion_patch", change=-0.4, start_m=50_000.0, length_m=100.0))
+    assert abs(beyond["value"]) < 1e-6

@@ -1,21 +1,86 @@
 """What the mechanisms of an answer do to the stopping distances: comparable whatever the form of an effect."""
 
+import warnings
+from collections.abc import Mapping
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from scipy.stats import t as student
 
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.evaluate import Choice, Model
 from wsp_env.diagnosis.interest import effect
 from wsp_env.diagnosis.stops import prepare
-from wsp_env.recordings import Campaign
+from wsp_env.evaluation.controller import Controller, load
+from wsp_env.evaluation.replay import braked
+from wsp_env.evaluation.runner import Conduct, run
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.state import Stop
+from wsp_env.recordings import Campaign, Smoothing, conditions, derive, rolling_radii
+from wsp_env.recordings.derive import braking
+
+#: Protections under which the stops are driven: nobody told which one the vehicle has.
+PROTECTIONS = ("rule-based", "slip", "extremum")
+_LEVEL = 0.95  # one-sided, of an interval of 90 %
+_LEAST = 1e-4  # change at the recorded slip [-] that a share of can be taken
 
 
-def distance_change(campaign: Campaign, answer: dict[str, Any]) -> dict[str, Any]:
+def distance_change(campaign: Campaign, answer: Mapping[str, Any]) -> dict[str, Any]:
     """Return the mean relative change of the stops' distances by all mechanisms found, with its interval of 90 %.
 
-    At the slip that was recorded: what a WSP makes of the change is not in it. The interval is that of the parameters, each
-    moved alone between its ends, their shares added as squares.
+    The stops are driven with and without the mechanisms under several protections: a WSP moves the slip until the wheels find
+    about the same adhesion again. The interval is that of one more protection (Student's, from how these differ), and of the
+    parameters, whose share is taken from the change at the recorded slip.
+    """
+    chosen = {one["name"]: answer["model"]["mechanisms"][one["name"]] for one in answer["mechanisms"]}
+    changes = np.array([_driven(campaign, answer["model"], chosen, load(name)) for name in PROTECTIONS])
+    value, count = float(changes.mean()), len(changes)
+    another = float(changes.std(ddof=1) * np.sqrt(1.0 + 1.0 / count) * student.ppf(_LEVEL, count - 1))
+    half = float(np.hypot(another, abs(value) * _parameter_share(campaign, answer, chosen)))
+    return {"value": value, "interval90": [value - half, value + half]}
+
+
+def _driven(campaign: Campaign, model: Mapping[str, Any], chosen: Choice, protection: Controller) -> float:
+    """Return the mean relative change of the distances [-], driven from the call of the brake to standstill."""
+    tuned = SimpleNamespace(
+        tau_m_per_J=model["tau_m_per_J"], runs={name: SimpleNamespace(mu_cd=mu) for name, mu in model["mu_cd"].items()}
+    )
+    vehicle, stops, names = braked(campaign, conditions(campaign, tuned))  # type: ignore[arg-type]  # all that it reads of it
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        without = run(protection, vehicle, stops).position[-1]
+        if "adhesion_patch" in chosen:
+            found = [
+                _distance(protection, vehicle, stop, _moved(chosen, _begin(campaign, name)))
+                for stop, name in zip(stops, names, strict=True)
+            ]
+        else:
+            found = list(run(protection, vehicle, stops, Conduct(mechanisms=chosen)).position[-1])
+    return float(np.mean(np.array(found) / without - 1.0))
+
+
+def _distance(protection: Controller, vehicle: Vehicle, stop: Stop, chosen: Choice) -> float:
+    return float(run(protection, vehicle, [stop], Conduct(mechanisms=chosen)).position[-1, 0])
+
+
+def _begin(campaign: Campaign, name: str) -> float:
+    """Place [m] of the leading axle at the call of the brake."""
+    recording, smoothing = campaign.runs[name], Smoothing()
+    derived = derive(campaign, recording, rolling_radii(campaign, smoothing), smoothing)
+    start, _ = braking(recording, campaign.sample_time_s, smoothing)
+    return recording.start_position_m + float(np.trapezoid(derived.speed_mps[: start + 1], derived.time_s[: start + 1]))
+
+
+def _moved(chosen: Choice, begin: float) -> Choice:
+    patch = chosen["adhesion_patch"]
+    return {**chosen, "adhesion_patch": {**patch, "start_m": patch["start_m"] - begin}}
+
+
+def _parameter_share(campaign: Campaign, answer: Mapping[str, Any], chosen: Choice) -> float:
+    """Half the interval of the change at the recorded slip by the parameters', over that change [-].
+
+    Each parameter is moved alone between the ends of its interval, their shares are added as squares.
     """
     told = answer["model"]
     stops = [
@@ -23,16 +88,13 @@ def distance_change(campaign: Campaign, answer: dict[str, Any]) -> dict[str, Any
     ]
 
     def change(choice: Choice) -> float:
-        changes = [effect(balances, Model(told["tau_m_per_J"], (mu,)), choice).distance for balances, mu in stops]
-        return float(np.mean(changes))
+        return float(np.mean([effect(one, Model(told["tau_m_per_J"], (mu,)), choice).distance for one, mu in stops]))
 
-    chosen = {one["name"]: told["mechanisms"][one["name"]] for one in answer["mechanisms"]}
     value, squares = change(chosen), 0.0
     for one in answer["mechanisms"]:
         for name, parameter in one["parameters"].items():
             low, high = parameter["interval90"]
             if high > low:
-                ends = [change(chosen | {one["name"]: chosen[one["name"]] | {name: end}}) for end in (low, high)]
+                ends = [change({**chosen, one["name"]: {**chosen[one["name"]], name: end}}) for end in (low, high)]
                 squares += ((ends[1] - ends[0]) / 2.0) ** 2
-    half = float(np.sqrt(squares))
-    return {"value": value, "interval90": [value - half, value + half]}
+    return float(np.sqrt(squares)) / max(abs(value), _LEAST)
