@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from synthetic_stops import RADIUS_M, stop, write_campaign
 
@@ -102,3 +103,13 @@ def test_a_return_spring_is_in_no_library(tmp_path):
     # The measured torque lies below the proportional one where the pressure is low, above where it is high.
     shape = np.array(found.closure.shape)
     assert np.corrcoef(shape[:, 0], shape[:, 1])[0, 1] > 0.9
+
+
+def test_a_dead_pressure_channel_is_told_and_not_compared(tmp_path):
+    campaign_with(tmp_path / "c", per_speed=PADS)
+    file = tmp_path / "c" / "A2.csv"
+    table = pl.read_csv(file)
+    table.with_columns(pl.lit(0.0).alias("axle3_cylinder_pressure_bar")).write_csv(file)
+    stops, notes = prepare(read_campaign(tmp_path / "c"))
+    assert [one.pressed is None for one in stops] == [False, True, False]
+    assert any("A2" in note and "axle 3" in note for note in notes)

@@ -24,6 +24,9 @@ LEAST_SPEED_MPS = 4.0  # creepage is mostly noise below
 LEAST_MOMENTUM_MPS = 10.0  # the vehicle's balance ends here: towards standstill the friction of pads is its own: assumption
 LOCKED_MPS = 0.5  # circumferential speed below which a wheel counts as locked: its torque is a reaction
 ROLLING_SHARE = 0.05  # of the largest torque, below which a wheel rolls freely
+PRESSED_SHARE = (
+    0.5  # of an axle's torque that its own pressure leaves unexplained, from which on the two do not belong together
+)
 _ORDER = 2
 
 
@@ -99,8 +102,23 @@ def prepare(campaign: Campaign) -> tuple[list[Stop], list[str]]:
         if not stop.usable.any():
             left_out.append(f"run {name}: left out, no sample can be compared with the law")
             continue
+        if stop.pressed is not None and (strange := _strange_pressures(stop, stop.pressed)):
+            told = ", ".join(map(str, strange))
+            left_out.append(f"run {name}: torque and cylinder pressure of axle {told} do not go together; pressures left out")
+            stop = dataclasses.replace(stop, pressed=None)
         stops.append(stop)
     return stops, left_out
+
+
+def _strange_pressures(stop: Stop, whole: np.ndarray) -> list[int]:
+    """Return the axles, from 1, whose torque is not even roughly in proportion to their pressure: a dead channel, say."""
+    found = []
+    for k in range(stop.torque.shape[1]):
+        torque, pressed = stop.torque[stop.usable[:, k], k], whole[stop.usable[:, k], k]
+        scale = float(torque @ pressed) / max(float(pressed @ pressed), 1e-9)
+        if np.linalg.norm(torque - scale * pressed) > PRESSED_SHARE * np.linalg.norm(torque):
+            found.append(k + 1)
+    return found
 
 
 def thinned(stop: Stop) -> Stop:
