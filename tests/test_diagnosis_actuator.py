@@ -105,6 +105,20 @@ def test_a_return_spring_is_in_no_library(tmp_path):
     assert np.corrcoef(shape[:, 0], shape[:, 1])[0, 1] > 0.9
 
 
+@pytest.mark.slow
+def test_a_misfit_that_nothing_describes_is_not_adequate(tmp_path, monkeypatch):
+    monkeypatch.setattr("wsp_env.diagnosis.stops.PRESSED_SHARE", np.inf)  # so that a dead channel is compared
+    campaign_with(tmp_path / "c", per_speed=PADS)
+    file = tmp_path / "c" / "A2.csv"
+    table = pl.read_csv(file)
+    table.with_columns(pl.lit(0.0).alias("axle3_cylinder_pressure_bar")).write_csv(file)
+    found = found_in(read_campaign(tmp_path / "c"))
+    assert found.verdict == "unknown"
+    assert found.closure is None
+    assert "no closure describes" in found.sentence
+    assert found.location
+
+
 def test_a_dead_pressure_channel_is_told_and_not_compared(tmp_path):
     campaign_with(tmp_path / "c", per_speed=PADS)
     file = tmp_path / "c" / "A2.csv"

@@ -196,12 +196,10 @@ def sentence(verdict: str, named: Sequence[Named], closure: Closure | None, wher
         return "The simulation is adequate: nothing is missing that these recordings could show and that matters in a stop."
     if verdict == "insufficient":
         return "The recordings are insufficient: no wheel slides in them, so they say nothing on adhesion."
-    if verdict == "unknown" and closure is not None:
+    if verdict == "unknown":
         place = where[0].equation if where else "vehicle"
-        return (
-            f"Something is missing that no mechanism of the library explains: the {place} balance is off, "
-            f"best described by an unknown {closure.depends_on}."
-        )
+        best = f"best described by an unknown {closure.depends_on}" if closure else "which no closure describes either"
+        return f"Something is missing that no mechanism of the library explains: the {place} balance is off, {best}."
     return f"What the simulation lacks: {'; and '.join(_claim(one) for one in named)}."
 
 
