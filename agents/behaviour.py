@@ -35,7 +35,6 @@ class Arguments:
 
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
     folder: Path = Path()  # of the policy; none: agents/trained/VEHICLE
-    slide_price: float = 3.4  # at which slip is worth its price: that of the policy's training
     stops: int = 12  # held-out ones, on each rail
     drawn: int = 0  # number of the stop that is drawn
     out: Path = Path("docs/agents_behaviour.png")
@@ -85,11 +84,12 @@ def summary(traces: Traces) -> dict[str, float]:
 def compare(arguments: Arguments) -> tuple[list[dict[str, float]], list[Traces]]:
     """Return a row for each rail, and its traces."""
     policy = load_policy(arguments.folder if arguments.folder.name else Path("agents/trained") / arguments.vehicle)
+    price = policy.contract.training["arguments"]["slide_price"]  # at which a slip is worth it
     stops = low_adhesion(VEHICLES[arguments.vehicle], "recovering", arguments.stops, HELD_OUT)
     rows, found = [], []
     for tau in RECOVERIES:
         own = [dataclasses.replace(stop, tau=tau) for stop in stops]
-        found.append(trace(policy, arguments.vehicle, own, arguments.slide_price))
+        found.append(trace(policy, arguments.vehicle, own, price))
         rows.append({"tau_m_per_J": tau, **summary(found[-1])})
     return rows, found
 

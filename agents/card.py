@@ -20,6 +20,7 @@ from wsp_env.evaluation.figures import FIGURES
 from wsp_env.evaluation.policy import Contract, load_policy
 from wsp_env.evaluation.runner import Conduct
 from wsp_env.evaluation.summary import interval
+from wsp_env.parameters.uic_z1 import VEHICLES
 
 #: Worlds in which a policy is measured: law and mechanisms. The mechanism at its usual size was not trained against.
 WORLDS: dict[str, tuple[str, dict[str, dict[str, float]]]] = {
@@ -128,17 +129,20 @@ def card(contract: Contract, sections: Mapping[str, str], stops: int) -> str:
         commands.insert(0, _command(contract.training["begun_from"]) + f" --out {arguments['start']}")
     units = "; ".join(f"{name}: {FIGURES[name][1]} [{FIGURES[name][0]}]" for name in COMPARED)
     ranges = ", ".join(f"{name} {value}" for name, value in contract.limits.items())
+    brake, own = arguments["torque_per_bar_nm"], VEHICLES[contract.vehicle].brake.torque_per_bar_nm
     parts = [
         f"# Wheel slide protection, {contract.vehicle}, learned\n\n"
-        f"A policy trained with PPO in the environments of wsp-env {contract.wsp_env}; `policy.onnx` holds normalisation, "
+        f"A policy trained by imitation and PPO in wsp-env {contract.wsp_env}; `policy.onnx` holds normalisation, "
         "network and choice of the command, `contract.json` says what goes in and comes out. Run it with "
         f"`wsp evaluate --controllers rule-based agents/trained/{contract.vehicle} --vehicle {contract.vehicle}`.\n\n"
         f"For {contract.axles} axle(s), a decision every {contract.control_interval_s:g} s, "
         f"{'with' if contract.pressure_sensors else 'without'} cylinder-pressure sensors. For research; nobody has assessed it "
         "for use on a railway.",
         f"## Training\n\n`{'`, then `'.join(commands)}`: the best checkpoint, after {contract.training['steps']} decisions of "
-        "the last command; arguments and versions in `contract.json`.\n\n"
-        f"![curve](curve.png)\n\nConditions it was trained for: {ranges}. Outside of them it was not trained.",
+        "PPO by the last command (in the first segment only the value function learns); arguments and versions in "
+        "`contract.json`.\n\n"
+        f"![curve](curve.png)\n\nConditions it was trained for: {ranges}, brakes of {brake:g} N m a bar (the vehicle's own: "
+        f"{own:g}). Outside of them it was not trained.",
         f"## Measured\n\nMeans over {stops} held-out stops (seed {HELD_OUT}) on contaminated rail with an initial adhesion of "
         f"{INITIAL_ADHESION[0]} to {INITIAL_ADHESION[1]}, {INITIAL_SPEED_MPS[0]} to {INITIAL_SPEED_MPS[1]} m/s, any load, "
         f'full demand, tau {RECOVERY_M_PER_J[0]:g} to {RECOVERY_M_PER_J[1]:g} m/J; "/ rules" is the mean ratio to the '

@@ -71,8 +71,8 @@ class Actor(torch.nn.Module):
             command = self.steering.commands(observation, raw)
         else:
             command = torch.clamp(raw, -1.0, 1.0)
-        slow = observation[:, REFERENCE] < CUT_OUT_MPS / Observer.SPEED_SCALE
-        return torch.where(slow[:, None], torch.ones_like(command), command), raw
+        slow = observation[:, REFERENCE : REFERENCE + 1] < CUT_OUT_MPS / Observer.SPEED_SCALE
+        return torch.where(slow, 1.0, command), raw
 
     def infer(self, observation: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return commands and memory as the exported network would."""

@@ -18,7 +18,7 @@ from agents.teacher import Teacher
 THIN = 4
 
 #: Passes over everything seen in each round, states of one step of the optimiser, its learning rate.
-PASSES, BATCH, LEARNING_RATE = 3, 4096, 1e-3
+PASSES, BATCH, LEARNING_RATE = 1, 4096, 1e-3
 
 
 def imitate(model: PPO, world: VecNormalize, slide_price: float, rounds: int, decisions: int) -> list[float]:

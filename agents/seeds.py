@@ -37,7 +37,7 @@ class Arguments:
     runs: tuple[Path, ...]  # folders of trainings
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
     prices: tuple[str, ...] = ("2", "3")  # of sliding, of the rules' own best thresholds
-    stops: int = 40  # in each world
+    stops: int = 160  # in each world
     drawn_by: int = HELD_OUT  # their seed
     json: bool = False
 

@@ -1,8 +1,10 @@
-"""From the pressure that a policy wants to the valve's command, within the exported network.
+"""From the brake that a policy wants to the valve's command, within the exported network.
 
-Of venting, holding and applying that command is chosen whose cylinder pressure, one interval after the dead time, comes nearest
-to the one wanted. The pressures are those of the observation, reckoned by `wsp_env.envs.reckoning` from the commands alone.
-A wheelset that has not slid for seconds is braked whatever is wanted: a WSP takes away no braking where nothing slides.
+A policy wants a brake force, as the adhesion that it asks of the wheelset. Of venting, holding and applying that command is
+chosen whose force, one interval after the dead time, comes nearest to the one wanted. The forces are those of the observation,
+reckoned by `wsp_env.envs.reckoning` from the commands alone. Whatever is wanted, a wheelset that has not slid for seconds is
+braked, as a WSP takes away no braking where nothing slides; and one that slides beyond the slide limit is vented, so that no
+wheel locks.
 """
 
 from typing import Any
@@ -16,44 +18,58 @@ from wsp_env.envs.observation import Observer
 from wsp_env.envs.task import Task
 from wsp_env.parameters.vehicle import Vehicle
 
-#: Places in an observation of A axles: the pressures to come begin at 4 A, the offered one is the third from its end.
-PRESSURE_TO_COME, OFFERED = 4, -3
+#: Places in an observation of A axles, in blocks of A: creepage, brake to come, recent and slow slip.
+CREEPAGE, BRAKE_TO_COME, RECENT_SLIP, SLOW_SLIP = 1, 4, 6, 8
 
-#: And those of the recent and the slow slip, in axles; of the doubt on the running speed and of that speed, from the end.
-RECENT_SLIP, SLOW_SLIP, DOUBTFUL, SPEED = 6, 8, -4, -2
+#: And from its end: the doubt on the running speed, the offered brake and that speed.
+DOUBTFUL, OFFERED, SPEED = -4, -3, -2
 
 #: A wheelset does not slide while its recent and its slow slip are below this speed [m/s] or this creepage [-]: so much has a
 #: wheel that rolls under brake (assumption).
 ROLLS_MPS, ROLLS_CREEPAGE = 0.05, 0.003
 
+#: Creepage [-] beyond which a wheelset is vented whatever is wanted: the default slide limit of the environments.
+LARGEST_CREEPAGE = 0.3
+
 
 class Steering:
-    """Chooses commands for a vehicle's valves."""
+    """Chooses commands for a vehicle's valves.
+
+    It is written for few operations: each takes half a microsecond of a decision.
+    """
 
     def __init__(self, vehicle: Vehicle, interval: float) -> None:
         self.axles = vehicle.axles
-        self.kept_filling = float(np.exp(-interval / vehicle.brake.fill_time_constant_s))
-        self.kept_venting = float(np.exp(-interval / vehicle.brake.vent_time_constant_s))
+        kept = np.exp(-interval / np.array([vehicle.brake.fill_time_constant_s, vehicle.brake.vent_time_constant_s]))
+        self.half_way_filling, self.half_way_venting = float(0.5 * (1.0 - kept[0])), float(0.5 * (1.0 + kept[1]))
 
     def commands(self, observation: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
-        """Return -1 vent, 0 hold, 1 apply (N, A) towards `wanted` (N, A), -1 none to 1 full pressure."""
-        share = 0.5 * (torch.clamp(wanted, -1.0, 1.0) + 1.0)
-        start = PRESSURE_TO_COME * self.axles
-        held = observation[:, start : start + self.axles]
-        offered = observation[:, OFFERED, None]
-        filled = offered + (held - offered) * torch.where(offered > held, self.kept_filling, self.kept_venting)
-        rest, applied, vented = (torch.abs(pressure - share) for pressure in (held, filled, self.kept_venting * held))
-        apply = ((applied < rest) & (applied <= vented)) | (share >= 1.0)
-        vent = (vented < rest) & ~apply
-        apply, vent = apply | (rolls := self.rolls(observation)), vent & ~rolls
-        return apply.to(torch.float32) - vent.to(torch.float32)
+        """Return -1 vent, 0 hold, 1 apply (N, A) towards `wanted` (N, A), see `wanted_brake`."""
+        creepage, held, recent, slow, doubtful, offered, speed = self._parts(observation)
+        brake = wanted + 1.0
+        apply = brake > held + self.half_way_filling * (offered - held)
+        vent = brake < self.half_way_venting * held
+        command = apply.to(torch.float32) - vent.to(torch.float32)
+        limit = torch.clamp(
+            ROLLS_CREEPAGE * Observer.SPEED_SCALE / Observer.SLIP_SCALE * speed, min=ROLLS_MPS / Observer.SLIP_SCALE
+        )
+        rolls = (torch.maximum(recent, slow) < limit) & (doubtful < 0.5)  # not while one is released for the speed's sake
+        command = torch.where(rolls, 1.0, command)
+        return torch.where(creepage > LARGEST_CREEPAGE, -1.0, command)
 
-    def rolls(self, observation: torch.Tensor) -> torch.Tensor:
-        """Return which wheelsets (N, A) have not slid for seconds; none while one is released for the speed's sake."""
-        limit = torch.clamp(ROLLS_CREEPAGE * Observer.SPEED_SCALE * observation[:, SPEED, None], min=ROLLS_MPS)
-        slips = [observation[:, place * self.axles : (place + 1) * self.axles] for place in (RECENT_SLIP, SLOW_SLIP)]
-        slides = (Observer.SLIP_SCALE * torch.maximum(*slips)) >= limit
-        return ~slides & (observation[:, DOUBTFUL, None] < 0.5)
+    def _parts(self, observation: torch.Tensor) -> list[torch.Tensor]:
+        """Return what is used of observations (N, size), in order; one cut of the whole."""
+        places = [(block * self.axles, self.axles) for block in (CREEPAGE, BRAKE_TO_COME, RECENT_SLIP, SLOW_SLIP)]
+        size = Observer.size_for(self.axles)
+        places += [(size + place, 1) for place in (DOUBTFUL, OFFERED, SPEED)]
+        cuts = sorted({0, size, *(start for start, _ in places), *(start + length for start, length in places)})
+        parts = torch.split(observation, np.diff(cuts).tolist(), dim=1)
+        return [parts[cuts.index(start)] for start, _ in places]
+
+
+def wanted_brake(adhesion: np.ndarray) -> np.ndarray:
+    """Return what is wanted of a policy for brakes that ask for an adhesion [-]: -1 none, 1 that of 0.2 or more."""
+    return np.clip(adhesion / Observer.ADHESION_SCALE - 1.0, -1.0, 1.0)
 
 
 def make_steering(vehicle: str, task: Task) -> Steering:
@@ -62,7 +78,7 @@ def make_steering(vehicle: str, task: Task) -> Steering:
 
 
 class Steered(VecEnvWrapper):
-    """Valve environments that are told the pressures wanted, -1 to 1 of full pressure."""
+    """Valve environments that are told the brake wanted, see `wanted_brake`."""
 
     def __init__(self, venv: VecEnv, steering: Steering) -> None:
         super().__init__(venv, action_space=spaces.Box(-1.0, 1.0, (steering.axles,), np.float32))
@@ -74,7 +90,7 @@ class Steered(VecEnvWrapper):
         return self._observation
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Take the pressures wanted (N, A)."""
+        """Take the brakes wanted (N, A)."""
         commands = self.steering.commands(torch.as_tensor(self._observation), torch.as_tensor(actions))
         self.venv.step_async(commands.numpy().astype(int) + 1)
 

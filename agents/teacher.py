@@ -6,7 +6,9 @@ of all slips the one with the least (v + c s) / f(s) costs least metres travelle
 
 import numpy as np
 
+from agents.steering import wanted_brake
 from wsp_env.contact.degraded import degraded_adhesion
+from wsp_env.envs.reckoning import full_brake
 from wsp_env.evaluation.reference import dead_time, wanted_pressure
 from wsp_env.plant.plant import Plant
 
@@ -14,8 +16,9 @@ from wsp_env.plant.plant import Plant
 _SHARES = np.geomspace(0.002, 0.25, 24)
 _LEAST_MPS = 0.05
 
-#: Share of full pressure to which the last wheelset is released when the running speed is in doubt: it then rolls (assumption).
-RELEASED_SHARE = 0.07
+#: Adhesion that is asked of the last wheelset when the running speed is in doubt: it then rolls (assumption: half of
+#: `wsp_env.envs.reckoning.ROLLING_ADHESION`).
+RELEASED_ADHESION = 0.0075
 
 
 class Teacher:
@@ -30,14 +33,16 @@ class Teacher:
 
     def __init__(self, plant: Plant, slide_price: float) -> None:
         self.plant = plant
+        self.full_brake = full_brake(plant.vehicle)
         self.slide_price = slide_price
 
     def wanted(self, doubtful: np.ndarray) -> np.ndarray:
-        """Return the pressures (N, A), -1 none to 1 full; the last wheelset rolls where the running speed is in doubt (N,)."""
+        """Return the brakes wanted (N, A), see `agents.steering`; where the running speed is in doubt (N,) the last rolls."""
         plant = self.plant
         share = wanted_pressure(plant, self.targets()) / plant.constants.full_pressure
-        share[doubtful, -1] = np.minimum(share[doubtful, -1], RELEASED_SHARE)
-        return np.clip(2.0 * share - 1.0, -1.0, 1.0)
+        adhesion = np.where(share < 1.0, share * self.full_brake, np.inf)  # all that there is
+        adhesion[doubtful, -1] = np.minimum(adhesion[doubtful, -1], RELEASED_ADHESION)
+        return wanted_brake(adhesion)
 
     def targets(self) -> np.ndarray:
         """Return the slips worth their price (N, A) [m/s]."""

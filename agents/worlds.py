@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
+from wsp_env.contact.degraded import degraded_adhesion
 from wsp_env.envs.observation import Observer
 from wsp_env.envs.sb3 import BrakingVecEnv
+from wsp_env.plant.plant import Plant
 
 #: Place of the reference speed in an observation.
 REFERENCE = -2
@@ -20,9 +22,9 @@ CUT_OUT_MPS = 5.0 / 3.6
 #: Seconds count as so many metres [m/s]: else nothing is gained from coming to a stand at the end (assumption).
 TIME_PRICE_MPS = 2.0
 
-#: Deceleration [m/s2] by which the rest of a stop is reckoned (assumption: what low adhesion of 0.05 to 0.1 allows). It only
-#: moves reward between steps: the sum over a stop is the same but for a constant.
-USUAL_DECELERATION_MPS2 = 0.7
+#: Running speeds [m/s] at which the rest of a stop is reckoned, linear between them, and slips tried as shares of these.
+SPEEDS = np.arange(0.0, 61.0, 2.0)
+_SHARES = np.geomspace(0.002, 0.25, 16)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,13 +43,14 @@ class Stopped:
 class Shaped(VecEnvWrapper):
     """The environment's reward, given earlier, less the metres that the wheels slide; and the cut-out at low speed.
 
-    r = r_env - w (c s + p) dt + w (v^2 / 2 + p v - v'^2 / 2 - p v') / a
+    r = r_env - w (c s + p) dt + w (F(v) - F(v'))
 
     with w the environment's weight of a metre travelled. The price c of sliding: a metre by which the wheels slide (mean of the
     axles) counts as c metres travelled; heat in the contact, wear and the deviation of the slip speed fall with it. The price p
     of time makes the end of a stop worth something. The last term is a potential (Ng, Harada, Russell 1999, without the
-    discount): its sum over a stop depends on the initial speed alone, but what the brake does now is rewarded now and not half
-    a minute later.
+    discount): F(v) is what the rest of the stop costs who knows its rail, see `rest_of_stop`. The sum over a stop depends on
+    its conditions alone, but what the brake does now is rewarded now and not half a minute later, and weighed against the slide
+    as it is worth on this rail.
 
     Parameters
     ----------
@@ -68,7 +71,8 @@ class Shaped(VecEnvWrapper):
         """Begin new stops."""
         observation = np.asarray(self.venv.reset())
         self._reference = Observer.SPEED_SCALE * observation[:, REFERENCE]
-        self._speed = self.batch.plant.state.speed.copy()
+        self.rest = rest_of_stop(self.batch.plant, np.arange(self.num_envs), self.slide_price)
+        self._owed = self._rest_at(self.batch.plant.state.speed)
         self._sums[:] = 0.0
         return observation
 
@@ -87,8 +91,8 @@ class Shaped(VecEnvWrapper):
             speed[i], slip[i], locked[i] = infos[i]["speed_mps"], infos[i]["slip_speed_mps"], infos[i]["locked"]
         interval = task.control_interval_s
         slid = slip.mean(axis=1) * interval
-        gained = (_rest_of_stop(self._speed) - _rest_of_stop(speed)) / USUAL_DECELERATION_MPS2
-        reward = reward + weight * (gained - self.slide_price * slid - TIME_PRICE_MPS * interval)
+        owed = self._rest_at(speed)
+        reward = reward + weight * (self._owed - owed - self.slide_price * slid - TIME_PRICE_MPS * interval)
         fast = speed > task.slide_limit_speed_mps
         beyond = (slip > task.slide_limit * speed[:, None]).mean(axis=1) * fast
         self._sums += [slid, beyond * interval, locked.mean(axis=1) * interval, reward]
@@ -99,13 +103,40 @@ class Shaped(VecEnvWrapper):
             infos[i]["stopped"] = Stopped(distance, slide, limit, lock, air, work, total)
         self._sums[:, ended] = 0.0
         self._reference = Observer.SPEED_SCALE * observation[:, REFERENCE]
-        self._speed = self.batch.plant.state.speed.copy()
+        if len(ended):
+            self.rest[ended] = rest_of_stop(self.batch.plant, ended, self.slide_price)
+            owed = self._rest_at(self.batch.plant.state.speed)
+        self._owed = owed
         return observation, reward.astype(np.float32), done, infos
 
+    def _rest_at(self, speed: np.ndarray) -> np.ndarray:
+        """Price of the rest of the stops (N,) [m] at their running speeds (N,) [m/s]."""
+        place = np.clip(speed / SPEEDS[1], 0.0, len(SPEEDS) - 1.001)
+        below = place.astype(int)
+        rows, share = np.arange(len(speed)), place - below
+        price: np.ndarray = (1.0 - share) * self.rest[rows, below] + share * self.rest[rows, below + 1]
+        return price
 
-def _rest_of_stop(speed: np.ndarray) -> np.ndarray:
-    """Price of the rest of a stop at a deceleration of 1 m/s2 [m]: its way and its time."""
-    return 0.5 * speed**2 + TIME_PRICE_MPS * speed
+
+def rest_of_stop(plant: Plant, rows: np.ndarray, slide_price: float) -> np.ndarray:
+    """Return the least price [m] of the rest of the stops `rows` (n,) from each of `SPEEDS`: (n, K).
+
+    F(v) = integral of min over s of (v' + p + c s) / d(s, v') from 0 to v, with the deceleration d that the rail under the
+    recovering or classic law allows at slip s, or the brake.
+    """
+    c, constants, axles = plant.conditions, plant.constants, plant.vehicle.axles
+    weight = c.mass[rows] * constants.gravity
+    offered = c.demand[rows] * plant.vehicle.full_brake_torque_nm * axles / (plant.vehicle.wheel_radius_m * weight)
+    friction = c.mu_cd[rows] * c.profile[rows].mean(axis=1)
+    speed = np.maximum(SPEEDS, 0.5)[:, None]  # of the contact, which needs one
+    slip = speed * _SHARES
+    of_rows = (weight / (2.0 * axles), friction, c.tau[rows], offered)
+    load, friction, tau, offered = (value[:, None, None] for value in of_rows)
+    adhesion = degraded_adhesion(slip, speed, load, friction, tau, plant.vehicle.contact.law, 1.0)
+    deceleration = constants.gravity * np.minimum(adhesion, offered)
+    price = ((SPEEDS[:, None] + TIME_PRICE_MPS + slide_price * slip) / deceleration).min(axis=-1)
+    steps = 0.5 * (price[:, 1:] + price[:, :-1]) * np.diff(SPEEDS)
+    return np.concatenate([np.zeros((len(rows), 1)), np.cumsum(steps, axis=1)], axis=1)
 
 
 class Joined(VecEnv):

@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import wsp_env
 from wsp_env.envs import IDS
 from wsp_env.envs.observation import Measurement, Observer
+from wsp_env.envs.reckoning import full_brake
 from wsp_env.envs.task import RewardWeights
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.plant.mechanisms import ALL
@@ -215,7 +216,7 @@ def test_pressures_are_seen_only_where_they_are_measured(env_id):
     for _ in range(40):
         action = without.action_space.sample()
         blind, sighted = without.step(action)[0], with_.step(action)
-        share = sighted[4]["pressure_bar"] / vehicle.brake.full_pressure_bar
+        share = sighted[4]["pressure_bar"] / vehicle.brake.full_pressure_bar * full_brake(vehicle) / 0.1
         assert_allclose(sighted[0][3 * axles : 4 * axles], share, rtol=1e-6)
         assert_allclose(blind[3 * axles : 4 * axles], share, atol=0.01)  # reckoned from the commands
 
@@ -244,7 +245,7 @@ def test_pins_hold(env_id):
     assert info["tau_m_per_j"] == 1.2e-4
     assert_allclose(info["speed_mps"], 27.0)
     assert_allclose(info["mass_kg"], vehicle.mass_kg + 0.25 * vehicle.payload_kg)
-    assert_allclose(observation[-1], 0.8)
+    assert_allclose(observation[-1], 0.8 * full_brake(vehicle) / 0.1, rtol=1e-6)
     conditions = env.unwrapped.batch.plant.conditions
     assert conditions.gradient[0] == 0.004
     assert conditions.noise[0] == 0.05

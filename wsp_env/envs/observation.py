@@ -29,8 +29,9 @@ class Observer:
     slip                      reckoned running speed less peripheral wheel speed, / 5 m/s
     creepage                  the same over the running speed
     wheel acceleration        of the peripheral speed, low-passed, / 10 m/s2
-    cylinder pressure         / full pressure; from the sensors where there are any, otherwise reckoned
-    pressure to come          the same once the commands on their way have acted
+    brake                     adhesion that the cylinder pressure asks for, / 0.1; from the sensors where there are any,
+                              otherwise reckoned
+    brake to come             the same once the commands on their way have acted
     used adhesion             reckoned, / 0.1
     recent slip               low-passed over half a second, / 5 m/s
     recent adhesion           the same of the used adhesion, / 0.1
@@ -41,12 +42,13 @@ class Observer:
     seen                      how long wheels have slid, fading, / 8 s (one value)
     uncertainty               standard deviation of the running speed, / 0.2 m/s (one value)
     in doubt                  1 while a wheelset should roll for the running speed to become certain (one value)
-    offered pressure          of the distributor, / full pressure (one value)
+    offered brake             of the distributor's pressure, / 0.1 (one value)
     running speed             reckoned, / 50 m/s (one value)
-    demand                    0 to 1 (one value)
+    demanded brake            / 0.1 (one value)
     ========================  ==================================================================================
 
-    What is reckoned is explained in `wsp_env.envs.reckoning` and `wsp_env.envs.rail`.
+    What is reckoned is explained in `wsp_env.envs.reckoning` and `wsp_env.envs.rail`. Pressures are seen as the adhesion that
+    they ask of a wheelset under its nominal load: what a policy learns on one brake holds for a stronger one.
 
     Parameters
     ----------
@@ -78,12 +80,17 @@ class Observer:
         self.full_pressure = vehicle.brake.full_pressure_bar
         self.interval = control_interval_s
         self.pressure_sensors = pressure_sensors
-        self.size = 10 * self.axles + 2 * len(RECOVERY_M_PER_J) + 6
+        self.size = self.size_for(self.axles)
         self.reckoning = Reckoning(vehicle, control_interval_s, by_pressure)
         self.rail = Rail(vehicle, control_interval_s)
         self._smooth = 1.0 - np.exp(-control_interval_s / ADHESION_FILTER_S)
         self._acceleration_gain = 1.0 - np.exp(-control_interval_s / self.ACCELERATION_FILTER_S)
         self._gains = 1.0 - np.exp(-control_interval_s / np.array([self.RECENT_S, self.SLOW_S]))[:, None, None]
+
+    @staticmethod
+    def size_for(axles: int) -> int:
+        """Return the length of an observation."""
+        return 10 * axles + 2 * len(RECOVERY_M_PER_J) + 6
 
     def reset(self, measurement: Measurement, mask: np.ndarray | None = None) -> np.ndarray:
         """Begin new stops, of all N vehicles or where `mask` (N,) is True; return all observations (N, size)."""
@@ -127,12 +134,13 @@ class Observer:
         reckoned = self.reckoning
         running = reckoned.speed[:, None]
         slip = running - self._speed
+        brake = reckoned.full_brake / self.ADHESION_SCALE
         blocks = [
             slip / self.SLIP_SCALE,
             slip / np.maximum(running, self.CREEPAGE_FLOOR),
             self._acceleration / self.ACCELERATION_SCALE,
-            reckoned.pressure,
-            reckoned.pressure_to_come(),
+            brake * reckoned.pressure,
+            brake * reckoned.pressure_to_come(),
             reckoned.adhesion / self.ADHESION_SCALE,
             self._slips[0] / self.SLIP_SCALE,
             self._adhesions[0] / self.ADHESION_SCALE,
@@ -143,8 +151,8 @@ class Observer:
             self.rail.seen[:, None] / MEMORY_S,
             reckoned.uncertainty[:, None] / self.UNCERTAINTY_SCALE,
             reckoned.doubtful[:, None],
-            reckoned.offered[:, None],
+            brake * reckoned.offered[:, None],
             running / self.SPEED_SCALE,
-            measurement.demand[:, None],
+            brake * measurement.demand[:, None],
         ]
         return np.clip(np.concatenate(blocks, axis=1), -self.BOUND, self.BOUND).astype(np.float32)

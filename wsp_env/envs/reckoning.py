@@ -45,11 +45,17 @@ MASS_RANGE = (0.8, 1.25)
 ADHESION_FILTER_S = 0.1
 
 
+def full_brake(vehicle: Vehicle) -> float:
+    """Return the adhesion [-] that full pressure asks of a wheelset with half the payload on board."""
+    weight = (vehicle.mass_kg + 0.5 * vehicle.payload_kg) * vehicle.gravity_mps2 / vehicle.axles
+    return vehicle.full_brake_torque_nm / vehicle.wheel_radius_m / weight
+
+
 class Reckoning:
     """The estimates for N vehicles with A axles; attributes to read, never to keep.
 
     `speed` (N,) [m/s], `uncertainty` (N,) its standard deviation [m/s], `doubtful` (N,) bool, `pressure` (N, A) share of full
-    pressure, `adhesion` (N, A) used, T / N [-].
+    pressure, `adhesion` (N, A) used, T / N [-]; and `full_brake`, the adhesion that full pressure asks for [-].
 
     Parameters
     ----------
@@ -66,6 +72,7 @@ class Reckoning:
         self._mass = vehicle.mass_kg + 0.5 * vehicle.payload_kg
         self._axle_weight = self._mass * vehicle.gravity_mps2 / vehicle.axles
         self._full_force = vehicle.full_brake_torque_nm / vehicle.wheel_radius_m
+        self.full_brake = full_brake(vehicle)
         self._rotating = vehicle.wheelset_inertia_kgm2 / vehicle.wheel_radius_m**2
         self._rise = interval / brake.demand_rise_s
         self._dead_steps = round(brake.dead_time_s / interval)
@@ -118,7 +125,7 @@ class Reckoning:
         self._wheel = wheel
         self.adhesion = self.adhesion + self._smooth * (impulse / (self._axle_weight * self.interval) - self.adhesion)
         self._predict(impulse.sum(axis=1) / self._mass)
-        asked = self._full_force * self.pressure < ROLLING_ADHESION * self._axle_weight
+        asked = self.full_brake * self.pressure < ROLLING_ADHESION
         self._unbraked = np.where(asked & (self.adhesion < ROLLING_ADHESION), self._unbraked + self.interval, 0.0)
         for k in range(wheel.shape[1]):
             self._correct(wheel[:, k] + ROLLING_CREEP_MPS, self._unbraked[:, k] >= ROLLING_S)

@@ -29,7 +29,7 @@ INPUT = "observation"
 OUTPUTS = {
     "command": "(N, axles); valve: -1 vent, 0 hold, +1 apply; pressure: -1 none to +1 the demanded one",
     "raw": "the network's last layer; valve: (N, 3 x axles), the logits of vent, hold and apply, axle by axle, "
-    "or (N, axles), the pressure wanted, -1 none to +1 full",
+    "or (N, axles), the brake wanted, -1 none to +1 that which asks for an adhesion of 0.2, or the pressure commanded",
 }
 
 #: The same of a network that remembers.
@@ -104,8 +104,8 @@ def describe_observation(axles: int, pressure_sensors: bool) -> list[dict[str, s
         ("slip: reckoned running speed less peripheral wheel speed", f"{Observer.SLIP_SCALE:g} m/s"),
         ("creepage", "1"),
         ("peripheral wheel acceleration, low-passed", f"{Observer.ACCELERATION_SCALE:g} m/s2"),
-        ("cylinder pressure" + ("" if pressure_sensors else ", reckoned"), "full pressure"),
-        ("pressure once the commands on their way have acted, reckoned", "full pressure"),
+        ("adhesion that the brake asks for" + ("" if pressure_sensors else ", reckoned"), f"{Observer.ADHESION_SCALE:g}"),
+        ("the same once the commands on their way have acted, reckoned", f"{Observer.ADHESION_SCALE:g}"),
         ("used adhesion, reckoned", f"{Observer.ADHESION_SCALE:g}"),
         ("recent slip", f"{Observer.SLIP_SCALE:g} m/s"),
         ("recent adhesion", f"{Observer.ADHESION_SCALE:g}"),
@@ -124,9 +124,9 @@ def describe_observation(axles: int, pressure_sensors: bool) -> list[dict[str, s
         {"name": "time that wheels have slid, fading", "unit": f"{rail.MEMORY_S:g} s"},
         {"name": "standard deviation of the running speed", "unit": f"{Observer.UNCERTAINTY_SCALE:g} m/s"},
         {"name": "running speed in doubt", "unit": "1"},
-        {"name": "pressure that the distributor offers, reckoned", "unit": "full pressure"},
+        {"name": "adhesion that the distributor's pressure asks for, reckoned", "unit": f"{Observer.ADHESION_SCALE:g}"},
         {"name": "running speed, reckoned", "unit": f"{Observer.SPEED_SCALE:g} m/s"},
-        {"name": "demand", "unit": "1"},
+        {"name": "adhesion that the demanded brake asks for", "unit": f"{Observer.ADHESION_SCALE:g}"},
     ]
 
 
