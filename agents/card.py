@@ -129,6 +129,12 @@ def card(contract: Contract, sections: Mapping[str, str], stops: int) -> str:
         commands.insert(0, _command(contract.training["begun_from"]) + f" --out {arguments['start']}")
     units = "; ".join(f"{name}: {FIGURES[name][1]} [{FIGURES[name][0]}]" for name in COMPARED)
     ranges = ", ".join(f"{name} {value}" for name, value in contract.limits.items())
+    first = arguments["critic_segments"] * arguments["segment"] * arguments["rollout"] * arguments["envs"]
+    still = (
+        ""
+        if contract.training["steps"] > first
+        else ", in which only the value function learned: it is what the imitation learned"
+    )
     brake, own = arguments["torque_per_bar_nm"], VEHICLES[contract.vehicle].brake.torque_per_bar_nm
     parts = [
         f"# Wheel slide protection, {contract.vehicle}, learned\n\n"
@@ -139,8 +145,8 @@ def card(contract: Contract, sections: Mapping[str, str], stops: int) -> str:
         f"{'with' if contract.pressure_sensors else 'without'} cylinder-pressure sensors. For research; nobody has assessed it "
         "for use on a railway.",
         f"## Training\n\n`{'`, then `'.join(commands)}`: the best checkpoint, after {contract.training['steps']} decisions of "
-        "PPO by the last command (in the first segment only the value function learns); arguments and versions in "
-        "`contract.json`.\n\n"
+        f"PPO by the last command{still}; "
+        "arguments and versions in `contract.json`.\n\n"
         f"![curve](curve.png)\n\nConditions it was trained for: {ranges}, brakes of {brake:g} N m a bar (the vehicle's own: "
         f"{own:g}). Outside of them it was not trained.",
         f"## Measured\n\nMeans over {stops} held-out stops (seed {HELD_OUT}) on contaminated rail with an initial adhesion of "

@@ -1,4 +1,4 @@
-"""From a training's checkpoint to a policy folder that anybody can run: `python -m agents.export --run out/agents/bogie`."""
+"""From a trained network to a policy folder that anybody can run; `agents.train` writes one at its end."""
 
 import dataclasses
 import hashlib

@@ -22,7 +22,7 @@ PASSES, BATCH, LEARNING_RATE = 1, 4096, 1e-3
 
 
 def imitate(model: PPO, world: VecNormalize, slide_price: float, rounds: int, decisions: int) -> list[float]:
-    """Fit the policy of `model` to the teacher; return the loss [nat] at the end of each round.
+    """Fit the policy of `model` to the teacher; return the mean squared difference to it at the end of each round.
 
     Parameters
     ----------

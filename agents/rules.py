@@ -45,7 +45,7 @@ class Search:
     """What a search is made of."""
 
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
-    stops: int = 3072  # simulated for each price: as many as a training brakes in 6 million decisions
+    stops: int = 3072  # simulated for each price: as many as a training brakes in 5 million decisions
     each: int = 12  # of them for each trial
     trials: int = 16  # of a generation
     elite: int = 5  # of them that the next generation is drawn around

@@ -130,6 +130,8 @@ def study(arguments: Arguments) -> dict[str, list[dict[str, Any]]]:
     for name, stops, mechanisms in worlds(arguments.vehicle, arguments.stops):
         if name.startswith(arguments.only):
             results[name] = compare(controllers, Yardstick(arguments.vehicle, stops, Conduct(mechanisms=mechanisms)))
+    if not results:
+        raise SystemExit(f"no world begins with {arguments.only!r}; `python -m agents.study --help`")
     return results
 
 

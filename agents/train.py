@@ -42,7 +42,7 @@ class Arguments:
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
     seed: int = 1
     steps: int = 800_000  # decisions in all, those of the imitation apart
-    out: Path = Path("out/agents/bogie")  # folder of the run
+    out: Path = Path()  # folder of the run; none: out/agents/VEHICLE-SEED
     envs: int = 512  # stops at once
     classic_share: float = 0.25  # of them under the classic law
     rollout: int = 64  # decisions of each stop between two updates
@@ -54,14 +54,14 @@ class Arguments:
     gae_lambda: float = 0.95
     clip: float = 0.1
     entropy: float = 0.0
-    log_deviation: float = -3.0  # of the pressure wanted, at the start
+    log_deviation: float = -3.0  # of the brake wanted, at the start
     imitation: int = 40  # rounds in which the policy first learns from a teacher, see `agents.imitation`; 0: none
     imitation_decisions: int = 200  # of each stop in a round
     critic_segments: int = 1  # first segments in which only the value function learns
     hidden: tuple[int, ...] = (128, 128)  # layers of the policy
     critic: tuple[int, ...] = (64, 64)  # layers of the value function
     slide_price: float = 3.7  # metres travelled that a metre of sliding is worth, see `Shaped`
-    action: Literal["steered", "valve", "pressure"] = "steered"  # steered: pressure wanted, reached by the valves
+    action: Literal["steered", "valve", "pressure"] = "steered"  # steered: brake wanted, reached by the valves
     pressure_sensors: bool = False
     reward: str = '{"air": 0.00005}'  # JSON, see `wsp_env.envs.task.RewardWeights`
     scenario: str = (  # JSON, see `wsp_env.scenario.Scenario`
@@ -253,6 +253,8 @@ def _write_curve(path: Path, curve: list[dict[str, float]]) -> None:
 
 def main(arguments: Arguments) -> None:
     """Train and export the checkpoint with the best score on the watched stops to `policy/` in the run's folder."""
+    if not arguments.out.name:
+        arguments = dataclasses.replace(arguments, out=Path(f"out/agents/{arguments.vehicle}-{arguments.seed}"))
     model, world = train(arguments)
     checkpoint.load(arguments.out / checkpoint.BEST, model, world)
     training = {"arguments": record(arguments), "steps": model.num_timesteps, "torch": torch.__version__.partition("+")[0]}
