@@ -385,6 +385,24 @@ def test_damaged_binary_files_give_one_clear_error_or_a_recording(tmp_path_facto
         assert np.isfinite(run.wheel_speed_radps).all()
 
 
+@pytest.mark.parametrize("function", ["read_parquet", "read_parquet_schema"])
+def test_a_panic_of_the_parquet_reader_is_one_clear_error(tmp_path, columns, monkeypatch, function):
+    """Polars panics at about one of a thousand damaged files, with what is no `Exception`."""
+    write_campaign(tmp_path, {}, tune=["A1"])
+    with (tmp_path / "campaign.toml").open("a") as toml:
+        toml.write('[runs.A1]\nfile = "A1.parquet"\n')
+    (tmp_path / "A1.parquet").write_bytes(_binary(tmp_path / "A1.parquet", columns))
+
+    def panic(*_, **__):
+        raise pl.exceptions.PanicException("Thrift out of range")
+
+    monkeypatch.setattr(pl, function, panic)
+    run, refused = outcome(tmp_path)
+    assert run is None
+    assert "A1.parquet" in refused
+    assert "Thrift out of range" in refused
+
+
 _CONTENTS: dict[str, bytes] = {}
 
 

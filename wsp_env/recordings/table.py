@@ -78,13 +78,17 @@ def open_table(file: Path) -> Table:
     return table
 
 
+#: What polars raises for a damaged file; in about one of a thousand it panics, which is no `Exception`.
+_UNREADABLE = (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError)
+
+
 class Parquet(Table):
     """A Parquet file with one column per channel."""
 
     def __init__(self, file: Path):
         try:
             names = list(pl.read_parquet_schema(file))
-        except (pl.exceptions.PolarsError, OSError) as error:
+        except _UNREADABLE as error:
             raise CampaignError(f"{file} is empty or no Parquet table: {first_line(error)}") from None
         super().__init__(file, {name: stated_unit(name) for name in names})
 
@@ -92,7 +96,7 @@ class Parquet(Table):
         """Return the named columns; points in time become seconds."""
         try:
             frame = pl.read_parquet(self.file, columns=names)
-        except (pl.exceptions.PolarsError, OSError) as error:
+        except _UNREADABLE as error:
             raise CampaignError(f"{self.file} cannot be read: {first_line(error)}") from None
         if frame.height == 0:
             raise CampaignError(f"{self.file} is empty: it has columns but no samples")
