@@ -4,6 +4,7 @@ import gymnasium as gym
 import pytest
 from hypothesis import settings
 
+import agents  # noqa: F401  # before torch: its threads then sleep while they wait, and pytest's processes share the cores
 from wsp_env.parameters.uic_z1 import VEHICLES
 
 # Without a time limit, as the first call of a kernel may compile it.
