@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import json
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -91,7 +92,7 @@ def table(rows: list[dict[str, Any]]) -> str:
 
 
 def draw_curve(folder: Path) -> None:
-    """Draw curve.csv to curve.png: the policy's figures over those of the rules as it learnt."""
+    """Draw curve.csv to curve.png: the policy's figures over those of the rules as it learned, first from the teacher."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -99,14 +100,17 @@ def draw_curve(folder: Path) -> None:
 
     with (folder / "curve.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    steps = [float(row["steps"]) / 1e6 for row in rows]
+    decisions = [float(row["decisions"]) / 1e6 for row in rows]
+    taught = [own for own, row in zip(decisions, rows, strict=True) if float(row["ppo_decisions"]) == 0.0]
     figure, axes = pyplot.subplots(1, 2, figsize=(9.0, 3.4), sharey=True)
     names = {"distance_m": "stopping distance", "mean_slip_mps": "mean slip", "contact_energy_mj": "contact energy"}
     for axis, law in zip(axes, ("recovering", "classic"), strict=True):
         for name, label in names.items():
-            axis.plot(steps, [float(row[f"{law}_{name}_ratio"]) for row in rows], label=label)
+            axis.plot(decisions, [float(row[f"{law}_{name}_ratio"]) for row in rows], marker=".", label=label)
         axis.axhline(1.0, color="grey", linewidth=0.8)
-        axis.set(title=f"{law} law", xlabel="million decisions", ylim=(0.0, 2.0))
+        if taught:
+            axis.axvline(taught[-1], color="grey", linestyle=":", label="PPO begins")
+        axis.set(title=f"{law} law", xlabel="million decisions", ylim=(0.4, 1.4))
     axes[0].set_ylabel("policy / rule-based WSP")
     axes[0].legend(frameon=False)
     figure.tight_layout()
@@ -117,24 +121,23 @@ def draw_curve(folder: Path) -> None:
 def _command(arguments: Mapping[str, Any]) -> str:
     """Return the command of a training with these arguments."""
     own = {name: value for name, value in arguments.items() if value != DEFAULTS[name] and name not in ("vehicle", "seed")}
-    given = "".join(f" --{name.replace('_', '-')} {value}" for name, value in own.items())
+    given = "".join(
+        f" --{name.replace('_', '-')} " + (shlex.join(map(str, value)) if isinstance(value, list) else shlex.quote(str(value)))
+        for name, value in own.items()
+    )
     return f"python -m agents.train --vehicle {arguments['vehicle']} --seed {arguments['seed']}{given}"
 
 
 def card(contract: Contract, sections: Mapping[str, str], stops: int) -> str:
     """Return the text of the model card."""
     arguments = contract.training["arguments"]
-    commands = [_command(arguments)]
-    if "begun_from" in contract.training:
-        commands.insert(0, _command(contract.training["begun_from"]) + f" --out {arguments['start']}")
     units = "; ".join(f"{name}: {FIGURES[name][1]} [{FIGURES[name][0]}]" for name in COMPARED)
-    ranges = ", ".join(f"{name} {value}" for name, value in contract.limits.items())
-    first = arguments["critic_segments"] * arguments["segment"] * arguments["rollout"] * arguments["envs"]
-    still = (
-        ""
-        if contract.training["steps"] > first
-        else ", in which only the value function learned: it is what the imitation learned"
-    )
+    drawn = {name: value for name, value in contract.limits.items() if name not in ("mechanisms", "full_brake_adhesion")}
+    ranges = ", ".join(f"{name} {value}" for name, value in drawn.items())
+    if contract.limits["mechanisms"]:
+        ranges += f", mechanisms {json.dumps(contract.limits['mechanisms'])}"
+    by_teacher = contract.training["decisions"] - contract.training["ppo_decisions"]
+    learned = f"{by_teacher:,} decisions of imitation and {contract.training['ppo_decisions']:,} of PPO".replace(",", " ")
     brake, own = arguments["torque_per_bar_nm"], VEHICLES[contract.vehicle].brake.torque_per_bar_nm
     parts = [
         f"# Wheel slide protection, {contract.vehicle}, learned\n\n"
@@ -144,8 +147,7 @@ def card(contract: Contract, sections: Mapping[str, str], stops: int) -> str:
         f"For {contract.axles} axle(s), a decision every {contract.control_interval_s:g} s, "
         f"{'with' if contract.pressure_sensors else 'without'} cylinder-pressure sensors. For research; nobody has assessed it "
         "for use on a railway.",
-        f"## Training\n\n`{'`, then `'.join(commands)}`: the best checkpoint, after {contract.training['steps']} decisions of "
-        f"PPO by the last command{still}; "
+        f"## Training\n\n`{_command(arguments)}`: what had the best score on the watched stops, after {learned}; "
         "arguments and versions in `contract.json`.\n\n"
         f"![curve](curve.png)\n\nConditions it was trained for: {ranges}, brakes of {brake:g} N m a bar (the vehicle's own: "
         f"{own:g}). Outside of them it was not trained.",

@@ -3,7 +3,9 @@
 import dataclasses
 import hashlib
 import json
+import logging
 import tempfile
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ import wsp_env
 from agents.steering import Steering
 from agents.worlds import CUT_OUT_MPS, REFERENCE
 from wsp_env.envs.observation import Observer
+from wsp_env.envs.reckoning import full_brake
 from wsp_env.envs.task import Task
 from wsp_env.evaluation.policy import (
     CONTRACT,
@@ -27,6 +30,7 @@ from wsp_env.evaluation.policy import (
     NETWORK,
     OUTPUTS,
     Contract,
+    describe_measurement,
     describe_observation,
     observer_constants,
 )
@@ -114,13 +118,6 @@ def describe(
 ) -> Contract:
     """Return the contract of a policy trained for a task."""
     axles = VEHICLES[vehicle].axles
-    measurement = [
-        {"name": "time", "unit": "s", "shape": "(N,)", "meaning": "since the start of the stop"},
-        {"name": "wheel_speed", "unit": "rad/s", "shape": f"(N, {axles})", "meaning": "measured, axle by axle from the front"},
-        {"name": "demand", "unit": "1", "shape": "(N,)", "meaning": "brake demand, share of full pressure"},
-    ]
-    if task.pressure_sensors:
-        measurement.append({"name": "pressure", "unit": "bar", "shape": f"(N, {axles})", "meaning": "in the cylinders"})
     return Contract(
         contract=CONTRACT_VERSION,
         wsp_env=wsp_env.__version__,
@@ -129,7 +126,7 @@ def describe(
         control_interval_s=task.control_interval_s,
         action=task.action,
         pressure_sensors=task.pressure_sensors,
-        measurement=measurement,
+        measurement=describe_measurement(axles, task.pressure_sensors),
         observation=describe_observation(axles, task.pressure_sensors),
         observer=observer_constants(),
         output=OUTPUTS | (MEMORY_OUTPUT if memory else {}),
@@ -157,7 +154,9 @@ def export(
     actor.eval()
     sizes = [len(describe_observation(VEHICLES[vehicle].axles, task.pressure_sensors)), actor.memory]
     names = [INPUT, MEMORY_INPUT][: 2 if actor.memory else 1]
-    with tempfile.TemporaryDirectory() as temporary:
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # else it tells that torchvision, which is not needed, is missing
+    with tempfile.TemporaryDirectory() as temporary, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the exporter warns of itself
         path = Path(temporary) / NETWORK
         torch.onnx.export(
             actor,
@@ -177,8 +176,9 @@ def export(
     difference = disagreement(policy, normalisation, actor, tuple(given.values()), session.run(["raw"], given)[0])
     if difference > AGREEMENT:
         raise RuntimeError(f"the exported network differs from the trained one by {difference:.2g}")
-    scenario = dataclasses.asdict(task.distributions)
-    contract = describe(vehicle, task, scenario, training, hashlib.sha256(content).hexdigest(), actor.memory)
+    limits = dataclasses.asdict(task.distributions) | {"mechanisms": task.mechanisms}
+    limits["full_brake_adhesion"] = round(full_brake(task.make_vehicle(vehicle)), 4)
+    contract = describe(vehicle, task, limits, training, hashlib.sha256(content).hexdigest(), actor.memory)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / NETWORK).write_bytes(content)
     (folder / CONTRACT).write_text(json.dumps(dataclasses.asdict(contract), indent=2) + "\n", encoding="utf-8")

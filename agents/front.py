@@ -31,7 +31,7 @@ class Arguments:
 
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
     policies: tuple[Path, ...] = ()  # folders; none: the shipped one
-    stops: int = 24  # held-out ones under each law
+    stops: int = 40  # held-out ones under each law
     out: Path = Path("docs/agents_front.png")
     json: bool = False  # print the points
 

@@ -4,25 +4,34 @@ DAgger (Ross, Gordon, Bagnell 2011): the teacher brakes the first round, the pol
 would command there, and the policy is fitted to everything seen until then.
 """
 
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from rich.progress import track
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecNormalize
 
 from agents.teacher import Teacher
 
-#: Decisions between two that are kept: neighbours are alike.
+#: Decisions between two that the teacher answers: neighbours are alike.
 THIN = 4
 
-#: Passes over everything seen in each round, states of one step of the optimiser, its learning rate.
-PASSES, BATCH, LEARNING_RATE = 1, 4096, 1e-3
+#: States of one step of the optimiser, and its learning rate, which falls linearly to zero over the rounds.
+BATCH, LEARNING_RATE = 4096, 3e-3
 
 
-def imitate(model: PPO, world: VecNormalize, slide_price: float, rounds: int, decisions: int) -> list[float]:
-    """Fit the policy of `model` to the teacher; return the mean squared difference to it at the end of each round.
+class Round(NamedTuple):
+    """R decisions of N stops, and what the teacher wanted at every `THIN`th; without memory only these decisions are kept."""
+
+    observation: np.ndarray  # (R, N, size), not normalised
+    begun: np.ndarray  # (R, N) a stop began with it
+    wanted: np.ndarray  # (R / THIN, N, A)
+    memory: Any  # of the network before the round: hidden and cell state, each (1, N, units); None: it has none
+
+
+def imitate(model: PPO, world: VecNormalize, slide_price: float, rounds: int, decisions: int) -> Iterator[float]:
+    """Fit the policy of `model` to the teacher; yield the mean squared difference to it in each round's pass over all rounds.
 
     Parameters
     ----------
@@ -34,39 +43,71 @@ def imitate(model: PPO, world: VecNormalize, slide_price: float, rounds: int, de
     batches = [part.batch for part in steered.venv.parts]
     teachers = [Teacher(batch.plant, slide_price) for batch in batches]
     optimiser = torch.optim.Adam(model.policy.parameters(), lr=LEARNING_RATE)
-    seen: list[np.ndarray] = []
-    wanted: list[np.ndarray] = []
-    losses = []
+    seen: list[Round] = []
     observation: Any = world.reset()
-    for turn in track(range(rounds), "imitation"):
+    begun, memory = np.ones(world.num_envs, dtype=bool), None
+    for turn in range(rounds):
+        observations, starts, wanted, before = [], [], [], memory
         for step in range(decisions):
-            if turn == 0 or step % THIN == 0:
-                doubts = [batch.observer.reckoning.doubtful for batch in batches]
-                label = np.concatenate([t.wanted(doubt) for t, doubt in zip(teachers, doubts, strict=True)])
-            if step % THIN == 0:
-                seen.append(np.asarray(world.get_original_obs()))
+            answered = step % THIN == 0
+            if turn == 0 or answered:
+                told = zip(teachers, batches, strict=True)
+                label = np.concatenate([teacher.wanted(batch.observer.reckoning) for teacher, batch in told])
+            own, memory = model.predict(np.asarray(observation), memory, begun, deterministic=True)
+            if answered or memory is not None:
+                observations.append(np.asarray(world.get_original_obs()))
+                starts.append(begun)
+            if answered:
                 wanted.append(label)
-            action = label if turn == 0 else model.predict(np.asarray(observation), deterministic=True)[0]
-            observation = world.step(action)[0]
-        losses.append(_fit(model, world, optimiser, np.concatenate(seen), np.concatenate(wanted)))
-    return losses
+            observation, _, begun, _ = world.step(label if turn == 0 else own)
+        if before is None and memory is not None:
+            before = tuple(np.zeros_like(part) for part in memory)
+        for group in optimiser.param_groups:
+            group["lr"] = LEARNING_RATE * (1.0 - turn / rounds)
+        seen.append(Round(np.array(observations), np.array(starts), np.array(wanted), before))
+        fit = _fit if memory is None else _fit_in_sequence
+        yield float(np.mean([_improve(optimiser, *pair) for pair in fit(model, world, seen)]))
 
 
-def _fit(model: PPO, world: VecNormalize, optimiser: torch.optim.Adam, seen: np.ndarray, wanted: np.ndarray) -> float:
-    normal = torch.as_tensor(world.normalize_obs(seen))
-    labels = torch.as_tensor(wanted, dtype=torch.float32)
-    losses = []
-    for _ in range(PASSES):
-        shuffled: Any = torch.randperm(len(normal))
-        for rows in shuffled.split(BATCH):
-            distribution: Any = model.policy.get_distribution(normal[rows]).distribution
-            wish = labels[rows]
-            # A wish for all or nothing is met by anything beyond.
-            own = torch.where(wish >= 1.0, torch.clamp(distribution.mean, max=1.0), distribution.mean)
-            own = torch.where(wish <= -1.0, torch.clamp(own, min=-1.0), own)
-            loss: Any = torch.nn.functional.mse_loss(own, wish)
-            optimiser.zero_grad()
-            loss.backward()
-            optimiser.step()
-            losses.append(float(loss.detach()))
-    return float(np.mean(losses[-len(losses) // PASSES :]))
+def _fit(model: PPO, world: VecNormalize, seen: Sequence[Round]) -> Iterator[tuple[Any, torch.Tensor]]:
+    """Yield what the policy wants (B, A) and what it should, once for everything seen, in random order."""
+    size = seen[0].observation.shape[-1]
+    normal = torch.as_tensor(world.normalize_obs(np.concatenate([one.observation.reshape(-1, size) for one in seen])))
+    wanted = np.concatenate([one.wanted for one in seen])
+    labels = torch.as_tensor(wanted.reshape(len(normal), -1), dtype=torch.float32)
+    shuffled: Any = torch.randperm(len(normal))
+    for rows in shuffled.split(BATCH):
+        distribution: Any = model.policy.get_distribution(normal[rows]).distribution
+        yield distribution.mean, labels[rows]
+
+
+def _fit_in_sequence(model: PPO, world: VecNormalize, seen: Sequence[Round]) -> Iterator[tuple[Any, torch.Tensor]]:
+    """Do the same with a network that remembers: whole rounds of some stops, from the memory that it then had."""
+    policy: Any = model.policy
+    decisions, stops, size = seen[0].observation.shape
+    together = max(1, BATCH * THIN // decisions)
+    places: Any = torch.randperm(len(seen) * stops)
+    for chosen in places.split(together):
+        turns, rows = np.divmod(chosen.numpy(), stops)
+        pairs = list(zip(turns, rows, strict=True))
+        normal = torch.as_tensor(world.normalize_obs(np.stack([seen[turn].observation[:, row] for turn, row in pairs])))
+        begun = torch.as_tensor(np.stack([seen[turn].begun[:, row] for turn, row in pairs]), dtype=torch.float32)
+        wanted = torch.as_tensor(np.stack([seen[turn].wanted[:, row] for turn, row in pairs]), dtype=torch.float32)
+        memory = tuple(
+            torch.as_tensor(np.stack([seen[turn].memory[part][:, row] for turn, row in pairs], axis=1)) for part in (0, 1)
+        )
+        distribution: Any = policy.get_distribution(normal.reshape(-1, size), memory, begun.reshape(-1))[0].distribution
+        own = distribution.mean.reshape(len(chosen), decisions, -1)[:, ::THIN]
+        yield own, wanted
+
+
+def _improve(optimiser: torch.optim.Adam, own: Any, wish: torch.Tensor) -> float:
+    """Go one step towards what is wished, both (..., A); return the mean squared difference before it."""
+    # A wish for all or nothing is met by anything beyond.
+    own = torch.where(wish >= 1.0, torch.clamp(own, max=1.0), own)
+    own = torch.where(wish <= -1.0, torch.clamp(own, min=-1.0), own)
+    loss: Any = torch.nn.functional.mse_loss(own, wish)
+    optimiser.zero_grad()
+    loss.backward()
+    optimiser.step()
+    return float(loss.detach())

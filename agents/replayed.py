@@ -14,7 +14,7 @@ import numpy as np
 import tyro
 
 from agents.measure import Yardstick
-from agents.rules import read_best
+from agents.rules import best_at
 from agents.seeds import TOLD
 from baselines.rule_based import RuleBasedWSP
 from wsp_env.evaluation.policy import load_policy
@@ -38,10 +38,7 @@ def compare(arguments: Arguments) -> list[dict[str, Any]]:
     """Return a row for each campaign and one for all: mean ratios to the rules, of the distance with its 95 % interval."""
     shipped = Path("agents/trained") / arguments.vehicle
     policy = load_policy(arguments.folder if arguments.folder.name else shipped)
-    best = read_best(shipped)
-    if arguments.price not in best:
-        raise SystemExit(f"no thresholds for the price {arguments.price}; valid: {', '.join(best) or 'none'}: see agents.rules")
-    rules = RuleBasedWSP(best[arguments.price])
+    rules = RuleBasedWSP(best_at(shipped, arguments.price))
     rows: list[dict[str, Any]] = []
     found: dict[str, list[dict[str, np.ndarray]]] = {"policy": [], "rules": []}
     bounds: list[np.ndarray] = []

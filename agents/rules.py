@@ -113,6 +113,16 @@ def search(trials: Trials, arguments: Search, slide_price: float) -> dict[str, f
     return {name: round(float(value[0]), 4) for name, value in values.items()}
 
 
+def best_at(folder: Path, price: str) -> RuleBasedParameters:
+    """Return the thresholds found before for a price; `SystemExit` names the prices where there are none for it."""
+    best = read_best(folder)
+    if price not in best:
+        raise SystemExit(
+            f"{folder / 'rules.json'} holds no price {price}; valid: {', '.join(best) or 'none'}: see agents.rules"
+        )
+    return best[price]
+
+
 def read_best(folder: Path) -> dict[str, RuleBasedParameters]:
     """Return the thresholds found before, by price; none where no search was written."""
     path = folder / "rules.json"
@@ -124,10 +134,8 @@ def read_best(folder: Path) -> dict[str, RuleBasedParameters]:
 
 def show(folder: Path, price: str) -> str:
     """Return the thresholds of a price as settings for `wsp evaluate --set`."""
-    best = read_best(folder)
-    if price not in best:
-        raise SystemExit(f"{folder / 'rules.json'} holds no price {price}; valid: {', '.join(best) or 'none'}")
-    return " ".join(f"rule-based.{name}={getattr(best[price], name):g}" for name in RANGES)
+    best = best_at(folder, price)
+    return " ".join(f"rule-based.{name}={getattr(best, name):g}" for name in RANGES)
 
 
 def main(arguments: Search) -> None:

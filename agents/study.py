@@ -14,7 +14,7 @@ import numpy as np
 import tyro
 
 from agents.measure import HELD_OUT, Yardstick, low_adhesion
-from agents.rules import read_best
+from agents.rules import best_at
 from baselines.rule_based import RuleBasedWSP
 from wsp_env.evaluation.controller import Controller
 from wsp_env.evaluation.policy import load_policy
@@ -46,7 +46,7 @@ SIZES: dict[str, dict[str, float]] = {
     "clock_offset": {"offset_s": 0.1},
 }
 
-#: Stops outside of the training's ranges: name -> what replaces a quantity of each drawn stop.
+#: Stops at the edges of the training's ranges and outside: name -> what replaces a quantity of each drawn stop.
 OUTSIDE: dict[str, dict[str, float]] = {
     "mu_cd 0.012, extremely low": {"mu_cd": 0.012},
     "mu_cd 0.1": {"mu_cd": 0.1},
@@ -68,8 +68,8 @@ class Arguments:
 
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
     folders: tuple[Path, ...] = ()  # of policies; none: agents/trained/VEHICLE
-    price: str = "2"  # of sliding: the rules' own best thresholds for it are compared with
-    stops: int = 12  # held-out ones in each world
+    price: str = "3"  # of sliding: the rules' own best thresholds for it are compared with
+    stops: int = 40  # held-out ones in each world
     only: str = ""  # worlds whose name begins so; none: all
     json: bool = False
 
@@ -120,10 +120,7 @@ def study(arguments: Arguments) -> dict[str, list[dict[str, Any]]]:
     """Return the rows of every world; the rules come first in each."""
     assert set(SIZES) == set(ALL)
     shipped = Path("agents/trained") / arguments.vehicle
-    best = read_best(shipped)
-    if arguments.price not in best:
-        raise SystemExit(f"no thresholds for the price {arguments.price}; valid: {', '.join(best) or 'none'}: see agents.rules")
-    controllers: dict[str, Controller] = {"rules": RuleBasedWSP(best[arguments.price])}
+    controllers: dict[str, Controller] = {"rules": RuleBasedWSP(best_at(shipped, arguments.price))}
     for folder in arguments.folders or (shipped,):
         controllers[folder.parent.name if folder.name == "policy" else folder.name] = load_policy(folder)
     results = {}

@@ -2,13 +2,14 @@
 
 With the adhesion f(s) of the rail under it, a wheelset at slip speed s slows the vehicle by f g and slides s metres a second:
 of all slips the one with the least (v + c s) / f(s) costs least metres travelled and priced metres slid for the speed lost.
+It knows rail, load, speed, slips and pressures; of the mechanisms those that act on mass, gradient and radius alone.
 """
 
 import numpy as np
 
 from agents.steering import wanted_brake
 from wsp_env.contact.degraded import degraded_adhesion
-from wsp_env.envs.reckoning import full_brake
+from wsp_env.envs.reckoning import Reckoning, full_brake
 from wsp_env.evaluation.reference import dead_time, wanted_pressure
 from wsp_env.plant.plant import Plant
 
@@ -16,9 +17,9 @@ from wsp_env.plant.plant import Plant
 _SHARES = np.geomspace(0.002, 0.25, 24)
 _LEAST_MPS = 0.05
 
-#: Adhesion that is asked of the last wheelset when the running speed is in doubt: it then rolls (assumption: half of
-#: `wsp_env.envs.reckoning.ROLLING_ADHESION`).
-RELEASED_ADHESION = 0.0075
+#: When the running speed is in doubt the last wheelset is asked for this share of the adhesion below which it rolls, see
+#: `wsp_env.envs.reckoning` (assumption).
+RELEASED_SHARE = 0.5
 
 
 class Teacher:
@@ -36,12 +37,13 @@ class Teacher:
         self.full_brake = full_brake(plant.vehicle)
         self.slide_price = slide_price
 
-    def wanted(self, doubtful: np.ndarray) -> np.ndarray:
-        """Return the brakes wanted (N, A), see `agents.steering`; where the running speed is in doubt (N,) the last rolls."""
+    def wanted(self, reckoning: Reckoning) -> np.ndarray:
+        """Return the brakes wanted (N, A), see `agents.steering`; where the reckoned speed is in doubt the last rolls."""
         plant = self.plant
         share = wanted_pressure(plant, self.targets()) / plant.constants.full_pressure
         adhesion = np.where(share < 1.0, share * self.full_brake, np.inf)  # all that there is
-        adhesion[doubtful, -1] = np.minimum(adhesion[doubtful, -1], RELEASED_ADHESION)
+        released = np.minimum(adhesion[:, -1], RELEASED_SHARE * reckoning.rolling_adhesion[:, -1])
+        adhesion[:, -1] = np.where(reckoning.doubtful, released, adhesion[:, -1])
         return wanted_brake(adhesion)
 
     def targets(self) -> np.ndarray:

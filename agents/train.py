@@ -10,6 +10,8 @@ import dataclasses
 import json
 import time
 from collections import deque
+from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
 
@@ -33,6 +35,13 @@ from agents.watch import Watch
 from agents.worlds import Joined, Shaped, Stopped
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
+from wsp_env.parameters.quantity import ParameterError
+
+#: Threads of torch: a fixed number sums in one order and gives the same weights wherever there are so many cores.
+THREADS = 2
+
+#: Rounds of the imitation between two looks at the watched stops.
+LOOKS = 5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,7 +50,7 @@ class Arguments:
 
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
     seed: int = 1
-    steps: int = 800_000  # decisions in all, those of the imitation apart
+    steps: int = 800_000  # decisions of PPO, rounded to whole segments
     out: Path = Path()  # folder of the run; none: out/agents/VEHICLE-SEED
     envs: int = 512  # stops at once
     classic_share: float = 0.25  # of them under the classic law
@@ -60,7 +69,7 @@ class Arguments:
     critic_segments: int = 1  # first segments in which only the value function learns
     hidden: tuple[int, ...] = (128, 128)  # layers of the policy
     critic: tuple[int, ...] = (64, 64)  # layers of the value function
-    slide_price: float = 3.7  # metres travelled that a metre of sliding is worth, see `Shaped`
+    slide_price: float = 4.3  # metres travelled that a metre of sliding is worth, see `Shaped`
     action: Literal["steered", "valve", "pressure"] = "steered"  # steered: brake wanted, reached by the valves
     pressure_sensors: bool = False
     reward: str = '{"air": 0.00005}'  # JSON, see `wsp_env.envs.task.RewardWeights`
@@ -68,10 +77,10 @@ class Arguments:
         '{"mu_cd": [0.02, 0.065], "tau": [1e-4, 3.5e-4], "demand": [0.35, 1.0], "initial_speed": [12.0, 44.5]}'
     )
     torque_per_bar_nm: float = 2400.0  # of a wheelset; stronger brakes than the vehicles' own 1500, so that it learns for all
-    mechanisms: str = "{}"  # JSON, {name: {parameter: value}}
-    recurrent: int = 0  # units of an LSTM before the networks (sb3-contrib), 0: none; it learns without a teacher
+    mechanisms: str = "{}"  # JSON, {name: {parameter: value, or [lowest, highest] to draw from}}
+    recurrent: int = 0  # units of an LSTM before the networks (sb3-contrib), 0: none
     start: str = ""  # folder of a run whose last checkpoint this one begins from; none: from nothing
-    watched: int = 12  # stops under each law by which learning is watched
+    watched: int = 24  # stops under each law by which learning is watched
 
 
 class Told(BaseCallback):
@@ -136,10 +145,17 @@ def make_model(arguments: Arguments, world: VecNormalize) -> PPO:
 
 def task_options(arguments: Arguments) -> dict[str, Any]:
     """Return the options of the environments."""
-    texts = {name: json.loads(getattr(arguments, name)) for name in ("reward", "scenario", "mechanisms")}
+    texts = {name: _read(name, getattr(arguments, name)) for name in ("reward", "scenario", "mechanisms")}
     action = "pressure" if arguments.action == "pressure" else "valve"
     vehicle = {"brake": {"torque_per_bar_nm": arguments.torque_per_bar_nm}}
     return texts | {"action": action, "pressure_sensors": arguments.pressure_sensors, "vehicle": vehicle}
+
+
+def _read(name: str, text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError as error:
+        raise SystemExit(f"--{name} {text!r} is not JSON ({error}); like --{name} '{getattr(Arguments, name)}'") from None
 
 
 def actor(arguments: Arguments, model: PPO, world: VecNormalize) -> Actor:
@@ -161,8 +177,6 @@ def learns(model: PPO, policy: bool) -> None:
 
 def begin_from(folder: Path, model: PPO, world: VecNormalize) -> None:
     """Take over weights, optimiser and normalisation of another run, but not its count of steps."""
-    if not (folder / checkpoint.CHECKPOINT).exists():
-        raise SystemExit(f"{folder} holds no {checkpoint.CHECKPOINT} to begin from")
     checkpoint.load(folder / checkpoint.CHECKPOINT, model, world)
     model.num_timesteps = model._n_updates = 0
 
@@ -174,57 +188,101 @@ def segment_seed(seed: int, segment: int) -> int:
 
 def train(arguments: Arguments) -> tuple[PPO, VecNormalize]:
     """Train, from the folder's last checkpoint if it has one; return model and normalisation."""
-    torch.set_num_threads(1)  # a fixed number sums in one order and gives the same weights
     torch.distributions.Distribution.set_default_validate_args(False)  # twice as fast with small networks
-    arguments.out.mkdir(parents=True, exist_ok=True)
     if arguments.imitation and arguments.action != "steered":
         raise SystemExit("the teacher says which pressures it wants: --imitation 0, or --action steered")
-    if arguments.imitation and arguments.recurrent:
-        raise SystemExit("a recurrent network learns without the teacher: --imitation 0")
+    _check(arguments)
+    arguments.out.mkdir(parents=True, exist_ok=True)
     _same_arguments(arguments)
-    set_random_seed(segment_seed(arguments.seed, 0))
-    world = make_world(arguments)
-    model = make_model(arguments, world)
-    if arguments.start and not (arguments.out / checkpoint.CHECKPOINT).exists():
-        begin_from(Path(arguments.start), model, world)
-    done, curve = checkpoint.load(arguments.out / checkpoint.CHECKPOINT, model, world)
-    if done == 0 and arguments.imitation and not arguments.start:
-        world.seed(segment_seed(arguments.seed, 0))
-        losses = imitate(model, world, arguments.slide_price, arguments.imitation, arguments.imitation_decisions)
-        world.obs_rms.count = 1e12  # what was learned is not moved by the normalisation any more
-        print(
-            f"imitation: mean squared difference to the teacher {losses[0]:.3f} at first, {losses[-1]:.3f} at last", flush=True
-        )
-    update = arguments.envs * arguments.rollout
-    segments = max(1, round(arguments.steps / (update * arguments.segment)))
-    watch = Watch(
-        arguments.vehicle, make_task(task_options(arguments)), arguments.slide_price, arguments.classic_share, arguments.watched
-    )
-    columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), TimeRemainingColumn())
-    torch.set_num_threads(2)  # only the large batches of PPO gain by the second
+    run = Run(arguments)
+    columns = (BarColumn(10), TextColumn("{task.description}"), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns) as progress:
-        bar = progress.add_task(watch.told(curve), total=segments, completed=done)
-        for segment in range(done, segments):
+        bar = progress.add_task(run.watch.briefly(run.curve), total=run.rounds + run.segments, completed=run.done)
+        for _ in chain(run.imitate(), run.practise()):
+            progress.update(bar, advance=1, description=run.watch.briefly(run.curve))
+    _write_curve(arguments.out / "curve.csv", run.curve)
+    return run.model, run.world
+
+
+class Run:
+    """A training under way: `imitate` and `practise` go on with it step by step."""
+
+    def __init__(self, arguments: Arguments) -> None:
+        torch.set_num_threads(THREADS)
+        set_random_seed(segment_seed(arguments.seed, 0))
+        self.arguments = arguments
+        self.world = make_world(arguments)
+        self.model = make_model(arguments, self.world)
+        self.folder = arguments.out
+        if arguments.start and not (self.folder / checkpoint.CHECKPOINT).exists():
+            begin_from(Path(arguments.start), self.model, self.world)
+        self.done, self.curve = checkpoint.load(self.folder / checkpoint.CHECKPOINT, self.model, self.world)
+        self.rounds = arguments.imitation if self.done == 0 and not arguments.start else 0  # of the imitation, still to come
+        self.taught = 0 if arguments.start else arguments.imitation - self.rounds  # and those behind
+        self.segments = max(1, round(arguments.steps / (arguments.envs * arguments.rollout * arguments.segment)))
+        task = make_task(task_options(arguments))
+        self.watch = Watch(arguments.vehicle, task, arguments.slide_price, arguments.classic_share, arguments.watched)
+
+    def imitate(self) -> Iterator[None]:
+        """Learn from the teacher, round by round; a run that was killed meanwhile begins anew."""
+        if not self.rounds:
+            return
+        torch.set_num_threads(1)  # its small batches gain nothing by more
+        given, begun = self.arguments, time.perf_counter()
+        self.world.seed(segment_seed(given.seed, 0))
+        lessons = imitate(self.model, self.world, given.slide_price, self.rounds, given.imitation_decisions)
+        for difference in lessons:
+            self.taught += 1
+            if self.taught % LOOKS == 0 or self.taught == given.imitation:
+                rate = self.decisions / (time.perf_counter() - begun)
+                self._look(f"imitation, mean squared difference to the teacher {difference:.3f}", rate, 0)
+            yield
+        self.world.obs_rms.count = 1e12  # type: ignore[union-attr]  # what was learned is not moved by it any more
+
+    def practise(self) -> Iterator[None]:
+        """Learn by PPO, segment by segment, with a checkpoint after each."""
+        torch.set_num_threads(THREADS)
+        given = self.arguments
+        update = given.envs * given.rollout * given.segment
+        for segment in range(self.done, self.segments):
             begun = time.perf_counter()
-            seed = segment_seed(arguments.seed, segment + 1)
+            seed = segment_seed(given.seed, segment + 1)
             set_random_seed(seed)
-            world.seed(seed)
-            learns(model, segment >= arguments.critic_segments)
-            model._last_obs = None  # `learn` then begins new stops
-            model.learn(update * arguments.segment, callback=Told(), reset_num_timesteps=False)
-            rate = update * arguments.segment / (time.perf_counter() - begun)
-            curve.append({"steps": float(model.num_timesteps)} | watch.look(actor(arguments, model, world)))
-            for name, value in curve[-1].items():
-                model.logger.record(f"watched/{name}", value)
-            model.logger.record("time/steps_per_second", rate)
-            model.logger.dump(model.num_timesteps)
-            if curve[-1]["score"] == min(row["score"] for row in curve):
-                checkpoint.save(arguments.out / checkpoint.BEST, model, world, segment + 1, curve)
-            checkpoint.save(arguments.out / checkpoint.CHECKPOINT, model, world, segment + 1, curve)
-            progress.update(bar, advance=1, description=watch.told(curve))
-            print(f"{model.num_timesteps} steps, {rate:.0f} a second: {watch.told(curve)}", flush=True)
-    _write_curve(arguments.out / "curve.csv", curve)
-    return model, world
+            self.world.seed(seed)
+            learns(self.model, segment >= given.critic_segments)
+            self.model._last_obs = None  # `learn` then begins new stops
+            self.model.learn(update, callback=Told(), reset_num_timesteps=False)
+            self._look("PPO", update / (time.perf_counter() - begun), segment + 1)
+            checkpoint.save(self.folder / checkpoint.CHECKPOINT, self.model, self.world, segment + 1, self.curve)
+            yield
+
+    @property
+    def decisions(self) -> int:
+        """Decisions so far, those of the imitation and those of PPO."""
+        return self.taught * self.arguments.imitation_decisions * self.arguments.envs + self.model.num_timesteps
+
+    def _look(self, phase: str, rate: float, segment: int) -> None:
+        """Watch the policy, tell of it, and keep it if it is the best so far."""
+        self.model.logger.dump(self.model.num_timesteps)  # what PPO has told, over its own decisions
+        row = {"decisions": float(self.decisions), "ppo_decisions": float(self.model.num_timesteps)}
+        self.curve.append(row | self.watch.look(actor(self.arguments, self.model, self.world)))
+        for name, value in self.curve[-1].items():
+            self.model.logger.record(f"watched/{name}", value)
+        self.model.logger.record("time/steps_per_second", rate)
+        self.model.logger.dump(self.decisions)
+        if self.curve[-1]["score"] == min(row["score"] for row in self.curve):
+            checkpoint.save(self.folder / checkpoint.BEST, self.model, self.world, segment, self.curve)
+        print(f"{phase}: {self.decisions} decisions, {rate:.0f} a second, {self.watch.told(self.curve)}", flush=True)
+
+
+def _check(arguments: Arguments) -> None:
+    """Refuse arguments that cannot be before anything is written."""
+    try:
+        make_task(task_options(arguments)).make_vehicle(arguments.vehicle)
+    except ParameterError as error:
+        raise SystemExit(str(error)) from None
+    if arguments.start and not (Path(arguments.start) / checkpoint.CHECKPOINT).exists():
+        raise SystemExit(f"{arguments.start} holds no {checkpoint.CHECKPOINT} to begin from")
 
 
 def _same_arguments(arguments: Arguments) -> None:
@@ -252,12 +310,13 @@ def _write_curve(path: Path, curve: list[dict[str, float]]) -> None:
 
 
 def main(arguments: Arguments) -> None:
-    """Train and export the checkpoint with the best score on the watched stops to `policy/` in the run's folder."""
+    """Train and export what had the best score on the watched stops to `policy/` in the run's folder."""
     if not arguments.out.name:
         arguments = dataclasses.replace(arguments, out=Path(f"out/agents/{arguments.vehicle}-{arguments.seed}"))
     model, world = train(arguments)
-    checkpoint.load(arguments.out / checkpoint.BEST, model, world)
-    training = {"arguments": record(arguments), "steps": model.num_timesteps, "torch": torch.__version__.partition("+")[0]}
+    _, curve = checkpoint.load(arguments.out / checkpoint.BEST, model, world)
+    training = {"arguments": record(arguments), "torch": torch.__version__.partition("+")[0]}
+    training |= {name: int(curve[-1][name]) for name in ("decisions", "ppo_decisions")}
     difference = export(
         model.policy, world, actor(arguments, model, world), arguments.vehicle, make_task(task_options(arguments)),
         arguments.out / "policy", training,

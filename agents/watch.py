@@ -62,8 +62,6 @@ class Watch:
 
     def told(self, curve: list[dict[str, float]]) -> str:
         """Return the last row of a curve in words."""
-        if not curve:
-            return "no checkpoint yet"
         row = curve[-1]
         laws = (
             f"{law}: distance x{row[f'{law}_distance_m_ratio']:.3f}, slip x{row[f'{law}_mean_slip_mps_ratio']:.2f}, "
@@ -72,3 +70,9 @@ class Watch:
             for law in self.rules
         )
         return f"score {row['score']:.3f}, of the rules' " + "; ".join(laws)
+
+    def briefly(self, curve: list[dict[str, float]]) -> str:
+        """Return the stopping distances of the last row in words."""
+        if not curve:
+            return "not yet watched"
+        return "of the rules' distance: " + ", ".join(f"{law} {curve[-1][f'{law}_distance_m_ratio']:.3f}" for law in self.rules)

@@ -1,8 +1,10 @@
 """Training: exact resume, the shaped reward, joined worlds, export that agrees with SB3."""
 
 import copy
+import csv
 import dataclasses
 import json
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,18 +15,19 @@ import torch
 from numpy.testing import assert_allclose, assert_array_equal
 from stable_baselines3 import PPO
 
+import agents.imitation
 import agents.watch
 from agents import checkpoint
 from agents.export import AGREEMENT, Actor, disagreement, export
 from agents.measure import HELD_OUT, WATCHED, Yardstick, low_adhesion
-from agents.train import Arguments, actor, begin_from, make_world, segment_seed, task_options, train
+from agents.train import LOOKS, Arguments, actor, begin_from, make_world, segment_seed, task_options, train
 from agents.worlds import CUT_OUT_MPS, REFERENCE, SPEEDS, TIME_PRICE_MPS, Joined, Shaped, rest_of_stop
 from wsp_env.envs.observation import Observer
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
 from wsp_env.evaluation.controller import load
-from wsp_env.evaluation.runner import Conduct
-from wsp_env.parameters.uic_z1 import BOGIE
+from wsp_env.evaluation.runner import Conduct, make_plant, measure
+from wsp_env.parameters.uic_z1 import BOGIE, VEHICLES
 
 TINY = Arguments(
     action="valve", imitation=0, critic_segments=0,
@@ -155,6 +158,66 @@ def test_a_recurrent_policy_remembers_in_its_folder_as_it_does_in_training(tmp_p
         start = np.zeros(5, dtype=bool)
     yardstick = Yardstick.drawn("bogie", "recovering", 1, WATCHED)
     assert yardstick.means(policy) == yardstick.means(policy)  # it forgets between stops
+
+
+def test_the_curve_begins_with_the_imitation(tmp_path):
+    arguments = dataclasses.replace(
+        TINY, out=tmp_path, action="steered", imitation=2 * LOOKS, imitation_decisions=8, steps=4 * 16 * 2 * 2
+    )
+    train(arguments)
+    with (tmp_path / "curve.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    taught, practised = 4 * 8 * LOOKS, 4 * 16 * 2
+    assert [float(row["decisions"]) for row in rows] == [taught, 2 * taught, 2 * taught + practised, 2 * taught + 2 * practised]
+    assert [float(row["ppo_decisions"]) for row in rows] == [0, 0, practised, 2 * practised]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"mechanisms": "{"}, "--mechanisms '{' is not JSON"),
+        ({"mechanisms": '{"pads": {}}'}, "unknown mechanism pads"),
+        ({"scenario": '{"speed": [1, 2]}'}, "scenario quantity"),
+        ({"start": "nowhere"}, "nowhere holds no checkpoint.npz to begin from"),
+    ],
+)
+def test_arguments_that_cannot_be_leave_no_run_behind(tmp_path, wrong, said):
+    with pytest.raises(SystemExit, match=re.escape(said) if "[" in said else said):
+        train(dataclasses.replace(TINY, out=tmp_path / "run", **wrong))
+    assert not (tmp_path / "run").exists()
+
+
+def test_killed_in_the_imitation_it_begins_anew_and_ends_with_the_same_weights(tmp_path, monkeypatch):
+    whole = dataclasses.replace(
+        TINY,
+        out=tmp_path / "whole",
+        action="steered",
+        recurrent=4,
+        imitation=2 * LOOKS,
+        imitation_decisions=8,
+        steps=4 * 16 * 2,
+    )
+    train(whole)
+    killed, improve, calls = dataclasses.replace(whole, out=tmp_path / "killed"), agents.imitation._improve, []
+
+    def die(*given):
+        calls.append(given)
+        if len(calls) > LOOKS + 2:
+            raise KeyboardInterrupt
+        return improve(*given)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(agents.imitation, "_improve", die)
+        with pytest.raises(KeyboardInterrupt):
+            train(killed)
+    assert (killed.out / checkpoint.BEST).exists()
+    train(killed)
+    expected, found = arrays(whole.out), arrays(killed.out)
+    for name, value in expected.items():
+        assert_array_equal(found[name], value, err_msg=name)
+    for name in (checkpoint.BEST, "curve.csv"):
+        assert (whole.out / name).exists()
+    assert (whole.out / "curve.csv").read_text() == (killed.out / "curve.csv").read_text()
 
 
 def test_a_recurrent_policy_killed_and_resumed_ends_with_the_same_weights(tmp_path, monkeypatch):
@@ -297,6 +360,22 @@ def test_shipped_policies_stop_without_locked_wheels(folder, law):
     assert found["distance_m"].mean() < rules["distance_m"].mean()
 
 
+@pytest.mark.parametrize("folder", SHIPPED, ids=lambda folder: folder.name)
+@pytest.mark.parametrize("law", ["recovering", "classic"])
+def test_shipped_policies_know_the_running_speed(folder, law):
+    """To the deviation that they claim, at any time of stops in which all wheels may slide at once."""
+    vehicle, controller = VEHICLES[folder.name], load(str(folder))
+    plant = make_plant(vehicle, low_adhesion(vehicle, law, 12, 77), Conduct())
+    controller.reset(plant.n, vehicle)
+    wrong = []
+    while (fast := plant.state.speed > 3.0).any():
+        plant.step(controller.act(measure(plant)))
+        reckoning = controller._observer.reckoning
+        wrong.append(np.where(fast, (reckoning.speed - plant.state.speed) / reckoning.uncertainty, 0.0))
+    assert 0.2 < np.sqrt(np.mean(np.square(wrong))) < 1.0
+    assert np.abs(wrong).max() < 4.0
+
+
 def test_a_run_begins_from_another_ones_weights(trained):
     arguments, finished, _ = trained
     world = make_world(arguments)
@@ -305,5 +384,3 @@ def test_a_run_begins_from_another_ones_weights(trained):
     assert model.num_timesteps == 0
     for name, value in finished.policy.state_dict().items():
         assert torch.equal(model.policy.state_dict()[name], value), name
-    with pytest.raises(SystemExit, match="to begin from"):
-        begin_from(arguments.out / "nowhere", model, world)

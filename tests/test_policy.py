@@ -13,6 +13,7 @@ from onnx import TensorProto, helper
 
 from wsp_env.envs.observation import Measurement
 from wsp_env.evaluation.controller import load
+from wsp_env.evaluation.evaluate import evaluate
 from wsp_env.evaluation.policy import (
     CONTRACT,
     CONTRACT_VERSION,
@@ -20,11 +21,13 @@ from wsp_env.evaluation.policy import (
     OUTPUTS,
     Contract,
     Policy,
+    describe_measurement,
     describe_observation,
     load_policy,
     observer_constants,
 )
-from wsp_env.evaluation.runner import Conduct, ControllerFailure, run
+from wsp_env.evaluation.programme import read_programme
+from wsp_env.evaluation.runner import Conduct, run
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import BOGIE, COACH, WHEELSET
 from wsp_env.plant.state import Stop
@@ -39,7 +42,7 @@ def contract(**changes):
         "control_interval_s": 0.02,
         "action": "valve",
         "pressure_sensors": False,
-        "measurement": [],
+        "measurement": describe_measurement(2, False),
         "observation": describe_observation(2, False),
         "observer": observer_constants(),
         "output": OUTPUTS,
@@ -126,12 +129,22 @@ def test_it_runs_without_torch(tmp_path):
     [
         ({"contract": CONTRACT_VERSION + 1}, "version 2"),
         ({"axles": 3}, "3 axles"),
-        ({"axles": 1}, "observations"),
+        ({"axles": 1}, "1 axles, a bogie has 2"),
+        ({"vehicle": "coach"}, "2 axles, a coach has 4"),
+        ({"vehicle": "tram"}, "'tram'; valid: wheelset"),
+        ({"measurement": describe_measurement(2, False)[::-1]}, r"measurement.* entry 1: .*'demand'.*, not .*'time'"),
+        ({"observation": describe_observation(2, False)[:-1]}, "observation.* entry 34: None, not"),
         ({"control_interval_s": 0.0}, "control interval"),
         ({"control_interval_s": "fast"}, "control interval"),
         ({"action": "magnet"}, "magnet"),
-        ({"pressure_sensors": True}, "observations"),
-        ({"observer": observer_constants() | {"SPEED_SCALE": 40.0}}, "observer"),
+        ({"pressure_sensors": True}, "measurement.* entry 4: None, not .*'pressure'"),
+        ({"vehicle": ["bogie"]}, r"\['bogie'\], not of the kind str"),
+        ({"axles": 2.0}, "not of the kind int"),
+        ({"measurement": None}, "not of the kind list"),
+        ({"observation": 3}, "not of the kind list"),
+        ({"observer": [1]}, "not of the kind dict"),
+        ({"pressure_sensors": "yes"}, "'yes'; valid: true, false"),
+        ({"observer": observer_constants() | {"SPEED_SCALE": 40.0}}, r"observer.*: SPEED_SCALE: 40.0, not 50.0$"),
         ({"sha256": "0" * 64}, "sha256"),
         ({"colour": "red"}, "colour"),
     ],
@@ -172,12 +185,27 @@ def test_another_vehicle_is_refused(tmp_path, vehicle):
 
 
 def test_another_interval_is_refused(tmp_path):
-    with pytest.raises(ControllerFailure, match=r"every 0\.02 s, but its measurements come every 0\.01 s"):
+    with pytest.raises(ParameterError, match=r"every 0\.02 s, but its measurements come every 0\.01 s"):
         run(load(write(tmp_path)), BOGIE, [stop()], Conduct(control_interval_s=0.01))
 
 
+def test_a_programme_refuses_what_does_not_fit_before_anything_is_computed(tmp_path):
+    folder = write(tmp_path)
+    programme = read_programme()
+    with pytest.raises(ParameterError, match=r"2 axles of a bogie, .* has 4"):
+        evaluate({folder: {}}, programme, programme.cases, COACH, tmp_path / "out")
+    seeing = tmp_path / "seeing"
+    seeing.mkdir()
+    described = {"measurement": describe_measurement(2, True), "observation": describe_observation(2, True)}
+    with pytest.raises(ParameterError, match="cylinder pressures"):
+        evaluate({write(seeing, pressure_sensors=True, **described): {}}, programme, programme.cases, BOGIE, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_missing_sensor_is_said():
-    values = contract(pressure_sensors=True, observation=describe_observation(2, True))
+    values = contract(
+        pressure_sensors=True, measurement=describe_measurement(2, True), observation=describe_observation(2, True)
+    )
     policy = Policy(Contract(**values), lambda observation, memory: (np.ones((len(observation), 2)), memory))
     policy.reset(1, BOGIE)
     measurement = Measurement(np.zeros(1), np.full((1, 2), 50.0), np.ones(1))

@@ -1,6 +1,7 @@
 """Dead reckoning of speed, pressures and adhesion; the teacher, its wishes and how valves follow them."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,8 @@ import torch
 from numpy.testing import assert_allclose, assert_array_equal
 from stable_baselines3 import PPO
 
-from agents.imitation import imitate
+import agents.imitation
+from agents.imitation import THIN, imitate
 from agents.measure import low_adhesion
 from agents.steering import (
     BRAKE_TO_COME,
@@ -23,10 +25,10 @@ from agents.steering import (
     Steering,
 )
 from agents.teacher import Teacher
-from agents.train import Arguments, learns, make_world, train
+from agents.train import Arguments, learns, make_model, make_world, train
 from wsp_env.contact.degraded import degraded_adhesion
 from wsp_env.envs.observation import Observer
-from wsp_env.envs.reckoning import MASS_DEVIATION, Reckoning
+from wsp_env.envs.reckoning import MASS_DEVIATION, SLIDE_REMEMBERED_S, Reckoning
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.runner import Conduct, make_plant, measure
 from wsp_env.parameters.uic_z1 import BOGIE, VEHICLES
@@ -93,8 +95,59 @@ def test_doubt_grows_while_all_slide_and_the_mass_is_learnt_once_a_wheel_rolls()
     assert (np.sqrt(last[1]) < 0.7 * MASS_DEVIATION).all()
 
 
+@pytest.mark.parametrize("demand", [0.5, 1.0])
+def test_where_nothing_slides_the_speed_is_never_in_doubt(demand):
+    """Loaded and empty, with noisy sensors, on rail that carries the full brake: no wheelset needs to be released."""
+    stops = [
+        dataclasses.replace(stop, mu_cd=0.2, tau=0.0, noise=0.1, demand=demand, mass=BOGIE.mass_kg + load * BOGIE.payload_kg)
+        for stop, load in zip(low_adhesion(BOGIE, "classic", 5, 5), np.linspace(0.0, 1.0, 5), strict=True)
+    ]
+    for plant, reckoning in braked(BOGIE, stops, Applies(), 25.0):
+        assert not reckoning.doubtful.any()
+        fast = plant.state.speed > 5.0
+        assert_allclose(reckoning.speed[fast], plant.state.speed[fast], atol=0.3)
+
+
+def test_a_wheelset_rolls_when_asked_for_half_of_what_it_used():
+    """The speed is certain again while the brake is not yet vented, and sooner than by a wheel without any brake."""
+    stops = [dataclasses.replace(stop, noise=0.0) for stop in low_adhesion(BOGIE, "recovering", 3, 5)]
+    seen = None
+    for plant, reckoning in braked(BOGIE, stops, Released(after=6.0), 8.0):
+        certain = (plant.state.time > 6.0) & (reckoning.uncertainty < 0.1)
+        if certain.all():
+            seen = reckoning.full_brake * reckoning.pressure[:, -1], reckoning.speed - plant.state.speed
+            break
+    assert seen is not None
+    assert (seen[0] > 0.01).all()
+    assert_allclose(seen[1], 0.0, atol=2.0 * 0.1)  # twice the deviation that is claimed
+
+
+def test_doubt_does_not_outlast_the_slide():
+    """Once nothing slides any more, nothing is released for the running speed."""
+    stops = [dataclasses.replace(stop, noise=0.0) for stop in low_adhesion(BOGIE, "recovering", 2, 9)]
+    plant = make_plant(BOGIE, stops, Conduct())
+    reckoning = Reckoning(BOGIE, INTERVAL)
+    reckoning.reset(BOGIE.wheel_radius_m * measure(plant).wheel_speed)
+    rim = np.full((2, 2), 30.0)
+    doubts = []
+    for step in range(1200):  # all wheels slide by 2 m/s for fifteen seconds, then run as fast as is reckoned
+        wheel = reckoning.speed[:, None] - (2.0 if step < 750 else 0.0) * np.ones_like(rim)
+        reckoning.update(wheel, np.zeros((2, 2)), np.ones(2), np.full((2, 2), 0.5))
+        doubts.append(reckoning.doubtful.all())
+    assert doubts[749]
+    assert not any(doubts[750 + int((SLIDE_REMEMBERED_S + 0.5) / INTERVAL) :])
+
+
+class Applies:
+    def reset(self, n, vehicle):
+        self.shape = (n, vehicle.axles)
+
+    def act(self, measurement):
+        return np.ones(self.shape)
+
+
 class Released:
-    """Applies at half pressure, and releases the last axle after a while."""
+    """Applies more than the rail carries, and releases the last axle after a while."""
 
     def __init__(self, after):
         self.after = after
@@ -103,7 +156,7 @@ class Released:
         self.shape = (n, vehicle.axles)
 
     def act(self, measurement):
-        command = np.where(measurement.time[:, None] < 2.0, 1.0, 0.0) * np.ones(self.shape)
+        command = np.where(measurement.time[:, None] < 2.6, 1.0, 0.0) * np.ones(self.shape)
         if measurement.time[0] > self.after:
             command[:, -1] = -1.0
         return command
@@ -137,6 +190,11 @@ def test_a_vehicle_of_a_batch_is_reckoned_as_alone():
         assert_array_equal(seen, lone)
 
 
+def told(doubtful):
+    """What a teacher is told by a reckoning."""
+    return SimpleNamespace(doubtful=np.array(doubtful), rolling_adhesion=np.full((len(doubtful), 2), 0.015))
+
+
 def test_the_teachers_slip_costs_least_of_all():
     stops = low_adhesion(BOGIE, "recovering", 4, 6)
     plant = make_plant(BOGIE, stops, Conduct())
@@ -159,7 +217,7 @@ def test_a_doubtful_vehicle_lets_its_last_wheelset_roll():
     plant = make_plant(BOGIE, low_adhesion(BOGIE, "recovering", 2, 6), Conduct())
     for _ in range(100):  # the wheels still roll
         plant.step(np.ones((2, 2)))
-    calm, doubtful = (Teacher(plant, 2.0).wanted(np.array(doubt)) for doubt in ([False, False], [False, True]))
+    calm, doubtful = (Teacher(plant, 2.0).wanted(told(doubt)) for doubt in ([False, False], [False, True]))
     assert_array_equal(calm[0], doubtful[0])
     assert calm[1, 0] == doubtful[1, 0]
     assert -1.0 < doubtful[1, 1] <= -0.9 < calm[1, 1]
@@ -232,30 +290,53 @@ def test_a_policy_brakes_a_stronger_brake_with_the_same_force():
         for _ in range(100):
             teacher.plant.step(np.zeros((3, 2)))
             teacher.plant.state.pressure[:] = 1.0 * 1500.0 / teacher.plant.vehicle.brake.torque_per_bar_nm
-    own, other = (teacher.wanted(np.zeros(3, dtype=bool)) for teacher in wishes)
+    own, other = (teacher.wanted(told([False] * 3)) for teacher in wishes)
     assert_allclose(own, other, atol=1e-6)  # the first interval began without pressure
     assert (np.abs(own) < 1.0).any()
 
 
 @pytest.mark.slow
-def test_imitation_brings_the_policy_near_the_teacher():
+def test_imitation_brings_the_policy_near_the_teacher(tmp_path, monkeypatch):
     """On stops that it has not seen, in states that it gets into itself, it wants what the teacher does."""
-    world = make_world(Arguments(envs=64, seed=3))
+    monkeypatch.setattr(agents.imitation, "BATCH", 1024)
+    world = make_world(Arguments(envs=64))
     world.seed(3)
     torch.manual_seed(3)
-    model = PPO("MlpPolicy", world, n_steps=16, policy_kwargs={"net_arch": [64, 64]}, device="cpu")
-    imitate(model, world, 2.0, rounds=12, decisions=400)
+    model = make_model(Arguments(envs=64, hidden=(64, 64), out=tmp_path), world)
+    assert len(list(imitate(model, world, 2.0, rounds=12, decisions=400))) == 12
     batches = [part.batch for part in world.venv.venv.parts]
     world.seed(99)
     observation = world.reset()
     own, wanted = [], []
     for _ in range(400):
-        wishes = [Teacher(batch.plant, 2.0).wanted(batch.observer.reckoning.doubtful) for batch in batches]
-        wanted.append(np.concatenate(wishes))
+        wanted.append(np.concatenate([Teacher(batch.plant, 2.0).wanted(batch.observer.reckoning) for batch in batches]))
         own.append(np.clip(model.predict(observation, deterministic=True)[0], -1.0, 1.0))
         observation = world.step(own[-1])[0]
     missed = np.mean(np.square(np.array(own) - np.array(wanted)))
     assert missed < 0.5 * np.var(np.array(wanted), axis=(0, 1)).mean()  # no constant comes near
+
+
+def test_what_is_fitted_in_sequence_is_what_the_network_wanted_while_it_braked(tmp_path, monkeypatch):
+    """A network that remembers is fitted from the memory that it had, through stops that end meanwhile."""
+    arguments = Arguments(envs=4, recurrent=8, hidden=(8,), scenario='{"initial_speed": [3.0, 4.0]}', out=tmp_path)
+    world = make_world(arguments)
+    world.seed(1)
+    world.training = False  # the normalisation stays as it is
+    model = make_model(arguments, world)
+    wanted, fitted, predict = [], [], model.predict
+
+    def remembered(*given, **named):
+        wanted.append(predict(*given, **named))
+        return wanted[-1]
+
+    monkeypatch.setattr(model, "predict", remembered)
+    monkeypatch.setattr(torch, "randperm", torch.arange)
+    monkeypatch.setattr(agents.imitation, "_improve", lambda optimiser, own, wish: fitted.append(own.detach()) or 0.0)
+    assert len(list(imitate(model, world, 4.0, rounds=3, decisions=120))) == 3
+    while_braking = np.array([action for action, _ in wanted[::THIN]]).reshape(3, 120 // THIN, 4, 2)
+    in_sequence = np.concatenate([part.numpy() for part in fitted[-(len(fitted) // 3) :]])
+    assert_allclose(in_sequence[-12:].reshape(3, 4, 120 // THIN, 2), while_braking.swapaxes(1, 2), atol=1e-6)
+    assert world.venv.venv.parts[0].batch.plant.state.time.max() < 3 * 120 * INTERVAL  # some began anew
 
 
 def test_imitation_needs_wishes(tmp_path):

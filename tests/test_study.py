@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from agents import behaviour, front, replayed, study
+from agents import tune as tune_agents
 from agents.measure import HELD_OUT, Yardstick, low_adhesion
 from agents.seeds import TOLD, at_slip
 from agents.study import OUTSIDE, SIZES, Arguments, compare, table, worlds
@@ -114,6 +115,17 @@ def test_behaviour_counts_braked_wheels_by_speed_and_those_let_roll():
 
 
 @pytest.mark.slow
+def test_failures_are_drawn_beside_the_rules(tmp_path):
+    path = tmp_path / "failures.png"
+    behaviour.main(behaviour.Arguments(failures=True, out=path))
+    assert path.read_bytes().startswith(b"\x89PNG")
+    own, rules = behaviour.failures(load_policy(Path("agents/trained/bogie")), behaviour.Arguments())
+    assert set(own) == set(rules) == set(behaviour.FAILURES)
+    for name in own:
+        assert not np.array_equal(own[name].slip[100:500], rules[name].slip[100:500])
+
+
+@pytest.mark.slow
 def test_behaviour_of_a_shipped_policy_is_that_of_its_stops():
     stops = low_adhesion(VEHICLES["wheelset"], "recovering", 2, HELD_OUT)
     policy = load_policy(Path("agents/trained/wheelset"))
@@ -123,3 +135,23 @@ def test_behaviour_of_a_shipped_policy_is_that_of_its_stops():
     step = found.time[1]
     assert step * found.speed.sum(axis=0) == pytest.approx(distance, rel=0.01)
     assert (found.worth > 0.0).all()
+
+
+def test_a_search_goes_on_where_it_was_and_prints_the_best(tmp_path, monkeypatch, capsys):
+    """Trainings are replaced by a score that is least for narrow networks."""
+    seen = []
+
+    def score(arguments):
+        seen.append(arguments)
+        return float(arguments.hidden[0])
+
+    monkeypatch.setattr(tune_agents, "score", score)
+    search = tune_agents.Search(trials=4, out=tmp_path, steps=1000)
+    for _ in range(2):
+        tune_agents.main(search)
+    assert len({arguments.out for arguments in seen}) == 8
+    assert len({arguments.learning_rate for arguments in seen}) == 8
+    assert all(arguments.steps == 1000 and arguments.out.parent == tmp_path for arguments in seen)
+    printed = capsys.readouterr().out
+    best = json.loads(printed[printed.rindex("{") :])
+    assert best["score"] == best["width"] == min(arguments.hidden[0] for arguments in seen)

@@ -13,6 +13,7 @@ import numpy as np
 
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant import mechanisms
 from wsp_env.plant.plant import LIMITS
 from wsp_env.plant.state import Stop
 
@@ -141,6 +142,54 @@ def draw(
         profile=profile,
         coverage=coverage,
     )
+
+
+#: Mechanisms of a batch: {name: {parameter: value, or range (lowest, highest) to draw from}}.
+Mechanisms = Mapping[str, Mapping[str, float | Sequence[float]]]
+
+
+def check_mechanisms(choice: Mechanisms) -> bool:
+    """Return whether any parameter is a range; `ParameterError` for what cannot be, at either end."""
+    for end in (0, 1):
+        mechanisms.make(ends_of(choice, end))
+    return any(_is_range(value) for parameters in choice.values() for value in parameters.values())
+
+
+def ends_of(choice: Mechanisms, end: int) -> dict[str, Any]:
+    """Return the mechanisms with the lowest (0) or the highest (1) value of every range."""
+    return {
+        name: {key: _end(name, key, value, end) for key, value in parameters.items()}
+        if isinstance(parameters, Mapping)
+        else parameters
+        for name, parameters in choice.items()
+    }
+
+
+def draw_mechanisms(choice: Mechanisms, rng: np.random.Generator) -> dict[str, dict[str, float]]:
+    """Draw the parameters given as ranges, uniform, an axle's number among the whole ones; the others stay as they are."""
+    drawn: dict[str, dict[str, float]] = {}
+    for name, parameters in choice.items():
+        kinds = {parameter.name: parameter.kind for parameter in mechanisms.ALL[name].parameters}
+        drawn[name] = {}
+        for key, value in parameters.items():
+            if not _is_range(value):
+                drawn[name][key] = value  # type: ignore[assignment]  # a number
+                continue
+            low, high = (_end(name, key, value, end) for end in (0, 1))
+            drawn[name][key] = float(rng.integers(low, high + 1.0)) if kinds[key] == "axle" else rng.uniform(low, high)
+    return drawn
+
+
+def _is_range(value: Any) -> bool:
+    return isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
+
+
+def _end(name: str, key: str, value: Any, end: int) -> Any:
+    if not _is_range(value):
+        return value
+    if len(value) != 2 or not all(isinstance(one, int | float | np.number) for one in value) or value[0] > value[1]:
+        raise ParameterError(f"mechanism {name}: {key} = {value!r} must be a number or a pair (lowest, highest)")
+    return value[end]
 
 
 def _number(name: str, value: Any) -> float:

@@ -10,7 +10,7 @@ from wsp_env.envs.observation import Measurement, Observer
 from wsp_env.envs.task import Task
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.plant.plant import Plant
-from wsp_env.scenario import PINS, TRACK_STEP_M, draw
+from wsp_env.scenario import PINS, TRACK_STEP_M, check_mechanisms, draw, draw_mechanisms, ends_of
 
 #: A wheelset counts as locked below this wheel speed [m/s] while the vehicle runs above `LOCKED_RUNNING_MPS` (assumption: the
 #: cut-out speed of a WSP, 5 km/h).
@@ -40,12 +40,13 @@ class BrakingBatch:
                 f"{self.vehicle.contact.kinetic_friction_r:g} of the vehicle's contact; lower the one or raise the other"
             )
         self.weights = task.weights
+        self._drawn = check_mechanisms(task.mechanisms)
         self.plant = Plant(
             self.vehicle,
             n,
             task.control_interval_s,
             task.substep_s,
-            task.mechanisms,
+            ends_of(task.mechanisms, 1),  # refuses an axle that the vehicle does not have
             pressure_control=task.action == "pressure",
             track_step_m=TRACK_STEP_M,
             track_nodes=task.track_nodes,
@@ -83,7 +84,7 @@ class BrakingBatch:
                 condition = self.task.condition(drawn if chosen is None else chosen)
                 own = {name: value for name, value in condition.items() if name != "name"} | own
             stop = draw(self.scenario, self.vehicle, generators[i], self.task.track_nodes, own, classic)
-            self.plant.start(i, stop)
+            self.plant.start(i, stop, draw_mechanisms(self.task.mechanisms, generators[i]) if self._drawn else None)
         observation = self.observer.reset(self.measurement(), None if self._fresh else mask)
         self._fresh = False
         return observation

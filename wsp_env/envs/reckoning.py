@@ -3,7 +3,8 @@
 The pressures follow from the own commands and the brake's nominal times. With them the wheel's balance gives the force of the
 rail, T = (C + J dw/dt) / r, and the sum of these forces slows the vehicle, dv/dt = -sum T / M. The mass is not known: a Kalman
 filter of two states, the running speed v and q = nominal over true mass, is corrected whenever a wheelset rolls, which one does
-that is hardly braked, and by any wheel that turns faster than the vehicle could run.
+that is braked far less than before, by any wheel that turns faster than the vehicle could run, and gently by the fastest wheel
+as long as none has slid.
 """
 
 import numpy as np
@@ -11,16 +12,21 @@ import numpy as np
 from wsp_env.parameters.vehicle import Vehicle
 
 #: A wheelset that the reckoned brake asks for less adhesion than this [-] for `ROLLING_S` [s] rolls (assumption: half the
-#: adhesion of rail that the standard's tests call extremely low).
+#: adhesion of rail that the standard's tests call extremely low); so does one that is asked for less than this share of what it
+#: has used of late, low-passed with a time constant [s] (assumption).
 ROLLING_ADHESION = 0.015
-ROLLING_S = 0.06
+ROLLING_SHARE = 0.5
+ROLLING_S = 0.04
+USED_FILTER_S = 2.0
 
 #: It then slips by so much [m/s] (assumption: half the creep at which the poorest rail carries that adhesion).
 ROLLING_CREEP_MPS = 0.02
 
-#: Standard deviations (assumptions): of a rolling wheel's speed against the vehicle's [m/s], of the running speed at the start
-#: [m/s], of q at the start [-], and what both drift in a second [m/s / sqrt(s)], [1 / sqrt(s)].
+#: Standard deviations (assumptions): of a rolling wheel's speed against the vehicle's [m/s], of the fastest braked one's before
+#: the first slide (large, as its errors at neighbouring times are alike), of the running speed at the start [m/s], of q at the
+#: start [-], and what both drift in a second [m/s / sqrt(s)], [1 / sqrt(s)].
 ROLLING_DEVIATION_MPS = 0.1
+BRAKED_DEVIATION_MPS = 1.0
 START_DEVIATION_MPS = 0.05
 MASS_DEVIATION = 0.04
 SPEED_DRIFT = 0.02
@@ -34,6 +40,12 @@ FASTER_FILTER_S = 0.1
 #: Standard deviation of the running speed [m/s] from which it is in doubt, and below which no longer: a good moment to let a
 #: wheelset roll.
 DOUBTFUL_MPS, CERTAIN_MPS = 0.3, 0.12
+
+#: A wheel slides that runs slower than the reckoned speed by more than this creepage [-]: more than wheels that roll under full
+#: brake. For so long after the last slide [s] the speed may be in doubt, not longer: where nothing slides no wheelset is to be
+#: released for its sake (assumptions).
+SLIDING_CREEPAGE_SEEN = 0.008
+SLIDE_REMEMBERED_S = 2.0
 
 #: Below this speed nothing is in doubt [m/s]: errors of the slip matter less, and a stop is nearly over.
 SLOW_MPS = 10.0
@@ -78,6 +90,7 @@ class Reckoning:
         self._dead_steps = round(brake.dead_time_s / interval)
         self._fill = 1.0 - np.exp(-interval / brake.fill_time_constant_s)
         self._vent = 1.0 - np.exp(-interval / brake.vent_time_constant_s)
+        self._usual = 1.0 - np.exp(-interval / USED_FILTER_S)
         self._smooth = 1.0 - np.exp(-interval / ADHESION_FILTER_S)
         self._lift = 1.0 - np.exp(-interval / FASTER_FILTER_S)
 
@@ -87,18 +100,21 @@ class Reckoning:
             n, axles = wheel.shape
             self.speed, self.pressure = np.zeros(n), np.zeros((n, axles))
             self.adhesion, self._wheel, self._unbraked = np.zeros((n, axles)), np.zeros((n, axles)), np.zeros((n, axles))
+            self._used = np.zeros((n, axles))  # adhesion of late [-]
             self._ahead = np.zeros((n, axles))  # of the running speed, smoothed [m/s]
             self._supply, self._demand, self._q = np.zeros(n), np.zeros(n), np.ones(n)
             self._way = np.ones((self._dead_steps + 1, n, axles))  # commands on their way to the valves
             self.doubtful = np.zeros(n, dtype=bool)
+            self._slid = np.zeros(n)  # time since a wheel slid [s]; inf: none has
             self._p_vv, self._p_vq, self._p_qq = np.zeros(n), np.zeros(n), np.zeros(n)
         self.speed[rows] = wheel[rows].max(axis=1)
         self._wheel[rows] = wheel[rows]
         self.doubtful[rows] = False
-        for array in (self.pressure, self.adhesion, self._unbraked, self._ahead, self._supply, self._p_vq):
+        for array in (self.pressure, self.adhesion, self._used, self._unbraked, self._ahead, self._supply, self._p_vq):
             array[rows] = 0.0
         self._q[rows] = 1.0
         self._way[:, rows] = 1.0
+        self._slid[rows] = np.inf
         self._p_vv[rows] = START_DEVIATION_MPS**2
         self._p_qq[rows] = MASS_DEVIATION**2
 
@@ -123,16 +139,28 @@ class Reckoning:
         impulse = self._full_force * 0.5 * (before + self.pressure) * self.interval  # of the brake
         impulse = impulse + self._rotating * (wheel - self._wheel)
         self._wheel = wheel
-        self.adhesion = self.adhesion + self._smooth * (impulse / (self._axle_weight * self.interval) - self.adhesion)
+        used = impulse / (self._axle_weight * self.interval)
+        self.adhesion = self.adhesion + self._smooth * (used - self.adhesion)
         self._predict(impulse.sum(axis=1) / self._mass)
-        asked = self.full_brake * self.pressure < ROLLING_ADHESION
-        self._unbraked = np.where(asked & (self.adhesion < ROLLING_ADHESION), self._unbraked + self.interval, 0.0)
+        below = self.rolling_adhesion
+        rolls = (self.full_brake * self.pressure < below) & (used < below)
+        self._unbraked = np.where(rolls, self._unbraked + self.interval, 0.0)
+        self._used = self._used + self._usual * (self.adhesion - self._used)
         for k in range(wheel.shape[1]):
-            self._correct(wheel[:, k] + ROLLING_CREEP_MPS, self._unbraked[:, k] >= ROLLING_S)
+            self._correct(wheel[:, k] + ROLLING_CREEP_MPS, self._unbraked[:, k] >= ROLLING_S, ROLLING_DEVIATION_MPS)
+        self._correct(wheel.max(axis=1) + ROLLING_CREEP_MPS, np.isinf(self._slid), BRAKED_DEVIATION_MPS)
         self._raise(wheel)
         np.maximum(self.speed, 0.0, out=self.speed)
+        slides = (-self._ahead > SLIDING_CREEPAGE_SEEN * self.speed[:, None]).any(axis=1)
+        self._slid = np.where(slides, 0.0, self._slid + self.interval)
         doubt = self.uncertainty
-        self.doubtful = ((doubt > DOUBTFUL_MPS) | (self.doubtful & (doubt > CERTAIN_MPS))) & (self.speed > SLOW_MPS)
+        doubtful = (doubt > DOUBTFUL_MPS) | (self.doubtful & (doubt > CERTAIN_MPS))
+        self.doubtful = doubtful & (self.speed > SLOW_MPS) & (self._slid < SLIDE_REMEMBERED_S)
+
+    @property
+    def rolling_adhesion(self) -> np.ndarray:
+        """Adhesion (N, A) [-] that a wheelset which rolls is asked for at most."""
+        return np.maximum(ROLLING_ADHESION, ROLLING_SHARE * self._used)
 
     @property
     def offered(self) -> np.ndarray:
@@ -174,9 +202,9 @@ class Reckoning:
         self._ahead -= missing[:, None]
         self._q = np.clip(self._q + self._p_vq / np.maximum(self._p_vv, 1e-9) * missing, *MASS_RANGE)
 
-    def _correct(self, seen: np.ndarray, where: np.ndarray) -> None:
-        """Take `seen` (N,) [m/s] for the running speed, where it can be."""
-        share = np.where(where, 1.0 / (self._p_vv + ROLLING_DEVIATION_MPS**2), 0.0)
+    def _correct(self, seen: np.ndarray, where: np.ndarray, deviation: float) -> None:
+        """Take `seen` (N,) with its standard deviation, both [m/s], for the running speed, where it can be."""
+        share = np.where(where, 1.0 / (self._p_vv + deviation**2), 0.0)
         gain_v, gain_q = self._p_vv * share, self._p_vq * share
         missing = seen - self.speed
         self.speed = self.speed + gain_v * missing

@@ -11,9 +11,8 @@ from wsp_env.envs.model import read_model
 from wsp_env.parameters.quantity import ParameterError, replace
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant import mechanisms
 from wsp_env.plant.plant import SUBSTEP_S
-from wsp_env.scenario import PINS, TRACK_STEP_M, Scenario
+from wsp_env.scenario import PINS, TRACK_STEP_M, Mechanisms, Scenario, check_mechanisms
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,7 +42,7 @@ class Task:
     adhesion : "recovering" (the seed paper's law) or "classic" (lambda = 0)
     control_interval_s, substep_s : time between actions and longest substep of the integration [s]
     model : path of a JSON file with a tuned law and mechanisms, see `wsp_env.envs.model`; options below go before it
-    mechanisms : physics beyond the paper's model, {name: {parameter: value}}
+    mechanisms : physics beyond the paper's model, {name: {parameter: value, or (lowest, highest) to draw from at each reset}}
     scenario : ranges that replace those of `Scenario`, {quantity: (lowest, highest)}
     reward : weights that replace those of `RewardWeights`, {term: weight}
     vehicle : values that replace the vehicle's, {field: value} of `Vehicle`
@@ -62,7 +61,7 @@ class Task:
     control_interval_s: float = 0.02
     substep_s: float = SUBSTEP_S
     model: str = ""
-    mechanisms: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
+    mechanisms: Mechanisms = dataclasses.field(default_factory=dict)
     scenario: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     reward: Mapping[str, float] = dataclasses.field(default_factory=dict)
     vehicle: Mapping[str, Any] = dataclasses.field(default_factory=dict)
@@ -83,7 +82,7 @@ class Task:
                 raise ParameterError(f"{name} = {getattr(self, name)!r} must be a dictionary, {{name: value}}")
         for name, modelled in (read_model(self.model) if self.model else {}).items():
             object.__setattr__(self, name, {**modelled, **getattr(self, name)})
-        mechanisms.make(self.mechanisms)
+        check_mechanisms(self.mechanisms)
         if unknown := sorted(set(self.conditions) - {"vehicle", "stops"}):
             raise ParameterError(f"conditions: unknown key {', '.join(unknown)}; valid: vehicle, stops")
         if not isinstance(self.stops, Sequence) or not all(isinstance(stop, Mapping) for stop in self.stops):

@@ -12,6 +12,7 @@ from wsp_env.evaluation import results
 from wsp_env.evaluation.bound import ceiling
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.figures import CAUSES, FIGURES, figures, losses
+from wsp_env.evaluation.policy import Policy
 from wsp_env.evaluation.processes import work_in_processes
 from wsp_env.evaluation.programme import Case, Conditions, Programme, draw_conditions
 from wsp_env.evaluation.reference import clean_rail, perfect_knowledge
@@ -87,11 +88,14 @@ def evaluate(
     jobs : processes, and the results do not depend on how many; None: this one, which a controller may then end
     done : called with a line for every controller and case that is ready
 
-    `ParameterError` for a controller that cannot be found or made; one that fails while braking is reported in the result.
+    `ParameterError` for a controller that cannot be found or made, or a policy whose contract does not fit; one that fails
+    while braking is reported in the result.
 
     """
     for name, parameters in controllers.items():
-        load(name, parameters)
+        loaded = load(name, parameters)
+        if isinstance(loaded, Policy):
+            loaded.check(vehicle, conduct.control_interval_s, conduct.pressure_sensors)
     tasks = [
         Task(name, parameters, case, programme.limit, programme.scenario, vehicle, draws, seed, conduct, folder, code)
         for name, parameters, code in [(None, {}, code_digest(None))]

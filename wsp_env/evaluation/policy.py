@@ -16,6 +16,7 @@ import numpy as np
 from wsp_env.envs import rail, reckoning
 from wsp_env.envs.observation import Measurement, Observer
 from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
 
 #: Version of the contract's form; another one is refused.
@@ -60,28 +61,45 @@ class Contract:
     observation: list[dict[str, str]]  # one entry per number, in order
     observer: dict[str, float]  # constants of `wsp_env.envs.observation`, `.reckoning` and `.rail`
     output: dict[str, str]
-    limits: dict[str, Any]  # what the policy was trained for: ranges of the conditions
-    training: dict[str, Any]  # arguments, steps, seed, command, versions
+    limits: dict[str, Any]  # what the policy was trained for: ranges of the conditions, adhesion that full brake asks for
+    training: dict[str, Any]  # arguments, decisions, version of torch
     sha256: str  # of the network's file
 
     def __post_init__(self) -> None:
         """Refuse what this version cannot run."""
+        kinds = {"vehicle": str, "axles": int, "measurement": list, "observation": list, "observer": dict}
+        for name, kind in kinds.items():
+            if type(getattr(self, name)) is not kind:
+                raise ParameterError(f"its {name} is {getattr(self, name)!r}, not of the kind {kind.__name__}")
         if self.contract != CONTRACT_VERSION:
             raise ParameterError(f"its contract has version {self.contract!r}, this wsp_env runs version {CONTRACT_VERSION}")
         if self.action not in ("valve", "pressure"):
             raise ParameterError(f"its action is {self.action!r}; valid: valve, pressure")
-        if self.axles not in (1, 2, 4):
-            raise ParameterError(f"it is for {self.axles!r} axles; valid: 1, 2, 4")
+        if self.vehicle not in VEHICLES:
+            raise ParameterError(f"it is for a {self.vehicle!r}; valid: {', '.join(VEHICLES)}")
+        if self.axles != VEHICLES[self.vehicle].axles:
+            raise ParameterError(f"it is for {self.axles!r} axles, a {self.vehicle} has {VEHICLES[self.vehicle].axles}")
         interval = self.control_interval_s
         if not isinstance(interval, int | float) or not 0.0 < interval < 1.0:
             raise ParameterError(f"its control interval is {interval!r} s; valid: above 0, below 1")
-        if self.observer != observer_constants():
-            raise ParameterError(f"it sees through an observer with {self.observer}, this wsp_env has {observer_constants()}")
-        expected = describe_observation(self.axles, self.pressure_sensors)
-        if self.observation != expected:
-            raise ParameterError(
-                f"it expects {len(self.observation)} observations other than the {len(expected)} of this wsp_env"
-            )
+        if self.pressure_sensors not in (True, False):
+            raise ParameterError(f"its pressure_sensors are {self.pressure_sensors!r}; valid: true, false")
+        measured = describe_measurement(self.axles, self.pressure_sensors)
+        observed = describe_observation(self.axles, self.pressure_sensors)
+        compared: tuple[tuple[str, Mapping[str, Any], Mapping[str, Any]], ...] = (
+            ("observer", self.observer, observer_constants()),
+            ("measurement", _numbered(self.measurement), _numbered(measured)),
+            ("observation", _numbered(self.observation), _numbered(observed)),
+        )
+        for what, own, here in compared:
+            wrong = [name for name in {**own, **here} if own.get(name) != here.get(name)]
+            if others := [f"{name}: {own.get(name)}, not {here.get(name)}" for name in wrong]:
+                more = f", and {len(others) - 3} more" if len(others) > 3 else ""
+                raise ParameterError(f"its {what} is not that of this wsp_env: {'; '.join(others[:3])}{more}")
+
+
+def _numbered(entries: list[dict[str, str]]) -> dict[str, Any]:
+    return {f"entry {i + 1}": entry for i, entry in enumerate(entries)}
 
 
 def observer_constants() -> dict[str, float]:
@@ -96,6 +114,18 @@ def observer_constants() -> dict[str, float]:
         else:
             found[name] = float(value)
     return found
+
+
+def describe_measurement(axles: int, pressure_sensors: bool) -> list[dict[str, str]]:
+    """Return name, unit and shape of what is measured, in order, as `Measurement` holds it."""
+    described = [
+        {"name": "time", "unit": "s", "shape": "(N,)", "meaning": "since the start of the stop"},
+        {"name": "wheel_speed", "unit": "rad/s", "shape": f"(N, {axles})", "meaning": "measured, axle by axle from the front"},
+        {"name": "demand", "unit": "1", "shape": "(N,)", "meaning": "brake demand, share of full pressure"},
+    ]
+    if pressure_sensors:
+        described.append({"name": "pressure", "unit": "bar", "shape": f"(N, {axles})", "meaning": "in the cylinders"})
+    return described
 
 
 def describe_observation(axles: int, pressure_sensors: bool) -> list[dict[str, str]]:
@@ -146,13 +176,23 @@ class Policy:
         self.action = contract.action
         self.infer, self._size = infer, memory
 
-    def reset(self, n: int, vehicle: Vehicle) -> None:
-        """Begin n new stops; `ParameterError` for a vehicle with another number of axles."""
+    def check(self, vehicle: Vehicle, interval_s: float, pressure_sensors: bool) -> None:
+        """Raise `ParameterError` for another number of axles, another interval of measurements [s] or missing sensors."""
         if vehicle.axles != self.contract.axles:
             raise ParameterError(
                 f"the policy is for the {self.contract.axles} axles of a {self.contract.vehicle}, the {vehicle.name} has "
                 f"{vehicle.axles}"
             )
+        if self.contract.pressure_sensors and not pressure_sensors:
+            raise ParameterError("the policy needs cylinder pressures, the vehicle does not measure them")
+        wanted = self.contract.control_interval_s
+        if abs(interval_s - wanted) > _INTERVAL_TOLERANCE * wanted:
+            raise ParameterError(f"the policy decides every {wanted:g} s, but its measurements come every {interval_s:g} s")
+
+    def reset(self, n: int, vehicle: Vehicle) -> None:
+        """Begin n new stops; `ParameterError` for a vehicle with another number of axles."""
+        self.check(vehicle, self.contract.control_interval_s, self.contract.pressure_sensors)
+        self._vehicle = vehicle
         self._observer = Observer(
             vehicle, self.contract.control_interval_s, self.contract.pressure_sensors, by_pressure=self.action == "pressure"
         )
@@ -163,24 +203,18 @@ class Policy:
 
     def act(self, measurement: Measurement) -> np.ndarray:
         """Return the commands (N, A); `ParameterError` for measurements at another interval or without a needed sensor."""
-        if self.contract.pressure_sensors and measurement.pressure is None:
-            raise ParameterError("the policy needs cylinder pressures, the vehicle does not measure them")
+        if self._decisions < 2:
+            since = float(np.max(measurement.time - self._time)) if self._decisions else self.contract.control_interval_s
+            self.check(self._vehicle, since, measurement.pressure is not None)
         if self._decisions == 0:
             observation = self._observer.reset(measurement)
         else:
-            if self._decisions == 1:
-                self._check_interval(float(np.max(measurement.time - self._time)))
             observation = self._observer.observe(measurement, self._command)
         self._time = np.array(measurement.time)
         self._decisions += 1
         command, self._memory = self.infer(observation, self._memory)
         self._command = command.astype(np.float64)
         return self._command.copy()
-
-    def _check_interval(self, step: float) -> None:
-        wanted = self.contract.control_interval_s
-        if abs(step - wanted) > _INTERVAL_TOLERANCE * wanted:
-            raise ParameterError(f"the policy decides every {wanted:g} s, but its measurements come every {step:g} s")
 
 
 def load_policy(folder: str | Path) -> Policy:

@@ -10,6 +10,7 @@ from wsp_env.envs.batch import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
 from wsp_env.envs.task import Task
 from wsp_env.evaluation.bound import SlideLimit
 from wsp_env.evaluation.controller import load
+from wsp_env.evaluation.policy import Policy
 from wsp_env.evaluation.runner import Conduct, ControllerFailure, run
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.state import Stop
@@ -88,7 +89,7 @@ def replay(
     Raises
     ------
     CampaignError, ParameterError
-        for a campaign or a controller's name that cannot be used
+        for a campaign or a controller's name that cannot be used, or a policy whose contract does not fit
 
     """
     loaded = {name: load(name, parameters) for name, parameters in controllers.items()}
@@ -98,10 +99,14 @@ def replay(
     last = {course.stop: float(course.speed_mps[-1]) for course in courses if course.who == RECORDED}
     done(RECORDED)
     vehicle, stops, names = braked(campaign, replayed)
+    conduct = Conduct(mechanisms=mechanisms or {})
+    for controller in loaded.values():
+        if isinstance(controller, Policy):
+            controller.check(vehicle, conduct.control_interval_s, conduct.pressure_sensors)
     failures = {}
     for name, controller in loaded.items():
         try:
-            result = run(controller, vehicle, stops, Conduct(mechanisms=mechanisms or {}))
+            result = run(controller, vehicle, stops, conduct)
         except ControllerFailure as failure:
             failures[name] = str(failure)
             continue

@@ -8,6 +8,7 @@ import numpy as np
 
 from wsp_env.envs.observation import Measurement
 from wsp_env.evaluation.controller import Controller
+from wsp_env.evaluation.policy import Policy
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.plant import Plant
 from wsp_env.plant.state import Stop
@@ -75,8 +76,12 @@ def run(
     ------
     ControllerFailure
         whatever the controller raises or returns instead of finite numbers of shape (N, A)
+    ParameterError
+        for a policy whose contract does not fit
 
     """
+    if isinstance(controller, Policy):
+        controller.check(vehicle, conduct.control_interval_s, conduct.pressure_sensors)
     by_pressure = getattr(controller, "action", "valve") == "pressure"
     plant = make_plant(vehicle, stops, conduct, by_pressure)
     _guarded(controller, "reset", 0.0, len(stops), vehicle)

@@ -1,7 +1,9 @@
 """A batch of braked vehicles: owns the arrays, checks what comes in, calls the compiled step."""
 
+import functools
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +12,7 @@ from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import mechanisms
 from wsp_env.plant.mechanisms import track_gradient, vehicle_mass, wheel_radius
-from wsp_env.plant.state import Conditions, State, Stop, allocate, constants
+from wsp_env.plant.state import Conditions, Constants, State, Stop, allocate, constants
 from wsp_env.plant.step import ROWS, advance
 
 #: Longest substep [s]. experiments/convergence.py: at 10 ms every stopping distance lies within 0.001 % of the converged one
@@ -54,14 +56,12 @@ class Plant:
         self.n = n
         self.control_interval_s = control_interval_s
         substeps = int(np.ceil(control_interval_s / substep_s - 1e-9))
-        self.constants = constants(
-            vehicle,
-            control_interval_s,
-            substeps,
-            mechanisms.make(mechanism_choice),
-            pressure_control,
-            track_step_m,
+        self._make = functools.partial(
+            constants, vehicle, control_interval_s, substeps, pressure_control=pressure_control, track_step_m=track_step_m
         )
+        self.constants: Constants = self._make(mechanisms=mechanisms.make(mechanism_choice))
+        self._own: dict[int, Constants] = {}  # of the stops whose mechanisms are their own
+        self._views: dict[int, tuple[State, Conditions]] = {}  # and their rows of the arrays
         self.state: State = allocate(n, vehicle, self.constants.dead_steps)
         axles = vehicle.axles
         self.conditions = Conditions(
@@ -79,17 +79,24 @@ class Plant:
         self.moving = np.zeros(n, dtype=bool)
         self._work = np.empty((ROWS, axles))
 
-    def start(self, index: int, stop: Stop) -> None:
+    def start(self, index: int, stop: Stop, mechanism_choice: Mapping[str, Mapping[str, float]] | None = None) -> None:
         """Put vehicle `index` at the start of a stop: rolling freely at its initial speed with empty cylinders.
 
-        The stop is what is believed; mechanisms on mass, gradient and radius turn it into what is.
+        The stop is what is believed; mechanisms on mass, gradient and radius turn it into what is. `mechanism_choice` is the
+        physics of this stop alone, in place of the batch's; such stops are stepped one by one, which
+        takes some 40 times as long.
 
         `ParameterError` names a condition that cannot be.
         """
         check_stop(stop, self.vehicle)
+        self._own.pop(index, None)
+        self._views.pop(index, None)
+        own = self.constants if mechanism_choice is None else self._make(mechanisms=mechanisms.make(mechanism_choice))
+        if mechanism_choice is not None:
+            self._own[index], self._views[index] = own, self._rows(index)
         for array in self.state:
             array[index] = 0.0
-        c, m = self.conditions, self.constants.mechanisms
+        c, m = self.conditions, own.mechanisms
         c.mu_cd[index] = stop.mu_cd
         c.tau[index] = stop.tau
         c.mass[index] = vehicle_mass.mass(m.vehicle_mass, stop.mass)
@@ -120,7 +127,25 @@ class Plant:
         if not np.isfinite(command).all():
             row, axle = np.argwhere(~np.isfinite(command))[0]
             raise ValueError(f"the command of vehicle {row}, axle {axle + 1} is {command[row, axle]}: commands must be finite")
-        advance(command, self.state, self.conditions, self.constants, self.moving, self._work)
+        if not self._own:
+            advance(command, self.state, self.conditions, self.constants, self.moving, self._work)
+            return
+        together = self.moving.copy()
+        together[list(self._own)] = False
+        standing = ~together
+        advance(command, self.state, self.conditions, self.constants, together, self._work)
+        self.moving &= together | standing
+        for index, own in self._own.items():
+            advance(command[index : index + 1], *self._views[index], own, self.moving[index : index + 1], self._work)
+
+    def _rows(self, index: int) -> tuple[State, Conditions]:
+        row = slice(index, index + 1)
+        return State(*(array[row] for array in self.state)), Conditions(*(array[row] for array in self.conditions))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take over a copied or unpickled plant's attributes; rows are views, which a copy would cut off."""
+        self.__dict__.update(state)
+        self._views = {index: self._rows(index) for index in self._own}
 
     @property
     def kinetic_energy(self) -> np.ndarray:
