@@ -5,7 +5,6 @@ thresholds, and over those that the rules' front has at the policy's own slip, w
 and the watched score by which a seed is chosen to be shipped.
 """
 
-import csv
 import dataclasses
 import json
 from collections.abc import Mapping, Sequence
@@ -40,12 +39,6 @@ class Arguments:
     stops: int = 160  # in each world
     drawn_by: int = HELD_OUT  # their seed
     json: bool = False
-
-
-def watched_score(run: Path) -> float:
-    """Return the least score of a training on the stops that were watched."""
-    with (run / "curve.csv").open(encoding="utf-8") as file:
-        return min(float(row["score"]) for row in csv.DictReader(file))
 
 
 def compare(arguments: Arguments) -> list[dict[str, Any]]:
@@ -97,7 +90,7 @@ def table(rows: list[dict[str, Any]]) -> str:
 
 def main(arguments: Arguments) -> None:
     """Compare and print."""
-    scores = {str(run): watched_score(run) for run in arguments.runs}
+    scores = {str(run): load_policy(run / "policy").contract.training["watched_score"] for run in arguments.runs}
     rows = compare(arguments)
     if arguments.json:
         print(json.dumps({"watched": scores, "rows": rows}, indent=1))

@@ -219,6 +219,7 @@ class Run:
         self.done, self.curve = checkpoint.load(self.folder / checkpoint.CHECKPOINT, self.model, self.world)
         self.rounds = arguments.imitation if self.done == 0 and not arguments.start else 0  # of the imitation, still to come
         self.taught = 0 if arguments.start else arguments.imitation - self.rounds  # and those behind
+        self.lessons = 0 if arguments.start else arguments.imitation * arguments.imitation_decisions * arguments.envs
         self.segments = max(1, round(arguments.steps / (arguments.envs * arguments.rollout * arguments.segment)))
         task = make_task(task_options(arguments))
         self.watch = Watch(arguments.vehicle, task, arguments.slide_price, arguments.classic_share, arguments.watched)
@@ -262,7 +263,7 @@ class Run:
         return self.taught * self.arguments.imitation_decisions * self.arguments.envs + self.model.num_timesteps
 
     def _look(self, phase: str, rate: float, segment: int) -> None:
-        """Watch the policy, tell of it, and keep it if it is the best so far."""
+        """Watch the policy, tell of it, and keep it if it is the best since the whole imitation."""
         self.model.logger.dump(self.model.num_timesteps)  # what PPO has told, over its own decisions
         row = {"decisions": float(self.decisions), "ppo_decisions": float(self.model.num_timesteps)}
         self.curve.append(row | self.watch.look(actor(self.arguments, self.model, self.world)))
@@ -270,7 +271,8 @@ class Run:
             self.model.logger.record(f"watched/{name}", value)
         self.model.logger.record("time/steps_per_second", rate)
         self.model.logger.dump(self.decisions)
-        if self.curve[-1]["score"] == min(row["score"] for row in self.curve):
+        ready = [row["score"] for row in self.curve if row["decisions"] >= self.lessons]
+        if ready and self.curve[-1]["score"] == min(ready):
             checkpoint.save(self.folder / checkpoint.BEST, self.model, self.world, segment, self.curve)
         print(f"{phase}: {self.decisions} decisions, {rate:.0f} a second, {self.watch.told(self.curve)}", flush=True)
 
@@ -310,13 +312,13 @@ def _write_curve(path: Path, curve: list[dict[str, float]]) -> None:
 
 
 def main(arguments: Arguments) -> None:
-    """Train and export what had the best score on the watched stops to `policy/` in the run's folder."""
+    """Train and export to `policy/` in the run's folder what had the best score on the watched stops after the imitation."""
     if not arguments.out.name:
         arguments = dataclasses.replace(arguments, out=Path(f"out/agents/{arguments.vehicle}-{arguments.seed}"))
     model, world = train(arguments)
     _, curve = checkpoint.load(arguments.out / checkpoint.BEST, model, world)
     training = {"arguments": record(arguments), "torch": torch.__version__.partition("+")[0]}
-    training |= {name: int(curve[-1][name]) for name in ("decisions", "ppo_decisions")}
+    training |= {name: int(curve[-1][name]) for name in ("decisions", "ppo_decisions")} | {"watched_score": curve[-1]["score"]}
     difference = export(
         model.policy, world, actor(arguments, model, world), arguments.vehicle, make_task(task_options(arguments)),
         arguments.out / "policy", training,

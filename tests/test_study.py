@@ -115,14 +115,17 @@ def test_behaviour_counts_braked_wheels_by_speed_and_those_let_roll():
 
 
 @pytest.mark.slow
-def test_failures_are_drawn_beside_the_rules(tmp_path):
-    path = tmp_path / "failures.png"
-    behaviour.main(behaviour.Arguments(failures=True, out=path))
-    assert path.read_bytes().startswith(b"\x89PNG")
+def test_failures_are_drawn_beside_the_rules(tmp_path, monkeypatch):
+    assert set(behaviour.FAILURES) <= {*SIZES, *OUTSIDE}
+    monkeypatch.setattr(behaviour, "FAILURES", ("pad_friction", "50 km/h"))
     own, rules = behaviour.failures(load_policy(Path("agents/trained/bogie")), behaviour.Arguments())
     assert set(own) == set(rules) == set(behaviour.FAILURES)
     for name in own:
-        assert not np.array_equal(own[name].slip[100:500], rules[name].slip[100:500])
+        assert not np.array_equal(own[name].slip[100:300], rules[name].slip[100:300])
+    behaviour.draw(own, 0, tmp_path / "failures.png", rules)
+    assert (tmp_path / "failures.png").read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(SystemExit, match="no price 7"):
+        behaviour.failures(load_policy(Path("agents/trained/bogie")), behaviour.Arguments(price="7"))
 
 
 @pytest.mark.slow

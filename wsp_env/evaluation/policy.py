@@ -62,7 +62,7 @@ class Contract:
     observer: dict[str, float]  # constants of `wsp_env.envs.observation`, `.reckoning` and `.rail`
     output: dict[str, str]
     limits: dict[str, Any]  # what the policy was trained for: ranges of the conditions, adhesion that full brake asks for
-    training: dict[str, Any]  # arguments, decisions, version of torch
+    training: dict[str, Any]  # arguments, decisions, score on the watched stops, version of torch
     sha256: str  # of the network's file
 
     def __post_init__(self) -> None:
