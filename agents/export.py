@@ -1,4 +1,4 @@
-"""From a trained network to a policy folder that anybody can run; `agents.train` writes one at its end."""
+"""From a trained network to a policy folder that anybody can run; `agents.train` writes one at its end, and is the command."""
 
 import dataclasses
 import hashlib

@@ -57,7 +57,7 @@ class Arguments:
     rollout: int = 64  # decisions of each stop between two updates
     batch: int = 8192
     epochs: int = 2  # passes over each rollout
-    segment: int = 6  # updates between two checkpoints
+    segment: int = 6  # updates between two checkpoints; each begins new stops: PPO sees their first segment * rollout decisions
     learning_rate: float = 1e-4  # falls linearly to zero
     gamma: float = 0.99  # a time constant of 2 s at 50 decisions a second: what comes later is in the potential, see `Shaped`
     gae_lambda: float = 0.95
@@ -279,6 +279,11 @@ class Run:
 
 def _check(arguments: Arguments) -> None:
     """Refuse arguments that cannot be before anything is written."""
+    for name in ("steps", "envs", "rollout", "batch", "epochs", "segment", "watched"):
+        if getattr(arguments, name) < 1:
+            raise SystemExit(f"--{name} {getattr(arguments, name)} is impossible: it must be at least 1")
+    if not 0.0 <= arguments.classic_share <= 1.0:
+        raise SystemExit(f"--classic-share {arguments.classic_share:g} is impossible: it must lie in [0, 1]")
     try:
         make_task(task_options(arguments)).make_vehicle(arguments.vehicle)
     except ParameterError as error:

@@ -33,12 +33,13 @@ class Watch:
         self.rules = self.means(load("rule-based"))
 
     def look(self, actor: Actor) -> dict[str, float]:
-        """Return the policy's figures over those of the rules, by law."""
+        """Return the policy's figures by law, and their ratios to those of the rules."""
         own = self.means(Policy(describe(self.vehicle, self.task), actor.infer, actor.memory))
         found = {"score": self.score(own)}
         for law, figures in own.items():
             for name in ("distance_m", "mean_slip_mps", "slip_deviation_mps", "contact_energy_mj", "air_nl"):
                 found[f"{law}_{name}_ratio"] = figures[name] / self.rules[law][name]
+                found[f"{law}_{name}"] = figures[name]
             found |= {f"{law}_locked_s": figures["locked_s"], f"{law}_ran_on": figures["ran_on"]}
         return found
 

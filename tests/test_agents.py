@@ -178,6 +178,8 @@ def test_the_curve_begins_with_the_imitation(tmp_path):
         ({"mechanisms": "{"}, "--mechanisms '{' is not JSON"),
         ({"mechanisms": '{"pads": {}}'}, "unknown mechanism pads"),
         ({"scenario": '{"speed": [1, 2]}'}, "scenario quantity"),
+        ({"envs": 0}, "--envs 0 is impossible"),
+        ({"classic_share": 2.0}, "--classic-share 2 is impossible"),
         ({"start": "nowhere"}, "nowhere holds no checkpoint.npz to begin from"),
     ],
 )
