@@ -50,14 +50,14 @@ class Arguments:
 
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
     seed: int = 1
-    steps: int = 800_000  # decisions of PPO, rounded to whole segments
+    steps: int = 3_276_800  # decisions of PPO, rounded to whole segments
     out: Path = Path()  # folder of the run; none: out/agents/VEHICLE-SEED
     envs: int = 512  # stops at once
     classic_share: float = 0.25  # of them under the classic law
     rollout: int = 64  # decisions of each stop between two updates
     batch: int = 8192
     epochs: int = 2  # passes over each rollout
-    segment: int = 6  # updates between two checkpoints; each begins new stops: PPO sees their first segment * rollout decisions
+    segment: int = 25  # updates between two checkpoints; each begins new stops: PPO sees their first 32 s, most of a stop
     learning_rate: float = 1e-4  # falls linearly to zero
     gamma: float = 0.99  # a time constant of 2 s at 50 decisions a second: what comes later is in the potential, see `Shaped`
     gae_lambda: float = 0.95
