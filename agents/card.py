@@ -147,8 +147,8 @@ def card(contract: Contract, sections: Mapping[str, str], stops: int) -> str:
         f"For {contract.axles} axle(s), a decision every {contract.control_interval_s:g} s, "
         f"{'with' if contract.pressure_sensors else 'without'} cylinder-pressure sensors. For research; nobody has assessed it "
         "for use on a railway.",
-        f"## Training\n\n`{_command(arguments)}`: what had the best score on the watched stops after the imitation, at {learned}; "
-        "arguments and versions in `contract.json`.\n\n"
+        f"## Training\n\n`{_command(arguments)}`: what had the best score on the watched stops after the imitation, at "
+        f"{learned}; arguments and versions in `contract.json`.\n\n"
         f"![curve](curve.png)\n\nConditions it was trained for: {ranges}, brakes of {brake:g} N m a bar (the vehicle's own: "
         f"{own:g}). Outside of them it was not trained.",
         f"## Measured\n\nMeans over {stops} held-out stops (seed {HELD_OUT}) on contaminated rail with an initial adhesion of "
