@@ -12,7 +12,7 @@ from wsp_env.evaluation.programme import friction_for
 from wsp_env.evaluation.runner import Conduct, run
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.state import Stop
+from wsp_env.plant.port import Stop
 from wsp_env.scenario import TRACK_STEP_M, Scenario, draw
 
 #: Low adhesion in the sense of the test programme: peak of the contaminated rail's adhesion at the initial speed [-].

@@ -22,7 +22,7 @@ from wsp_env.evaluation.runner import Conduct
 from wsp_env.evaluation.summary import interval
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.plant.mechanisms import ALL
-from wsp_env.plant.state import Stop
+from wsp_env.plant.port import Stop
 
 #: Each mechanism at a size that a railway may meet (assumptions, within the sources of its parameters).
 SIZES: dict[str, dict[str, float]] = {

@@ -9,9 +9,9 @@ import dataclasses
 
 import numpy as np
 
-from wsp_env.envs.observation import Measurement
 from wsp_env.parameters.quantity import Checked, quantity
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.port import Measurement
 
 _TUNED = "assumption: chosen on the test programme (wsp evaluate)"
 

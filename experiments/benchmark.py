@@ -8,6 +8,7 @@ median of the rounds and a ratio the median of the rounds' ratios. Everything ru
 control interval of 20 ms with all its substeps.
 """
 
+import copy
 import dataclasses
 import json
 import math
@@ -33,8 +34,10 @@ from wsp_env.envs.vector import BrakingVectorEnv
 from wsp_env.evaluation.policy import load_policy
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.velim import CONTACT
-from wsp_env.plant.plant import SUBSTEP_S, Plant
-from wsp_env.scenario import TRACK_STEP_M, Scenario, draw
+from wsp_env.plant import make_plant
+from wsp_env.plant.longitudinal.state import SUBSTEP_S
+from wsp_env.plant.port import Setup
+from wsp_env.scenario import Scenario, draw
 
 SIZES = (1, 64, 1024, 8192)
 QUICK_SIZES = (1, 64)
@@ -147,19 +150,18 @@ def plant_run(name: str, n: int, steps: int) -> Callable[[], int]:
     """Step a batch of sliding stops under changing valve commands, from the same state every time."""
     vehicle = VEHICLES[name]
     rng = np.random.default_rng(1)
-    plant = Plant(vehicle, n, track_step_m=TRACK_STEP_M, track_nodes=TRACK_NODES)
+    plant = make_plant(vehicle, n, Setup(track_nodes=TRACK_NODES))
     scenario = Scenario(mu_cd=(0.02, 0.06), demand=(0.7, 1.0), initial_speed=(25.0, 44.5))
     stops = [draw(scenario, vehicle, rng, TRACK_NODES) for _ in range(min(n, 64))]
     for i in range(n):
         plant.start(i, stops[i % len(stops)])
-    for _ in range(round(WARM_UP_S / plant.control_interval_s)):
+    for _ in range(round(WARM_UP_S / plant.setup.control_interval_s)):
         plant.step(np.ones((n, vehicle.axles)))
-    begin = [array.copy() for array in plant.state]
+    begin = copy.deepcopy(plant)
     commands = [rng.choice([-1.0, 0.0, 1.0, 1.0], size=(n, vehicle.axles)) for _ in range(10)]
 
     def run() -> int:
-        for array, first in zip(plant.state, begin, strict=True):
-            array[...] = first
+        plant = copy.deepcopy(begin)
         for step in range(steps):
             plant.step(commands[step // 10 % 10])
         return steps
@@ -228,7 +230,7 @@ def measure(quick: bool) -> dict[str, Any]:
         ]
         if n >= 64:
             goals.append(Goal(f"bogie step / CartPole step, N = {n}", shares["bogie"], 0.5, False))
-            interval = Plant(VEHICLES["coach"]).control_interval_s
+            interval = Setup().control_interval_s
             goals.append(Goal(f"coach, simulated seconds a second, N = {n}", n * interval / medians["coach"], 2000.0, True))
     return {
         "substep_s": SUBSTEP_S,

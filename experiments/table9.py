@@ -23,6 +23,7 @@ from wsp_env.contact.degraded import adhesion
 from wsp_env.contact.fastsim import ELEMENTS, STRIPS, fastsim
 from wsp_env.contact.kalker import Patch, kalker_coefficients, saturated_force
 from wsp_env.contact.polach import falling_friction, saturation
+from wsp_env.contact.traction import Surface
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.parameters.velim import CONTACT, TAU_M_PER_J, TEST_SPEEDS_MPS
 from wsp_env.report import Table, terminal_table
@@ -63,7 +64,7 @@ def polach(slip, speed, load):
 @numba.njit
 def degraded(slip, speed, load):
     """Evaluate this project's law, closed form."""
-    return load * adhesion(slip, speed, load, _MU, TAU_M_PER_J, 1.0, _LAW).f
+    return load * adhesion(slip, speed, load, Surface(_MU, _LAW.mu_cr, 1.0, 0.0), TAU_M_PER_J, _LAW).f
 
 
 @numba.njit
@@ -86,7 +87,7 @@ def make_stop(law):
             total = 0.0
             for k in range(4):
                 slip = speed - radius * wheels[k]
-                moving = adhesion(slip, speed, load, _MU, TAU_M_PER_J, 1.0, _LAW)
+                moving = adhesion(slip, speed, load, Surface(_MU, _LAW.mu_cr, 1.0, 0.0), TAU_M_PER_J, _LAW)
                 force = 2.0 * load * moving.f * (1.0 if slip >= 0.0 else -1.0)
                 for side in (0.99, 1.01):  # two slips and loads, or the compiler would compute one wheel for both
                     felt += law(side * slip, speed, side * load)

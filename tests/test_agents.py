@@ -26,7 +26,7 @@ from wsp_env.envs.observation import Observer
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
 from wsp_env.evaluation.controller import load
-from wsp_env.evaluation.runner import Conduct, make_plant, measure
+from wsp_env.evaluation.runner import Conduct, measure, start_plant
 from wsp_env.parameters.uic_z1 import BOGIE, VEHICLES
 
 TINY = Arguments(
@@ -367,7 +367,7 @@ def test_shipped_policies_stop_without_locked_wheels(folder, law):
 def test_shipped_policies_know_the_running_speed(folder, law):
     """To the deviation that they claim, at any time of stops in which all wheels may slide at once."""
     vehicle, controller = VEHICLES[folder.name], load(str(folder))
-    plant = make_plant(vehicle, low_adhesion(vehicle, law, 12, 77), Conduct())
+    plant = start_plant(vehicle, low_adhesion(vehicle, law, 12, 77), Conduct())
     controller.reset(plant.n, vehicle)
     wrong = []
     while (fast := plant.state.speed > 3.0).any():

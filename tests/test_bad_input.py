@@ -9,7 +9,8 @@ from wsp_env.parameters.contact import ContactParameters
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import BOGIE
 from wsp_env.parameters.vehicle import Brake, Tachometer, Vehicle
-from wsp_env.plant.plant import Plant
+from wsp_env.plant import make_plant
+from wsp_env.plant.port import Setup
 from wsp_env.scenario import PINS
 
 ID = "wsp_env/Bogie-v0"
@@ -134,7 +135,7 @@ def test_step_before_reset(env_id):
 )
 def test_commands_of_the_plant(command, message):
     with pytest.raises(ValueError, match=message):
-        Plant(BOGIE).step(command)
+        make_plant(BOGIE).step(command)
 
 
 @pytest.mark.parametrize(
@@ -143,4 +144,4 @@ def test_commands_of_the_plant(command, message):
 )
 def test_plants_that_cannot_be(values, message):
     with pytest.raises(ParameterError, match=message):
-        Plant(BOGIE, **values)
+        make_plant(BOGIE, values.pop("n", 1), Setup(**values))

@@ -12,11 +12,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import wsp_env
 from wsp_env.envs import IDS
-from wsp_env.envs.observation import Measurement, Observer
+from wsp_env.envs.observation import Observer
 from wsp_env.envs.reckoning import full_brake
 from wsp_env.envs.task import RewardWeights
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.plant.mechanisms import ALL
+from wsp_env.plant.port import Measurement
 from wsp_env.scenario import PINS
 
 ids = pytest.mark.parametrize("env_id", sorted(IDS))

@@ -11,7 +11,7 @@ from wsp_env.contact.degraded import degraded_adhesion
 from wsp_env.envs.observation import Observer
 from wsp_env.envs.rail import MEMORY_S, RECOVERY_M_PER_J, Rail
 from wsp_env.evaluation.controller import load
-from wsp_env.evaluation.runner import Conduct, make_plant, measure
+from wsp_env.evaluation.runner import Conduct, measure, start_plant
 from wsp_env.parameters.uic_z1 import BOGIE
 
 INTERVAL = 0.02
@@ -93,7 +93,7 @@ def test_each_vehicle_is_for_itself(rows):
 def test_the_observation_tells_which_law_a_sliding_vehicle_brakes_under(law):
     """After 15 s of a slip controller: the true law shows its friction, the other one contradicts itself more."""
     stops = low_adhesion(BOGIE, law, 6, 5)
-    plant = make_plant(BOGIE, stops, Conduct())
+    plant = start_plant(BOGIE, stops, Conduct())
     controller, observer = load("slip"), Observer(BOGIE, INTERVAL)
     controller.reset(plant.n, BOGIE)
     seen = observer.reset(measure(plant))

@@ -30,7 +30,7 @@ from wsp_env.contact.degraded import degraded_adhesion
 from wsp_env.envs.observation import Observer
 from wsp_env.envs.reckoning import MASS_DEVIATION, SLIDE_REMEMBERED_S, Reckoning
 from wsp_env.evaluation.controller import load
-from wsp_env.evaluation.runner import Conduct, make_plant, measure
+from wsp_env.evaluation.runner import Conduct, measure, start_plant
 from wsp_env.parameters.uic_z1 import BOGIE, VEHICLES
 
 INTERVAL = 0.02
@@ -38,7 +38,7 @@ INTERVAL = 0.02
 
 def braked(vehicle, stops, controller, seconds, sensors=False):
     """Yield plant and reckoning after every interval of stops under a controller."""
-    plant = make_plant(vehicle, stops, Conduct())
+    plant = start_plant(vehicle, stops, Conduct())
     controller.reset(plant.n, vehicle)
     reckoning = Reckoning(vehicle, INTERVAL)
     reckoning.reset(vehicle.wheel_radius_m * measure(plant).wheel_speed)
@@ -59,7 +59,7 @@ def test_pressures_speed_and_adhesion_are_reckoned_within_what_is_claimed(name, 
     stops = low_adhesion(vehicle, law, 12, 77)
     wrong, adhesions = [], []
     for plant, reckoning in braked(vehicle, stops, load("rule-based"), 15.0):
-        assert_allclose(reckoning.pressure, plant.state.pressure / vehicle.brake.full_pressure_bar, atol=0.01)
+        assert_allclose(reckoning.pressure, plant.state.brake.pressure / vehicle.brake.full_pressure_bar, atol=0.01)
         wrong.append((reckoning.speed - plant.state.speed) / reckoning.uncertainty)
         adhesions.append(reckoning.adhesion - plant.state.adhesion)
     assert 0.3 < np.sqrt(np.mean(np.square(wrong))) < 1.5
@@ -125,7 +125,7 @@ def test_a_wheelset_rolls_when_asked_for_half_of_what_it_used():
 def test_doubt_does_not_outlast_the_slide():
     """Once nothing slides any more, nothing is released for the running speed."""
     stops = [dataclasses.replace(stop, noise=0.0) for stop in low_adhesion(BOGIE, "recovering", 2, 9)]
-    plant = make_plant(BOGIE, stops, Conduct())
+    plant = start_plant(BOGIE, stops, Conduct())
     reckoning = Reckoning(BOGIE, INTERVAL)
     reckoning.reset(BOGIE.wheel_radius_m * measure(plant).wheel_speed)
     rim = np.full((2, 2), 30.0)
@@ -164,14 +164,14 @@ class Released:
 
 def test_sensors_replace_what_is_reckoned():
     for plant, reckoning in braked(BOGIE, low_adhesion(BOGIE, "classic", 2, 3), load("rule-based"), 2.0, sensors=True):
-        assert_array_equal(reckoning.pressure, plant.state.pressure / BOGIE.brake.full_pressure_bar)
+        assert_array_equal(reckoning.pressure, plant.state.brake.pressure / BOGIE.brake.full_pressure_bar)
 
 
 def test_a_vehicle_of_a_batch_is_reckoned_as_alone():
     """Begun again in the middle of a batch, a vehicle's observation is that of a batch of one."""
     rng = np.random.default_rng(0)
     stops = low_adhesion(BOGIE, "recovering", 3, 4)
-    plant = make_plant(BOGIE, stops, Conduct())
+    plant = start_plant(BOGIE, stops, Conduct())
     both = Observer(BOGIE, INTERVAL)
     both.reset(measure(plant))
     for _ in range(30):
@@ -180,7 +180,7 @@ def test_a_vehicle_of_a_batch_is_reckoned_as_alone():
         both.observe(measure(plant), command)
     plant.start(1, stops[2])
     mask = np.array([False, True, False])
-    lone_plant, alone = make_plant(BOGIE, stops[2:], Conduct()), Observer(BOGIE, INTERVAL)
+    lone_plant, alone = start_plant(BOGIE, stops[2:], Conduct()), Observer(BOGIE, INTERVAL)
     assert_array_equal(both.reset(measure(plant), mask)[1], alone.reset(measure(lone_plant))[0])
     for _ in range(30):
         command = rng.integers(-1, 2, (3, 2)).astype(float)
@@ -197,7 +197,7 @@ def told(doubtful):
 
 def test_the_teachers_slip_costs_least_of_all():
     stops = low_adhesion(BOGIE, "recovering", 4, 6)
-    plant = make_plant(BOGIE, stops, Conduct())
+    plant = start_plant(BOGIE, stops, Conduct())
     for price in (1.0, 4.0):
         targets = Teacher(plant, price).targets()
         speed = plant.state.speed[:, None, None]
@@ -214,7 +214,7 @@ def test_the_teachers_slip_costs_least_of_all():
 
 
 def test_a_doubtful_vehicle_lets_its_last_wheelset_roll():
-    plant = make_plant(BOGIE, low_adhesion(BOGIE, "recovering", 2, 6), Conduct())
+    plant = start_plant(BOGIE, low_adhesion(BOGIE, "recovering", 2, 6), Conduct())
     for _ in range(100):  # the wheels still roll
         plant.step(np.ones((2, 2)))
     calm, doubtful = (Teacher(plant, 2.0).wanted(told(doubt)) for doubt in ([False, False], [False, True]))
@@ -243,7 +243,7 @@ def test_the_command_brings_the_brake_nearest_to_the_one_wanted():
 
 def test_steering_sees_brake_and_supply_where_the_observer_puts_them():
     observer = Observer(BOGIE, INTERVAL)
-    plant = make_plant(BOGIE, low_adhesion(BOGIE, "classic", 2, 3), Conduct())
+    plant = start_plant(BOGIE, low_adhesion(BOGIE, "classic", 2, 3), Conduct())
     observer.reset(measure(plant))
     for command in (np.ones((2, 2)), np.ones((2, 2)), -np.ones((2, 2)), np.zeros((2, 2))) * 10:
         plant.step(command)
@@ -285,11 +285,11 @@ def test_a_policy_brakes_a_stronger_brake_with_the_same_force():
     """What is wanted is a force: half the pressure of a brake of twice the strength, and the same commands."""
     strong = dataclasses.replace(BOGIE, brake=dataclasses.replace(BOGIE.brake, torque_per_bar_nm=3000.0))
     stops = low_adhesion(BOGIE, "recovering", 3, 8)
-    wishes = [Teacher(make_plant(vehicle, stops, Conduct()), 3.0) for vehicle in (BOGIE, strong)]
+    wishes = [Teacher(start_plant(vehicle, stops, Conduct()), 3.0) for vehicle in (BOGIE, strong)]
     for teacher in wishes:
         for _ in range(100):
             teacher.plant.step(np.zeros((3, 2)))
-            teacher.plant.state.pressure[:] = 1.0 * 1500.0 / teacher.plant.vehicle.brake.torque_per_bar_nm
+            teacher.plant.state.brake.pressure[:] = 1.0 * 1500.0 / teacher.plant.vehicle.brake.torque_per_bar_nm
     own, other = (teacher.wanted(told([False] * 3)) for teacher in wishes)
     assert_allclose(own, other, atol=1e-6)  # the first interval began without pressure
     assert (np.abs(own) < 1.0).any()

@@ -16,7 +16,7 @@ from wsp_env.evaluation.controller import Controller, load
 from wsp_env.evaluation.replay import braked
 from wsp_env.evaluation.runner import Conduct, run
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.state import Stop
+from wsp_env.plant.port import Stop
 from wsp_env.recordings import Campaign, Smoothing, conditions, derive, rolling_radii
 from wsp_env.recordings.derive import braking
 

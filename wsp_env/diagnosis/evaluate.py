@@ -9,7 +9,7 @@ import numpy as np
 from wsp_env.diagnosis.stops import Stop, torque_per_bar
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.parameters.vehicle import Brake, Vehicle
-from wsp_env.plant import along
+from wsp_env.plant.longitudinal import along
 from wsp_env.recordings import Campaign, CampaignError
 
 #: Mechanism -> its parameters.

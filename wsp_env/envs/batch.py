@@ -6,16 +6,23 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from wsp_env.envs.observation import Measurement, Observer
+from wsp_env.envs.observation import Observer
 from wsp_env.envs.task import Task
 from wsp_env.parameters.quantity import ParameterError
-from wsp_env.plant.plant import Plant
-from wsp_env.scenario import PINS, TRACK_STEP_M, check_mechanisms, draw, draw_mechanisms, ends_of
+from wsp_env.plant import command, make_plant
+from wsp_env.plant.port import Measurement, Setup, Truth
+from wsp_env.scenario import PINS, check_mechanisms, draw, draw_mechanisms, ends_of
 
 #: A wheelset counts as locked below this wheel speed [m/s] while the vehicle runs above `LOCKED_RUNNING_MPS` (assumption: the
 #: cut-out speed of a WSP, 5 km/h).
 LOCKED_WHEEL_MPS = 0.3
 LOCKED_RUNNING_MPS = 5.0 / 3.6
+
+
+def locked_wheels(truth: Truth, radius: np.ndarray) -> np.ndarray:
+    """Return which wheelsets stand while the vehicle runs (N, A) bool; radius (N, A) [m]."""
+    locked: np.ndarray = (radius * truth.wheel_speed < LOCKED_WHEEL_MPS) & (truth.speed[:, None] > LOCKED_RUNNING_MPS)
+    return locked
 
 
 class BrakingBatch:
@@ -41,16 +48,14 @@ class BrakingBatch:
             )
         self.weights = task.weights
         self._drawn = check_mechanisms(task.mechanisms)
-        self.plant = Plant(
-            self.vehicle,
-            n,
+        setup = Setup(
             task.control_interval_s,
             task.substep_s,
             ends_of(task.mechanisms, 1),  # refuses an axle that the vehicle does not have
             pressure_control=task.action == "pressure",
-            track_step_m=TRACK_STEP_M,
             track_nodes=task.track_nodes,
         )
+        self.plant = make_plant(self.vehicle, n, setup, task.plant)
         self.observer = Observer(
             self.vehicle, task.control_interval_s, task.pressure_sensors, by_pressure=task.action == "pressure"
         )
@@ -128,7 +133,7 @@ class BrakingBatch:
             return np.clip(array, -1.0, 1.0)
         if not np.isin(array, (0.0, 1.0, 2.0)).all():
             raise ValueError(f"the action {array.tolist()} is not valid: 0 vents, 1 holds, 2 applies, per axle")
-        return array - 1.0
+        return command.of_action(array)
 
     def step(self, actions: Any) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray, np.ndarray]:
         """Advance by one control interval.
@@ -136,15 +141,16 @@ class BrakingBatch:
         Returns the observations (N, size), the reward's terms by name, each (N,), and who terminated and who was truncated,
         both (N,) bool.
         """
-        command = self.commands(actions)
+        given = self.commands(actions)
         plant, task, weights = self.plant, self.task, self.weights
-        state = plant.state
-        position, time, air = state.position.copy(), state.time.copy(), state.air.sum(axis=1)
-        plant.step(0.5 * (command + 1.0) if task.action == "pressure" else command)
+        before = plant.truth()
+        position, time, air = before.position.copy(), before.time.copy(), before.air.sum(axis=1)
+        plant.step(command.share_of_pressure(given) if task.action == "pressure" else given)
+        state = plant.truth()
         elapsed = state.time - time
         speed = state.speed[:, None]
         fast = speed > task.slide_limit_speed_mps
-        creepage = plant.slip_speed / np.maximum(speed, 1e-3)
+        creepage = state.slip_speed / np.maximum(speed, 1e-3)
         beyond = np.where(fast, np.maximum(creepage - task.slide_limit, 0.0), 0.0).mean(axis=1)
         locked = self.locked.mean(axis=1)
         terms = {
@@ -155,31 +161,27 @@ class BrakingBatch:
         }
         terminated = ~plant.moving
         late = (state.time >= task.time_limit_s - 1e-9) | (state.position >= task.track_limit_m)
-        return self.observer.observe(self.measurement(), command), terms, terminated, late & ~terminated
+        return self.observer.observe(self.measurement(), given), terms, terminated, late & ~terminated
 
     @property
     def locked(self) -> np.ndarray:
         """Wheelsets that stand while the vehicle runs (N, A) bool."""
-        state = self.plant.state
-        standing = self.plant.conditions.radius * state.wheel_speed < LOCKED_WHEEL_MPS
-        locked: np.ndarray = standing & (state.speed[:, None] > LOCKED_RUNNING_MPS)
-        return locked
+        return locked_wheels(self.plant.truth(), self.plant.conditions.radius)
 
     def measurement(self) -> Measurement:
         """Return what the sensors say now; copies."""
-        state = self.plant.state
-        pressure = state.pressure.copy() if self.task.pressure_sensors else None
-        return Measurement(state.time.copy(), state.measured.copy(), self.plant.conditions.demand.copy(), pressure)
+        reading = self.plant.reading()
+        return reading if self.task.pressure_sensors else reading._replace(pressure=None)
 
     def truth(self) -> dict[str, np.ndarray]:
         """Return what no controller may know, for `info`: arrays (N,) or (N, A) by name, copies."""
-        state, conditions = self.plant.state, self.plant.conditions
+        state, conditions = self.plant.truth(), self.plant.conditions
         return {
             "time_s": state.time.copy(),
             "position_m": state.position.copy(),
             "speed_mps": state.speed.copy(),
             "wheel_speed_radps": state.wheel_speed.copy(),
-            "slip_speed_mps": self.plant.slip_speed,
+            "slip_speed_mps": state.slip_speed.copy(),
             "pressure_bar": state.pressure.copy(),
             "adhesion": state.adhesion.copy(),
             "adhesion_d": state.adhesion_d.copy(),

@@ -1,21 +1,11 @@
-"""What a controller gets (`Measurement`) and what a learned policy sees of it (`Observer`)."""
-
-from typing import NamedTuple
+"""What a learned policy sees of the measurements."""
 
 import numpy as np
 
 from wsp_env.envs.rail import MEMORY_S, RECOVERY_M_PER_J, Rail
 from wsp_env.envs.reckoning import ADHESION_FILTER_S, Reckoning
 from wsp_env.parameters.vehicle import Vehicle
-
-
-class Measurement(NamedTuple):
-    """What the sensors of N vehicles with A axles say at one moment; never the true speed or adhesion."""
-
-    time: np.ndarray  # (N,) since the start of the stop [s]
-    wheel_speed: np.ndarray  # (N, A) from the tachometers [rad/s]
-    demand: np.ndarray  # (N,) brake demand, 0 to 1 of full pressure [-]
-    pressure: np.ndarray | None = None  # (N, A) in the cylinders [bar], only where the vehicle has the sensors
+from wsp_env.plant.port import Measurement
 
 
 class Observer:

@@ -11,7 +11,6 @@ from wsp_env.envs.model import read_model
 from wsp_env.parameters.quantity import ParameterError, replace
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.plant import SUBSTEP_S
 from wsp_env.scenario import PINS, TRACK_STEP_M, Mechanisms, Scenario, check_mechanisms
 
 
@@ -41,6 +40,7 @@ class Task:
         +1 the demanded one
     adhesion : "recovering" (the seed paper's law) or "classic" (lambda = 0)
     control_interval_s, substep_s : time between actions and longest substep of the integration [s]
+    plant : one of `wsp_env.plant.PLANTS`, or the import path "package.module:Class" of another, see `wsp_env.plant.port`
     model : path of a JSON file with a tuned law and mechanisms, see `wsp_env.envs.model`; options below go before it
     mechanisms : physics beyond the paper's model, {name: {parameter: value, or (lowest, highest) to draw from at each reset}}
     scenario : ranges that replace those of `Scenario`, {quantity: (lowest, highest)}
@@ -59,7 +59,8 @@ class Task:
     action: str = "valve"
     adhesion: str = "recovering"
     control_interval_s: float = 0.02
-    substep_s: float = SUBSTEP_S
+    substep_s: float = 0.01
+    plant: str = "longitudinal"
     model: str = ""
     mechanisms: Mechanisms = dataclasses.field(default_factory=dict)
     scenario: Mapping[str, Any] = dataclasses.field(default_factory=dict)

@@ -13,14 +13,15 @@ nowhere slower. Not covered: physics with memory or other loads (mechanisms), un
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wsp_env.compiled import kernel
-from wsp_env.contact.degraded import AdhesionLaw, degraded_adhesion
+from wsp_env.contact.port import adhesion_under
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.state import Stop
+from wsp_env.plant.port import Stop
 from wsp_env.scenario import TRACK_STEP_M
 
 #: Time step of the bound's integration [s]: its distance is within 1e-4 of the converged one.
@@ -48,20 +49,20 @@ class SlideLimit:
 
 
 def best_adhesion(
-    speed: ArrayLike, largest_slip: ArrayLike, load: ArrayLike, mu_cd: ArrayLike, tau: ArrayLike, law: AdhesionLaw,
-    film: ArrayLike = 1.0,
+    speed: ArrayLike, largest_slip: ArrayLike, load: ArrayLike, mu_cd: ArrayLike, tau: ArrayLike, law: Any,
+    layer: ArrayLike = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Return the largest adhesion coefficient [-] with slip up to `largest_slip` [m/s], and the slip [m/s] that gives it.
 
-    Arguments as of `degraded_adhesion`, broadcast. A scan over slips, evenly spaced on a logarithmic scale, finds the highest
+    Arguments as of `adhesion_under`, broadcast. A scan over slips, evenly spaced on a logarithmic scale, finds the highest
     of the curve's branches; a golden section sharpens it.
     """
-    arguments = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (speed, largest_slip, load, mu_cd, tau, film)))
+    arguments = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (speed, largest_slip, load, mu_cd, tau, layer)))
     v, top, n, friction, rate, covered = (a[..., None].copy() for a in arguments)
     slips = top * np.geomspace(1e-4, 1.0, _SCAN)
 
     def f(slip: np.ndarray) -> np.ndarray:
-        return degraded_adhesion(slip, v, n, friction, rate, law, covered)
+        return adhesion_under(law, slip, v, n, friction, rate, covered)
 
     values = f(slips)
     best = np.argmax(values, axis=-1)[..., None]

@@ -13,7 +13,7 @@ from wsp_env.evaluation.controller import Controller
 from wsp_env.evaluation.programme import TRACK_LENGTH_M
 from wsp_env.evaluation.runner import Conduct, Run, run
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.state import Stop
+from wsp_env.plant.port import Stop
 from wsp_env.scenario import TRACK_STEP_M, Scenario, draw
 
 #: The two stops have parted once their speeds differ by this much [m/s] (assumption: visible in a diagram such as Fig. 16).

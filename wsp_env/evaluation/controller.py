@@ -16,10 +16,10 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from wsp_env.envs.observation import Measurement
 from wsp_env.evaluation.policy import load_policy
 from wsp_env.parameters.quantity import ParameterError, replace
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.port import Measurement
 
 #: Short names of the controllers that come with the project.
 SHORT_NAMES = {

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from wsp_env.envs import rail, reckoning
-from wsp_env.envs.observation import Measurement, Observer
+from wsp_env.envs.observation import Observer
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.port import Measurement
 
 #: Version of the contract's form; another one is refused.
 CONTRACT_VERSION = 1

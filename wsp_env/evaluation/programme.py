@@ -14,7 +14,7 @@ from wsp_env.evaluation.bound import SlideLimit, best_adhesion
 from wsp_env.evaluation.figures import FIGURES
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.state import Stop
+from wsp_env.plant.port import Stop
 from wsp_env.scenario import TRACK_STEP_M, Scenario, draw
 
 #: The adhesion laws that every contaminated case is run under.

@@ -13,7 +13,7 @@ from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.policy import Policy
 from wsp_env.evaluation.runner import Conduct, ControllerFailure, run
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.state import Stop
+from wsp_env.plant.port import Stop
 from wsp_env.recordings import Campaign, Smoothing, conditions, derive, rolling_radii, tune, vehicle_name
 from wsp_env.recordings import replay as recorded_torque
 from wsp_env.recordings.derive import braking

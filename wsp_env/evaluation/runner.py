@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.envs.observation import Measurement
 from wsp_env.evaluation.controller import Controller
 from wsp_env.evaluation.policy import Policy
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.plant import Plant
-from wsp_env.plant.state import Stop
-from wsp_env.scenario import TRACK_STEP_M
+from wsp_env.plant import make_plant
+from wsp_env.plant.command import share_of_pressure
+from wsp_env.plant.port import Measurement, Plant, Setup, Stop
 
 #: Time between two commands [s], as in the environments; a WSP decides some 50 times a second (assumption).
 CONTROL_INTERVAL_S = 0.02
@@ -52,6 +51,7 @@ class Conduct:
     time_limit_s: float = TIME_LIMIT_S
     pressure_sensors: bool = False
     mechanisms: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
+    plant: str = "longitudinal"  # see `wsp_env.plant.make_plant`
 
 
 def run(
@@ -83,29 +83,27 @@ def run(
     if isinstance(controller, Policy):
         controller.check(vehicle, conduct.control_interval_s, conduct.pressure_sensors)
     by_pressure = getattr(controller, "action", "valve") == "pressure"
-    plant = make_plant(vehicle, stops, conduct, by_pressure)
+    plant = start_plant(vehicle, stops, conduct, by_pressure)
     _guarded(controller, "reset", 0.0, len(stops), vehicle)
 
     def decide() -> np.ndarray:
         seen = measure(plant, conduct.pressure_sensors, sensor_fails_s)
-        time = float(np.max(plant.state.time))
+        time = float(np.max(seen.time))
         command = check_command(controller, _guarded(controller, "act", time, seen), seen.wheel_speed.shape, time)
-        return 0.5 * (np.clip(command, -1.0, 1.0) + 1.0) if by_pressure else command
+        return share_of_pressure(command) if by_pressure else command
 
     return record(plant, decide, conduct)
 
 
-def make_plant(vehicle: Vehicle, stops: Sequence[Stop], conduct: Conduct, by_pressure: bool = False) -> Plant:
+def start_plant(vehicle: Vehicle, stops: Sequence[Stop], conduct: Conduct, by_pressure: bool = False) -> Plant:
     """Return a plant with every stop at its start."""
-    plant = Plant(
-        vehicle,
-        len(stops),
+    setup = Setup(
         conduct.control_interval_s,
-        mechanism_choice=conduct.mechanisms,
+        mechanisms=conduct.mechanisms,
         pressure_control=by_pressure,
-        track_step_m=TRACK_STEP_M,
         track_nodes=len(stops[0].profile),
     )
+    plant = make_plant(vehicle, len(stops), setup, conduct.plant)
     for i, stop in enumerate(stops):
         plant.start(i, stop)
     return plant
@@ -113,13 +111,13 @@ def make_plant(vehicle: Vehicle, stops: Sequence[Stop], conduct: Conduct, by_pre
 
 def record(plant: Plant, decide: Callable[[], np.ndarray], conduct: Conduct) -> Run:
     """Step the plant under the commands of `decide` until all its vehicles stand; return what happened."""
-    state = plant.state
     samples: dict[str, list[np.ndarray]] = {name: [] for name in ("speed", "position", "slip", "pressure", "adhesion")}
     commands = []
     steps = np.zeros(plant.n, dtype=int)
 
     def sample() -> None:
-        values = (state.speed, state.position, plant.slip_speed, state.pressure, state.adhesion)
+        now = plant.truth()
+        values = (now.speed, now.position, now.slip_speed, now.pressure, now.adhesion)
         for name, value in zip(samples, values, strict=True):
             samples[name].append(value.astype(np.float64 if name == "position" else np.float32))
 
@@ -132,27 +130,26 @@ def record(plant: Plant, decide: Callable[[], np.ndarray], conduct: Conduct) -> 
         sample()
         if not plant.moving.any():
             break
+    end = plant.truth()
     return Run(
         time=conduct.control_interval_s * np.arange(len(commands) + 1),
         **{name: np.stack(values) for name, values in samples.items()},
         command=np.stack(commands),
         steps=steps,
-        duration=state.time.copy(),
-        distance=state.position.copy(),
+        duration=end.time.copy(),
+        distance=end.position.copy(),
         stopped=~plant.moving,
-        air=state.air.copy(),
-        contact_work=state.contact_work.copy(),
+        air=end.air.copy(),
+        contact_work=end.contact_work.copy(),
     )
 
 
 def measure(plant: Plant, pressure_sensors: bool = False, sensor_fails_s: np.ndarray | None = None) -> Measurement:
     """Return what the sensors of a plant say now, failed ones 0; copies."""
-    state = plant.state
-    speed = state.measured.copy()
+    reading = plant.reading()
     if sensor_fails_s is not None:
-        speed[state.time[:, None] >= sensor_fails_s] = 0.0
-    pressure = state.pressure.copy() if pressure_sensors else None
-    return Measurement(state.time.copy(), speed, plant.conditions.demand.copy(), pressure)
+        reading.wheel_speed[reading.time[:, None] >= sensor_fails_s] = 0.0
+    return reading if pressure_sensors else reading._replace(pressure=None)
 
 
 def check_command(controller: Controller, given: Any, shape: tuple[int, ...], time: float) -> np.ndarray:

@@ -1,9 +1,10 @@
 """What describes one wheel-rail contact on a contaminated rail."""
 
 import dataclasses
+from typing import Any
 
-from wsp_env.contact.degraded import AdhesionLaw
 from wsp_env.contact.polach import contact_stiffness
+from wsp_env.contact.port import LAWS
 from wsp_env.parameters.quantity import Checked, ParameterError, quantity
 
 _TABLE_2 = "seed paper, Table 2"
@@ -33,10 +34,13 @@ class ContactParameters(Checked):
     friction_decrease_r_spm: float = quantity(0.6, "s/m", _TABLE_2, 0.0, 10.0)
     kinetic_friction_r: float = quantity(0.28, "-", _TABLE_2 + " (misprinted mu_cs)", 0.0, 1.0, open_low=True)
     kinetic_friction_d: float = quantity(0.06, "-", _TABLE_2, 0.0, 1.0, open_low=True)
+    traction_law: str = "degraded"  # one of `wsp_env.contact.port.LAWS`
 
     def __post_init__(self) -> None:
         """Refuse impossible values, and a contaminated rail with more friction than a clean one."""
         super().__post_init__()
+        if self.traction_law not in LAWS:
+            raise ParameterError(f"traction_law = {self.traction_law!r} is unknown; valid: {', '.join(LAWS)}")
         if self.kinetic_friction_d > self.kinetic_friction_r:
             raise ParameterError(
                 f"kinetic_friction_d (mu_cd) = {self.kinetic_friction_d} exceeds kinetic_friction_r (mu_cr) = "
@@ -49,17 +53,6 @@ class ContactParameters(Checked):
         return float(contact_stiffness(self.semi_axis_a_m, self.semi_axis_b_m, self.shear_modulus_pa, self.kalker_c11))
 
     @property
-    def law(self) -> AdhesionLaw:
-        """The record that the compiled law takes."""
-        return AdhesionLaw(
-            self.stiffness_n,
-            self.polach_k_ad,
-            self.polach_k_sd,
-            self.polach_k_ar,
-            self.polach_k_sr,
-            self.kinetic_friction_r,
-            self.friction_ratio_d,
-            self.friction_ratio_r,
-            self.friction_decrease_d_spm,
-            self.friction_decrease_r_spm,
-        )
+    def law(self) -> Any:
+        """The record of the traction law that compiled code takes, see `wsp_env.contact.port`."""
+        return LAWS[self.traction_law].make(self)

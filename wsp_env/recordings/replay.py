@@ -12,8 +12,8 @@ import numpy as np
 
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.parameters.vehicle import Brake, Vehicle
-from wsp_env.plant.plant import Plant
-from wsp_env.plant.state import Stop
+from wsp_env.plant import make_plant
+from wsp_env.plant.port import Plant, Setup, Stop
 from wsp_env.recordings.campaign import Campaign
 from wsp_env.recordings.derive import Derived, Smoothing
 from wsp_env.recordings.recording import Recording
@@ -70,19 +70,15 @@ def simulate(
     """
     torque = run.brake_torque_nm
     largest = float(np.abs(torque).max()) or 1.0
-    plant = Plant(
-        _vehicle(campaign, run, largest),
-        len(starts),
-        campaign.sample_time_s,
-        mechanism_choice=mechanisms,
-        pressure_control=True,
-    )
+    setup = Setup(campaign.sample_time_s, mechanisms=mechanisms or {}, pressure_control=True)
+    plant = make_plant(_vehicle(campaign, run, largest), len(starts), setup)
     for index, start in enumerate(starts):
         _start(plant, index, run, derived, radii_m, int(start), torque[start] / largest, mu_cd, tau)
     speed = np.empty((len(starts), samples))
     wheel = np.empty((len(starts), samples, campaign.vehicle.axles))
     for step in range(samples):
-        speed[:, step], wheel[:, step] = plant.state.speed, radii_m * plant.state.wheel_speed
+        truth = plant.truth()
+        speed[:, step], wheel[:, step] = truth.speed, radii_m * truth.wheel_speed
         at = np.minimum(starts + step, len(torque) - 2)
         plant.step(0.5 * (torque[at] + torque[at + 1]) / largest)
     return Simulated(speed, wheel)
@@ -182,6 +178,5 @@ def _start(
     nodes = np.ones(1)
     speed = float(derived.speed_mps[sample])
     plant.start(index, Stop(mu_cd, tau, speed, run.mass_kg, 1.0, run.gradient, 0.0, 0, radii_m, profile=nodes, coverage=nodes))
-    plant.state.wheel_speed[index] = np.maximum((speed - derived.slip_speed_mps[sample]) / radii_m, 0.0)
-    plant.state.pressure[index] = torque * _PRESSURE_BAR
-    plant.state.supply[index] = _PRESSURE_BAR
+    wheel = np.maximum((speed - derived.slip_speed_mps[sample]) / radii_m, 0.0)
+    plant.set_state(index, wheel, torque * _PRESSURE_BAR)

@@ -7,27 +7,25 @@ leading axle. Textbook statics, e.g. K. Knothe, S. Stichel, Rail Vehicle Dynamic
 
 from typing import NamedTuple
 
+import numpy as np
+
 from wsp_env.compiled import inlined
-from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.card import Card, Parameter, Signature
 
 
 class Parameters(NamedTuple):
-    """Heights of the load transfer, see `MECHANISM`."""
+    """Heights of the load transfer, see `CARD`."""
 
     body_height_m: float
     pivot_height_m: float
 
 
-MECHANISM = Mechanism(
-    name="load_transfer",
-    summary="deceleration loads the leading bogie and the leading axle of each bogie",
-    parameters=(
-        Parameter("body_height_m", "m", 0.0, 1.0, 0.0, 3.0, "assumption: centre of mass 1.6 m, pivots 0.6 m above the rail"),
-        Parameter("pivot_height_m", "m", 0.0, 0.6, 0.0, 2.0, "assumption: height of the traction rod above the rail"),
-    ),
-    record=Parameters,
-    trace="adhesion: sign alternates from axle to axle and grows with the deceleration",
-)
+class Arms(NamedTuple):
+    """Wheel load change = M a (h_body * body + h_pivot * pivot) of every axle."""
+
+    body: np.ndarray  # (A,) [1/m]
+    pivot: np.ndarray  # (A,) [1/m]
 
 
 def arms(axle_positions_m: tuple[float, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -48,10 +46,32 @@ def arms(axle_positions_m: tuple[float, ...]) -> tuple[tuple[float, ...], tuple[
     return (body, body, -body, -body), (pivot / (b - a), -pivot / (b - a), pivot / (d - c), -pivot / (d - c))
 
 
+def derive(vehicle: Vehicle) -> Arms:
+    """Return the arms of a vehicle."""
+    body, pivot = arms(vehicle.axle_positions_m)
+    return Arms(np.array(body), np.array(pivot))
+
+
 @inlined
-def wheel_load(
-    p: Parameters, static_n: float, mass_kg: float, deceleration_mps2: float, body_arm: float, pivot_arm: float
-) -> float:
-    """Load of one wheel [N] under a deceleration [m/s2]; never below zero."""
-    lever = p.body_height_m * body_arm + p.pivot_height_m * pivot_arm
+def wheel_load(p: Parameters, arm: Arms, static_n: float, k: int, mass_kg: float, deceleration_mps2: float) -> float:
+    """Load of one wheel [N] of axle k under a deceleration [m/s2]; never below zero."""
+    lever = p.body_height_m * arm.body[k] + p.pivot_height_m * arm.pivot[k]
     return max(static_n + mass_kg * deceleration_mps2 * lever, 0.0)
+
+
+CARD = Card(
+    name="load_transfer",
+    summary="deceleration loads the leading bogie and the leading axle of each bogie",
+    parameters=(
+        Parameter("body_height_m", "m", 0.0, 1.0, 0.0, 3.0, "assumption: centre of mass 1.6 m, pivots 0.6 m above the rail"),
+        Parameter("pivot_height_m", "m", 0.0, 0.6, 0.0, 2.0, "assumption: height of the traction rod above the rail"),
+    ),
+    record=Parameters,
+    acts={"wheel_load": wheel_load},
+    derive=derive,
+    signature=Signature(
+        balances=frozenset({"adhesion"}),
+        trace="adhesion: sign alternates from axle to axle and grows with the deceleration",
+        acts_on="contact",
+    ),
+)

@@ -14,8 +14,7 @@ T = (torque_factor C + J dw/dt) / r the force of a wheelset from its own balance
 """
 
 import dataclasses
-from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,18 +23,22 @@ from wsp_env.compiled import loop
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import mechanisms
-from wsp_env.plant.mechanisms import (
-    clock_offset,
-    leading_axle_cleaning,
-    non_adhesive_brake,
-    pad_friction,
-    track_gradient,
-    vehicle_mass,
-    wheel_radius,
-    wheel_speed_lag,
+from wsp_env.plant.card import Passage
+from wsp_env.plant.longitudinal.state import Constants, constants, physics
+from wsp_env.plant.mechanisms import Active, Mechanisms
+from wsp_env.plant.mechanisms.leading_axle_cleaning import CELL_M, SPARE_CELLS
+from wsp_env.plant.port import Choice, Setup
+from wsp_env.plant.slots import (
+    after_contact,
+    after_passage,
+    contact,
+    resistance,
+    surface,
+    torque_factor,
+    true_speed,
+    wheel_load,
+    wheel_speed,
 )
-from wsp_env.plant.slots import contact, rail, resistance, torque_factor, wheel_load
-from wsp_env.plant.state import Constants, constants
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,7 +46,8 @@ class Trajectory:
     """A measured stop, T samples of A axles; smoothed, without gaps.
 
     Anything array-like is accepted and kept as float64. `ParameterError` for shapes that do not fit together, for numbers that
-    are not finite, a time that does not rise or samples more than `leading_axle_cleaning.SPARE_CELLS` metres apart.
+    are not finite, a time that does not rise or samples more than
+    `SPARE_CELLS * CELL_M` of `leading_axle_cleaning` apart.
     """
 
     time_s: np.ndarray  # (T,) [s], rising
@@ -71,7 +75,7 @@ class Trajectory:
         if not (np.diff(self.time_s) > 0.0).all():
             raise ParameterError("time_s does not rise from sample to sample")
         farthest = float(np.diff(self.position_m).max(initial=0.0))
-        if farthest > leading_axle_cleaning.SPARE_CELLS * leading_axle_cleaning.CELL_M:
+        if farthest > SPARE_CELLS * CELL_M:
             raise ParameterError(f"samples lie up to {farthest:g} m apart, too far to follow what the wheels leave on the rail")
 
 
@@ -101,12 +105,24 @@ class Prediction(NamedTuple):
     radius_m: np.ndarray  # (A,) with `wheel_radius` [m]
 
 
-def model(vehicle: Vehicle, choice: Mapping[str, Mapping[str, float]] | None = None) -> Constants:
-    """Return a vehicle with the mechanisms of `choice` on (see `mechanisms.make`) as `along` takes it."""
-    return constants(vehicle, 0.01, 1, mechanisms.make(choice), False, 1.0)  # what concerns the step's clock is not used
+class Model(NamedTuple):
+    """A vehicle with mechanisms on, as `along` takes it."""
+
+    constants: Constants
+    mechanisms: Mechanisms
+    law: Any  # with the mechanisms that change it
+    axle_positions_m: tuple[float, ...]
 
 
-def along(trajectory: Trajectory, run: Run, p: Constants) -> Prediction:
+def model(vehicle: Vehicle, choice: Choice | None = None) -> Model:
+    """Return a vehicle with the mechanisms of `choice` on, see `mechanisms.make`."""
+    own = mechanisms.make(choice)
+    _, law = physics(own, vehicle)
+    believed = vehicle.contact.law
+    return Model(constants(vehicle, Setup()), own, type(believed)(*map(float, law)), vehicle.axle_positions_m)
+
+
+def along(trajectory: Trajectory, run: Run, m: Model) -> Prediction:
     """Evaluate the model of `model` along a trajectory (T samples, A axles).
 
     Raises
@@ -116,11 +132,11 @@ def along(trajectory: Trajectory, run: Run, p: Constants) -> Prediction:
 
     """
     samples, axles = trajectory.wheel_speed_radps.shape
-    if axles != len(p.axle_offset):
-        raise ParameterError(f"the trajectory has {axles} axles, the vehicle {len(p.axle_offset)}")
-    m = p.mechanisms
-    mass = vehicle_mass.mass(m.vehicle_mass, run.mass_kg)
-    radius = wheel_radius.radii(m.wheel_radius, np.broadcast_to(run.radius_m, (axles,)))
+    if axles != len(m.axle_positions_m):
+        raise ParameterError(f"the trajectory has {axles} axles, the vehicle {len(m.axle_positions_m)}")
+    mass = mechanisms.believed_to_true("mass", m.mechanisms, run.mass_kg)
+    radius = mechanisms.believed_to_true("radii", m.mechanisms, np.broadcast_to(run.radius_m, (axles,)))
+    gradient = mechanisms.believed_to_true("gradient", m.mechanisms, run.gradient)
     mu_cd = np.broadcast_to(np.asarray(run.mu_cd, dtype=np.float64), (samples, axles))
     for name, lowest in (("mu_cd", mu_cd.min()), ("mass_kg", mass), ("radius_m", radius.min())):
         if not lowest > 0.0:
@@ -129,12 +145,21 @@ def along(trajectory: Trajectory, run: Run, p: Constants) -> Prediction:
         raise ParameterError(f"tau = {run.tau:g} m/J is impossible: it must be finite, 0 or more")
     per_axle = np.empty((6, samples, axles))
     per_vehicle = np.empty((2, samples))
-    cells = leading_axle_cleaning.cells(float(p.axle_offset[-1]))
-    gradient = track_gradient.gradient(m.track_gradient, run.gradient)
-    conditions = (mu_cd, float(run.tau), float(mass), float(gradient), radius)
-    _evaluate(_columns(trajectory), conditions, p, per_axle, per_vehicle, np.zeros((_STATES, axles)), np.zeros((1, cells)))
+    active = Active(m.mechanisms, m.constants.derived, mechanisms.remember(1, m.axle_positions_m))
+    conditions = _Believed(mu_cd, float(run.tau), float(mass), float(gradient), np.asarray(radius, dtype=np.float64))
+    _evaluate(_columns(trajectory), conditions, m.constants, m.law, active, per_axle, per_vehicle, np.zeros((2, axles)))
     adhesion, slope, load, slip, wheel, factor = per_axle
     return Prediction(adhesion, slope, load, slip, wheel, factor, per_vehicle[0], per_vehicle[1], mass, radius)
+
+
+class _Believed(NamedTuple):
+    """The conditions of a run, as the compiled loop takes them."""
+
+    mu_cd: np.ndarray
+    tau: float
+    mass: float
+    gradient: float
+    radius: np.ndarray
 
 
 class _Columns(NamedTuple):
@@ -153,55 +178,52 @@ def _columns(trajectory: Trajectory) -> _Columns:
     return _Columns(*(getattr(trajectory, field.name) for field in dataclasses.fields(trajectory)))
 
 
-# Rows of the scratch array `state` (_STATES, A): the film's recovery [-], rise of the discs' temperature [K], energy of one
-# wheel in the present cell of rail [J], friction power of one wheel [W] and braking power of the axle [W] at the last sample.
-_RECOVERY, _DISCS, _PENDING, _FRICTION, _BRAKING, _STATES = range(6)
+# Rows of the scratch array `power` (2, axles) at the last sample: friction power of one wheel, braking power of the axle [W].
+_FRICTION, _BRAKING = range(2)
 
 
 @loop
 def _evaluate(
     measured: _Columns,
-    conditions: tuple[np.ndarray, float, float, float, np.ndarray],
+    c: _Believed,
     p: Constants,
+    law: Any,
+    active: Active,
     per_axle: np.ndarray,
     per_vehicle: np.ndarray,
-    state: np.ndarray,
-    ring: np.ndarray,
+    power: np.ndarray,
 ) -> None:
-    mu_cd, tau, mass, gradient, radius = conditions
     samples, axles = measured.wheel.shape
-    m = p.mechanisms
-    applied = 0.0
-    full_torque = p.torque_per_bar * p.full_pressure
+    full_torque = p.brake.torque_per_bar * p.brake.full_pressure
+    static = c.mass * p.gravity / (2.0 * axles)
     for j in range(samples):
         before = max(j - 1, 0)
         duration = measured.time[j] - measured.time[before]
-        speed = clock_offset.speed(m.clock_offset, measured.speed[j], measured.acceleration[j])
+        speed = true_speed(active, measured.speed[j], measured.acceleration[j])
         for k in range(axles):
-            applied = non_adhesive_brake.applied(m.non_adhesive_brake, applied, measured.torque[j, k], full_torque)
-        per_vehicle[0, j] = speed
-        per_vehicle[1, j] = resistance(speed, mass, gradient, applied, p)
-        for k in range(axles):
-            place = measured.position[j] - p.axle_offset[k]
-            leading_axle_cleaning.remember(
-                m.leading_axle_cleaning, k, measured.position[before] - p.axle_offset[k], place,
-                state[_FRICTION, k] * duration, 0, ring, state[_PENDING : _PENDING + 1],
+            offset = p.axle_offset[k]
+            passage = Passage(
+                measured.position[before] - offset, measured.position[j] - offset, power[_FRICTION, k] * duration,
+                power[_BRAKING, k] * duration, duration, measured.torque[j, k], full_torque,
             )  # fmt: skip
-            warmer = pad_friction.warmer(m.pad_friction, state[_DISCS, k], state[_BRAKING, k] * duration, duration)
-            wheel = wheel_speed_lag.wheel_speed(m.wheel_speed_lag, measured.wheel[j, k], measured.wheel_acceleration[j, k])
-            slip = speed - radius[k] * wheel
-            load = wheel_load(k, mass, -measured.acceleration[j], p)
-            film = leading_axle_cleaning.film_left(m.leading_axle_cleaning, 0, place, ring)
-            on, past = rail(place, mu_cd[j, k], film, state[_RECOVERY, k], speed * duration, p)
-            law = contact(slip, speed, load, on, tau, p)
+            after_passage(active, 0, k, passage)
+        believed = p.resistance_a + speed * (p.resistance_b + speed * p.resistance_c) + c.mass * p.gravity * c.gradient
+        per_vehicle[0, j] = speed
+        per_vehicle[1, j] = resistance(0, speed, believed, active)
+        rolled = speed * duration
+        for k in range(axles):
+            wheel = wheel_speed(active, measured.wheel[j, k], measured.wheel_acceleration[j, k])
+            slip = speed - c.radius[k] * wheel
+            load = wheel_load(k, c.mass, -measured.acceleration[j], static, active)
+            on = surface(0, k, measured.position[j] - p.axle_offset[k], rolled, c.mu_cd[j, k], 1.0, law.mu_cr, active)
+            adhesion = contact(slip, speed, load, on, c.tau, law, active)
+            after_contact(active, 0, k, rolled, adhesion.kept)
             torque = measured.torque[j, k]
-            factor = torque_factor(k, radius[k] * wheel, torque / p.torque_per_bar, warmer, p)
-            state[_RECOVERY, k] = past * state[_RECOVERY, k] + (1.0 - past) * (1.0 - law.kept)
-            state[_DISCS, k] = warmer
-            state[_FRICTION, k] = law.f * load * abs(slip)
-            state[_BRAKING, k] = factor * torque * wheel
-            per_axle[0, j, k] = law.f if slip >= 0.0 else -law.f
-            per_axle[1, j, k] = law.df_ds
+            factor = torque_factor(active, 0, k, c.radius[k] * wheel, torque / p.brake.torque_per_bar)
+            power[_FRICTION, k] = adhesion.f * load * abs(slip)
+            power[_BRAKING, k] = factor * torque * wheel
+            per_axle[0, j, k] = adhesion.f if slip >= 0.0 else -adhesion.f
+            per_axle[1, j, k] = adhesion.df_ds
             per_axle[2, j, k] = load
             per_axle[3, j, k] = slip
             per_axle[4, j, k] = wheel
