@@ -23,7 +23,7 @@ from wsp_env.recordings.creep_curves import (
     holds_creep_curves,
     read_creep_curves,
 )
-from wsp_env.recordings.table import CampaignError
+from wsp_env.recordings.errors import CampaignError
 
 CONTACT = CreepContact(wheel_load_n=80e3, wheel_radius_m=0.46)
 TOML = """

@@ -40,7 +40,7 @@ def main(arguments: list[str] | None = None) -> int:
     import tyro
 
     from wsp_env.parameters.quantity import ParameterError
-    from wsp_env.recordings.table import CampaignError, CampaignWarning
+    from wsp_env.recordings.errors import CampaignError, CampaignWarning
 
     command = importlib.import_module(f"wsp_env.cli.{name}").main
     try:

@@ -239,6 +239,6 @@ def creep_section(curves: list[Curve]) -> Section:
     text = (
         "Points measured on a Siemens Eurosprinter locomotive at 10 m/s. With Kalker's slope and a constant friction "
         "coefficient a law rises too steeply and does not fall with the slip speed; reduction factors and falling friction "
-        "mend both.",
+        "correct both.",
     )
     return Section("A measured creep curve, and three laws", text, (table, figure))

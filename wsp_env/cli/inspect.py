@@ -1,4 +1,4 @@
-"""`wsp inspect`: what is in a stranger's file, and a campaign.toml to start from."""
+"""`wsp inspect`: what is in a third-party file, and a campaign.toml to start from."""
 
 import sys
 from pathlib import Path

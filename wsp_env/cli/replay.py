@@ -136,7 +136,7 @@ def _write_page(path: Path, result: Replay, campaign: Campaign) -> None:
     for stop in dict.fromkeys(course.stop for course in result.courses):
         sections.append(Section(f"Stop {stop}", (), (_speeds([c for c in result.courses if c.stop == stop], colour),)))
     if said := [sentence for stop in recorded for sentence in campaign.runs[stop].warnings]:
-        sections.append(Section("What was mended in the recordings, or looks wrong", said))
+        sections.append(Section("What was repaired in the recordings, or looks wrong", said))
     lead = f"Controllers under the conditions of campaign {result.campaign}, beside the stops as they were recorded."
     write_page(path, "Replayed stops", lead, sections, "Written by: wsp replay")
 

@@ -113,7 +113,7 @@ def _is_number(value: Any) -> bool:
 def _made(name: str, made: Any, *parameters: Any) -> Any:
     try:
         return made(*parameters) if isinstance(made, type) else made
-    except (Exception, SystemExit) as error:  # whatever a stranger's class raises
+    except (Exception, SystemExit) as error:  # whatever third-party code raises
         raise ParameterError(f"controller {name!r} cannot be made: {type(error).__name__}: {error}") from error
 
 
@@ -130,7 +130,7 @@ def _module(name: str, place: str) -> Any:
         try:
             with _beside(path):
                 spec.loader.exec_module(module)
-        except (Exception, SystemExit) as error:  # whatever a stranger's file raises
+        except (Exception, SystemExit) as error:  # whatever third-party code raises
             raise ParameterError(f"controller {name!r}: {place} cannot be run: {type(error).__name__}: {error}") from error
         return module
     try:

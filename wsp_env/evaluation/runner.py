@@ -178,6 +178,6 @@ def check_command(controller: Controller, given: Any, shape: tuple[int, ...], ti
 def _guarded(controller: Controller, method: str, time: float, *arguments: Any) -> Any:
     try:
         return getattr(controller, method)(*arguments)
-    except (Exception, SystemExit) as error:  # whatever a stranger's controller raises
+    except (Exception, SystemExit) as error:  # whatever a third-party controller raises
         what = f"{type(controller).__name__}.{method} raised {type(error).__name__} at {time:.2f} s: {error}"
         raise ControllerFailure(what) from error

@@ -25,8 +25,9 @@ from wsp_env.parameters import velim
 from wsp_env.parameters.contact import ContactParameters
 from wsp_env.parameters.quantity import ParameterError, replace
 from wsp_env.recordings import channels
-from wsp_env.recordings.recording import Recording, read_recording
-from wsp_env.recordings.table import CampaignError
+from wsp_env.recordings.errors import CampaignError
+from wsp_env.recordings.reading import read_recording
+from wsp_env.recordings.recording import Recording
 from wsp_env.recordings.vehicle import CampaignVehicle
 
 #: Parameter sets that `[contact] set` may name.
@@ -64,7 +65,7 @@ def read_campaign(folder: Path) -> Campaign:
     Raises
     ------
     CampaignError
-        naming file, key, column or line, and how to mend it
+        naming file, key, column or line, and how to repair it
 
     """
     path = Path(folder) / "campaign.toml"

@@ -10,8 +10,8 @@ from scipy.ndimage import uniform_filter1d
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.recordings.campaign import Campaign
 from wsp_env.recordings.derive import Derived, Smoothing, braking, derive, rolling_radii
+from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.recording import Recording
-from wsp_env.recordings.table import CampaignError
 from wsp_env.recordings.tuning import Tuning, tune
 from wsp_env.scenario import TRACK_STEP_M
 

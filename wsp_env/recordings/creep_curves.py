@@ -21,7 +21,8 @@ from wsp_env.contact.hertz import hertz
 from wsp_env.contact.kalker import Patch, kalker_coefficients
 from wsp_env.parameters.contact import ContactParameters
 from wsp_env.parameters.quantity import Checked, quantity, replace
-from wsp_env.recordings.table import CampaignError, open_table
+from wsp_env.recordings.errors import CampaignError
+from wsp_env.recordings.readers import open_file
 
 KIND = "creep_curve"
 #: Fewer points than this in all curves are refused: a curve of three to five parameters and its scatter need more (assumption).
@@ -99,7 +100,7 @@ def read_creep_curves(folder: Path) -> CreepCurves:
     Raises
     ------
     CampaignError
-        naming file, key, column or point, and how to mend it
+        naming file, key, column or point, and how to repair it
 
     """
     path = Path(folder) / "campaign.toml"
@@ -135,7 +136,7 @@ def _curve(path: Path, name: str, entry: Any) -> CreepCurve:
     speed, file = entry["speed_mps"], path.parent / str(entry["file"])
     if isinstance(speed, bool) or not isinstance(speed, int | float) or not 0.0 < speed < np.inf:
         raise CampaignError(f"{path}: {where} speed_mps must be a finite number above 0, got {speed!r}")
-    table = open_table(file)
+    table = open_file(file)
     table.require(list(_COLUMNS))
     read = table.read(list(_COLUMNS))
     creepage, adhesion = (np.asarray(read[column].values, dtype=np.float64) for column in _COLUMNS)

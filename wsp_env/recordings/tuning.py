@@ -20,7 +20,7 @@ from wsp_env.contact.degraded import degraded_adhesion
 from wsp_env.recordings import bootstrap
 from wsp_env.recordings.campaign import Campaign
 from wsp_env.recordings.derive import Derived, Smoothing, derive, rolling_radii
-from wsp_env.recordings.table import CampaignError, CampaignWarning
+from wsp_env.recordings.errors import CampaignError, CampaignWarning
 
 #: Sliding for less than this [s], summed over the axles, says nothing on a run's friction.
 LEAST_SLIDING_S = 2.0

@@ -115,7 +115,7 @@ def write(path: Path, validation: Validation, closed_loop: Table | None = None) 
     if closed_loop:
         sections.append(Section("In closed loop", (), (closed_loop,)))
     if said := [sentence for stop in validation.stops.values() for sentence in stop.run.warnings]:
-        sections.append(Section("What was mended in the recordings, or looks wrong", said))
+        sections.append(Section("What was repaired in the recordings, or looks wrong", said))
     write_page(path, f"Validation of campaign {campaign.name}", lead, sections, "Written by: wsp validate")
 
 
