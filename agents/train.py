@@ -83,7 +83,7 @@ class Arguments:
     watched: int = 24  # stops under each law by which learning is watched
 
 
-class Told(BaseCallback):
+class EndedStops(BaseCallback):
     """TensorBoard: what the stops that ended in a rollout were like, in physical units."""
 
     def __init__(self) -> None:
@@ -194,7 +194,7 @@ def train(arguments: Arguments) -> tuple[PPO, VecNormalize]:
     _check(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
     _same_arguments(arguments)
-    run = Run(arguments)
+    run = Training(arguments)
     columns = (BarColumn(10), TextColumn("{task.description}"), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns) as progress:
         bar = progress.add_task(run.watch.briefly(run.curve), total=run.rounds + run.segments, completed=run.done)
@@ -204,7 +204,7 @@ def train(arguments: Arguments) -> tuple[PPO, VecNormalize]:
     return run.model, run.world
 
 
-class Run:
+class Training:
     """A training under way: `imitate` and `practise` go on with it step by step."""
 
     def __init__(self, arguments: Arguments) -> None:
@@ -252,7 +252,7 @@ class Run:
             self.world.seed(seed)
             learns(self.model, segment >= given.critic_segments)
             self.model._last_obs = None  # `learn` then begins new stops
-            self.model.learn(update, callback=Told(), reset_num_timesteps=False)
+            self.model.learn(update, callback=EndedStops(), reset_num_timesteps=False)
             self._look("PPO", update / (time.perf_counter() - begun), segment + 1)
             checkpoint.save(self.folder / checkpoint.CHECKPOINT, self.model, self.world, segment + 1, self.curve)
             yield
@@ -263,8 +263,8 @@ class Run:
         return self.taught * self.arguments.imitation_decisions * self.arguments.envs + self.model.num_timesteps
 
     def _look(self, phase: str, rate: float, segment: int) -> None:
-        """Watch the policy, tell of it, and keep it if it is the best since the whole imitation."""
-        self.model.logger.dump(self.model.num_timesteps)  # what PPO has told, over its own decisions
+        """Watch the policy, report on it, and keep it if it is the best since the whole imitation."""
+        self.model.logger.dump(self.model.num_timesteps)  # what PPO has reported, over its own decisions
         row = {"decisions": float(self.decisions), "ppo_decisions": float(self.model.num_timesteps)}
         self.curve.append(row | self.watch.look(actor(self.arguments, self.model, self.world)))
         for name, value in self.curve[-1].items():
@@ -274,7 +274,7 @@ class Run:
         ready = [row["score"] for row in self.curve if row["decisions"] >= self.lessons]
         if ready and self.curve[-1]["score"] == min(ready):
             checkpoint.save(self.folder / checkpoint.BEST, self.model, self.world, segment, self.curve)
-        print(f"{phase}: {self.decisions} decisions, {rate:.0f} a second, {self.watch.told(self.curve)}", flush=True)
+        print(f"{phase}: {self.decisions} decisions, {rate:.0f} a second, {self.watch.words(self.curve)}", flush=True)
 
 
 def _check(arguments: Arguments) -> None:

@@ -61,7 +61,7 @@ class Watch:
         found = self.yardstick.figures(controller)
         return {law: means({name: values[rows] for name, values in found.items()}) for law, rows in self.rows.items()}
 
-    def told(self, curve: list[dict[str, float]]) -> str:
+    def words(self, curve: list[dict[str, float]]) -> str:
         """Return the last row of a curve in words."""
         row = curve[-1]
         laws = (

@@ -29,7 +29,7 @@ _SHARES = np.geomspace(0.002, 0.25, 16)
 
 @dataclasses.dataclass(frozen=True)
 class Stopped:
-    """What is told about a stop that has ended, in physical units."""
+    """What is reported about a stop that has ended, in physical units."""
 
     stopping_distance_m: float
     slide_distance_m: float  # integral of the slip speed over time, mean of the axles

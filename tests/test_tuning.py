@@ -249,7 +249,7 @@ def test_command_prints_json(demo, capsys):
 
 
 def test_a_tau_that_the_runs_leave_open_is_said(demo):
-    """Where wheels hardly slide, recovery cannot be told from a rail with more friction."""
+    """Where wheels hardly slide, recovery cannot be distinguished from a rail with more friction."""
     weak = dataclasses.replace(demo[0], tune=("A1", "A3"))
     with pytest.warns(CampaignWarning, match="the runs to tune on do not determine it"):
         tuning = tune(weak)

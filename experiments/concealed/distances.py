@@ -20,7 +20,7 @@ from wsp_env.plant.state import Stop
 from wsp_env.recordings import Campaign, Smoothing, conditions, derive, rolling_radii
 from wsp_env.recordings.derive import braking
 
-#: Protections under which the stops are driven: nobody told which one the vehicle has.
+#: Protections under which the stops are driven: it is not known which one the vehicle has.
 PROTECTIONS = ("rule-based", "slip", "extremum")
 _LEVEL = 0.95  # one-sided, of an interval of 90 %
 _LEAST = 1e-4  # change at the recorded slip [-] that a share of can be taken
@@ -82,13 +82,15 @@ def _parameter_share(campaign: Campaign, answer: Mapping[str, Any], chosen: Choi
 
     Each parameter is moved alone between the ends of its interval, their shares are added as squares.
     """
-    told = answer["model"]
+    reported = answer["model"]
     stops = [
-        (Balances(campaign, [stop]), told["mu_cd"][stop.name]) for stop in prepare(campaign)[0] if stop.name in told["mu_cd"]
+        (Balances(campaign, [stop]), reported["mu_cd"][stop.name])
+        for stop in prepare(campaign)[0]
+        if stop.name in reported["mu_cd"]
     ]
 
     def change(choice: Choice) -> float:
-        return float(np.mean([effect(one, Model(told["tau_m_per_J"], (mu,)), choice).distance for one, mu in stops]))
+        return float(np.mean([effect(one, Model(reported["tau_m_per_J"], (mu,)), choice).distance for one, mu in stops]))
 
     value, squares = change(chosen), 0.0
     for one in answer["mechanisms"]:

@@ -98,7 +98,7 @@ def brake(law: str, pins: dict[str, Any], full_torque_nm: float) -> dict[str, np
 
 
 @dataclasses.dataclass(frozen=True)
-class Curve:
+class FittedCurve:
     """A creep curve beside the measured points."""
 
     name: str
@@ -107,7 +107,7 @@ class Curve:
     error: float  # root mean square over the points [-]
 
 
-def creep_curves() -> list[Curve]:
+def creep_curves() -> list[FittedCurve]:
     """Kalker, Polach with constant friction and Polach with falling friction against the Eurosprinter's points.
 
     The friction of each and, for the last, A, gamma, k_A and k_S are fitted to the points by least squares.
@@ -134,7 +134,7 @@ def creep_curves() -> list[Curve]:
     curves = []
     for name, model, start, low, high in models:
         fit = least_squares(lambda p, model=model: model(creepage, p) - adhesion, start, bounds=(low, high))
-        curves.append(Curve(name, grid, model(grid, fit.x), float(np.sqrt(np.mean(fit.fun**2)))))
+        curves.append(FittedCurve(name, grid, model(grid, fit.x), float(np.sqrt(np.mean(fit.fun**2)))))
     return curves
 
 
@@ -223,7 +223,7 @@ def stops_section(stops: dict[str, dict[str, np.ndarray]], run: str) -> Section:
     return Section("A bogie brakes under the tuned law, with and without recovery", text, (Table(header, rows), figure))
 
 
-def creep_section(curves: list[Curve]) -> Section:
+def creep_section(curves: list[FittedCurve]) -> Section:
     """Show the measured points of the Eurosprinter and what three laws make of them."""
     objects, _ = plotly()
     creepage, adhesion = eurosprinter.measured()

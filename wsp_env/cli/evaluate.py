@@ -20,7 +20,7 @@ from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.evaluate import BOUND, Evaluation, evaluate
 from wsp_env.evaluation.figures import FIGURES
 from wsp_env.evaluation.programme import STANDARD, read_programme, select_cases
-from wsp_env.evaluation.report import LEFT_LIMIT, write_report
+from wsp_env.evaluation.programme_report import LEFT_LIMIT, write_report
 from wsp_env.evaluation.runner import Conduct
 from wsp_env.evaluation.summary import Verdict, judge, summarise
 from wsp_env.parameters.quantity import ParameterError

@@ -86,7 +86,7 @@ class Programme:
 
 
 @dataclasses.dataclass(frozen=True)
-class Conditions:
+class CaseStops:
     """The N stops of a case; one per law and draw."""
 
     laws: tuple[str, ...]  # (N,)
@@ -153,7 +153,7 @@ def select_cases(programme: Programme, vehicle: Vehicle, names: Sequence[str] = 
     return possible
 
 
-def draw_conditions(case: Case, programme: Programme, vehicle: Vehicle, draws: int, seed: int) -> Conditions:
+def draw_stops(case: Case, programme: Programme, vehicle: Vehicle, draws: int, seed: int) -> CaseStops:
     """Draw the stops of a case: the same under every law, and from the same numbers in every case."""
     rows, stops, fails = [], [], []
     for number in range(draws):
@@ -166,7 +166,7 @@ def draw_conditions(case: Case, programme: Programme, vehicle: Vehicle, draws: i
             stops.append(_stop(case, programme, vehicle, law, share, axle, np.random.default_rng([seed, number, 1])))
             fails.append(fail)
     laws, numbers = zip(*rows, strict=True)
-    return Conditions(laws, numbers, tuple(stops), np.array(fails))
+    return CaseStops(laws, numbers, tuple(stops), np.array(fails))
 
 
 def _stop(

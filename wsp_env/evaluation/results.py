@@ -17,7 +17,7 @@ import numpy as np
 
 from wsp_env.evaluation.bound import SlideLimit
 from wsp_env.evaluation.programme import Case
-from wsp_env.evaluation.runner import Conduct, Run
+from wsp_env.evaluation.runner import Conduct, StopRecords
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.scenario import Scenario
 
@@ -26,7 +26,7 @@ TRACE_SAMPLES = 250
 
 
 @dataclasses.dataclass(frozen=True)
-class Task:
+class CaseRun:
     """One controller in one case; without a controller, what the others are compared with."""
 
     controller: str | None
@@ -86,15 +86,15 @@ def read(path: Path) -> dict[str, np.ndarray] | None:
         return None
 
 
-def traces(result: Run) -> dict[str, np.ndarray]:
-    """Return time, speed and position (K, N), rim speed and pressure (K, N, A) of N stops, each thinned out to K samples."""
+def traces(result: StopRecords) -> dict[str, np.ndarray]:
+    """Return time, speed and position (K, N), r w and pressure (K, N, A) of N stops, each thinned out to K samples."""
     chosen = np.rint(np.linspace(0, result.steps, TRACE_SAMPLES)).astype(int)  # (K, N)
     rows = np.arange(len(result.steps))
     speed = result.speed[chosen, rows]
     return {
         "trace_time": result.time[chosen],
         "trace_speed": speed,
-        "trace_rim": speed[..., None] - result.slip[chosen, rows],
+        "trace_circumferential": speed[..., None] - result.slip[chosen, rows],
         "trace_pressure": result.pressure[chosen, rows],
         "trace_position": result.position[chosen, rows],
     }

@@ -48,7 +48,7 @@ _FASTEST_MPS = 60.0  # a vehicle speed without unit above this is taken for km/h
 
 
 @dataclasses.dataclass(frozen=True)
-class Found:
+class InspectedChannel:
     """One channel of a file."""
 
     name: str
@@ -61,7 +61,7 @@ class Found:
     guessed_unit: str
 
 
-def inspect(file: Path) -> list[Found]:
+def inspect(file: Path) -> list[InspectedChannel]:
     """List the channels of a file of any known format, each with what it may be.
 
     Raises
@@ -92,7 +92,7 @@ def inspect(file: Path) -> list[Found]:
         missing = int((~np.isfinite(values)).sum())
         channel, unit = by_name.get(name, ("", ""))
         described = quality.describe(values) if missing < len(values) else Quality(np.nan, 0.0, np.nan, np.nan)
-        found.append(Found(name, opened.units[name], len(values), missing, rate, described, channel, unit))
+        found.append(InspectedChannel(name, opened.units[name], len(values), missing, rate, described, channel, unit))
     return found
 
 
@@ -120,7 +120,7 @@ def guess(opened: ChannelFile, highest: dict[str, float]) -> dict[str, Source]:
     return guessed
 
 
-def alike(file: Path, found: list[Found]) -> list[Path]:
+def alike(file: Path, found: list[InspectedChannel]) -> list[Path]:
     """Return the file and those beside it of the same format that have its guessed columns, too, by name."""
     columns = {channel.name for channel in found if channel.guess}
     files = []
@@ -134,7 +134,7 @@ def alike(file: Path, found: list[Found]) -> list[Path]:
     return files
 
 
-def draft(file: Path, found: list[Found]) -> str:
+def draft(file: Path, found: list[InspectedChannel]) -> str:
     """Return a campaign.toml to edit: what is known is filled in, what only a person can know is left out and asked for.
 
     Its runs are the file and those like it beside it, see `alike`.

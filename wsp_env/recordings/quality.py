@@ -52,7 +52,7 @@ def repair(values: np.ndarray, name: str, clock: Clock, where: str) -> tuple[np.
     Parameters
     ----------
     name : of the channel, see `channels.CHANNELS`
-    clock : its clock, whose gaps have been told of already
+    clock : its clock, whose gaps have been reported already
     where : file and column, with which messages begin
 
     Returns
