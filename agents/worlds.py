@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+from stable_baselines3.common.running_mean_std import RunningMeanStd
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecNormalize
 
 from wsp_env.contact.degraded import degraded_adhesion
 from wsp_env.envs.observation import Observer
@@ -137,6 +138,12 @@ def rest_of_stop(plant: Plant, rows: np.ndarray, slide_price: float) -> np.ndarr
     price = ((SPEEDS[:, None] + TIME_PRICE_MPS + slide_price * slip) / deceleration).min(axis=-1)
     steps = 0.5 * (price[:, 1:] + price[:, :-1]) * np.diff(SPEEDS)
     return np.concatenate([np.zeros((len(rows), 1)), np.cumsum(steps, axis=1)], axis=1)
+
+
+def observed(world: VecNormalize) -> RunningMeanStd:
+    """Return the running mean and variance of the observations."""
+    assert isinstance(world.obs_rms, RunningMeanStd)  # one array; of a dictionary there would be several
+    return world.obs_rms
 
 
 class Joined(VecEnv):

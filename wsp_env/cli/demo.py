@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 
 from wsp_env.contact.kalker import kalker_force
 from wsp_env.contact.polach import contact_stiffness, polach_adhesion
+from wsp_env.envs.single import BrakingEnv
 from wsp_env.evaluation.controller import load
 from wsp_env.parameters import eurosprinter
 from wsp_env.parameters.uic_z1 import BOGIE
@@ -84,7 +85,8 @@ def brake(law: str, pins: dict[str, Any], full_torque_nm: float) -> dict[str, np
     per_bar = full_torque_nm / BOGIE.brake.full_pressure_bar
     env = gym.make("wsp_env/Bogie-v0", adhesion=law, vehicle={"brake": {"torque_per_bar_nm": per_bar}})
     _, info = env.reset(seed=0, options=pins)
-    batch = env.unwrapped.batch  # type: ignore[attr-defined]  # BrakingEnv's
+    assert isinstance(env.unwrapped, BrakingEnv)
+    batch = env.unwrapped.batch
     protection = load("rule-based")
     protection.reset(1, batch.vehicle)
     truth = []

@@ -14,7 +14,7 @@ from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.figures import CAUSES, FIGURES, figures, losses
 from wsp_env.evaluation.policy import Policy
 from wsp_env.evaluation.processes import work_in_processes
-from wsp_env.evaluation.programme import Case, CaseStops, Programme, draw_stops
+from wsp_env.evaluation.programme import Case, CaseStops, Draws, Programme, draw_stops
 from wsp_env.evaluation.reference import clean_rail, perfect_knowledge
 from wsp_env.evaluation.results import CaseRun
 from wsp_env.evaluation.runner import Conduct, ControllerFailure, run
@@ -24,7 +24,7 @@ from wsp_env.parameters.vehicle import Vehicle
 #: Rows of the table that are no controllers: the shortest stop, and the controller that knows everything.
 BOUND, REFERENCE = "bound", "perfect-knowledge"
 
-_CONDUCT = Conduct()
+_CONDUCT, _DRAWS = Conduct(), Draws()
 
 #: Columns that name a stop.
 KEYS = ("controller", "case", "law", "draw")
@@ -73,8 +73,7 @@ def evaluate(
     vehicle: Vehicle,
     folder: Path,
     *,
-    draws: int = 5,
-    seed: int = 0,
+    draws: Draws = _DRAWS,
     jobs: int | None = None,
     conduct: Conduct = _CONDUCT,
     done: Callable[[str], None] = lambda what: None,
@@ -97,7 +96,7 @@ def evaluate(
         if isinstance(loaded, Policy):
             loaded.check(vehicle, conduct.control_interval_s, conduct.pressure_sensors)
     tasks = [
-        CaseRun(name, parameters, case, programme.limit, programme.scenario, vehicle, draws, seed, conduct, folder, code)
+        CaseRun(name, parameters, case, programme.limit, programme.scenario, vehicle, draws, conduct, folder, code)
         for name, parameters, code in [(None, {}, code_digest(None))]
         + [(name, parameters, code_digest(name)) for name, parameters in controllers.items()]
         for case in cases
@@ -130,7 +129,7 @@ def _work_all(tasks: Sequence[CaseRun], jobs: int | None) -> Iterator[tuple[Case
 def work(task: CaseRun) -> str | None:
     """Compute and write the results of a task; return what went wrong with its controller."""
     programme = Programme("", task.limit, task.scenario, (task.case,), ())
-    drawn = draw_stops(task.case, programme, task.vehicle, task.draws, task.seed)
+    drawn = draw_stops(task.case, programme, task.vehicle, task.draws)
     top = ceiling(task.vehicle, drawn.stops, task.limit)
     extra = {}
     if task.controller is None:

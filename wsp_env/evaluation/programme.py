@@ -86,6 +86,19 @@ class Programme:
 
 
 @dataclasses.dataclass(frozen=True)
+class Draws:
+    """How many stops of each case are drawn under each law, and from which random numbers."""
+
+    number: int = 5
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be."""
+        if self.number < 1 or self.seed < 0:
+            raise ParameterError(f"draws = {self.number}, seed = {self.seed}: at least 1 and 0")
+
+
+@dataclasses.dataclass(frozen=True)
 class CaseStops:
     """The N stops of a case; one per law and draw."""
 
@@ -153,17 +166,17 @@ def select_cases(programme: Programme, vehicle: Vehicle, names: Sequence[str] = 
     return possible
 
 
-def draw_stops(case: Case, programme: Programme, vehicle: Vehicle, draws: int, seed: int) -> CaseStops:
+def draw_stops(case: Case, programme: Programme, vehicle: Vehicle, draws: Draws) -> CaseStops:
     """Draw the stops of a case: the same under every law, and from the same numbers in every case."""
     rows, stops, fails = [], [], []
-    for number in range(draws):
-        rng = np.random.default_rng([seed, number])
+    for number in range(draws.number):
+        rng = np.random.default_rng([draws.seed, number])
         share, axle = rng.uniform(), int(rng.integers(vehicle.axles))
         fail = np.full(vehicle.axles, np.inf)
         fail[axle] = case.sensor_fails_s
         for law in case.laws:
             rows.append((law, number))
-            stops.append(_stop(case, programme, vehicle, law, share, axle, np.random.default_rng([seed, number, 1])))
+            stops.append(_stop(case, programme, vehicle, law, share, axle, np.random.default_rng([draws.seed, number, 1])))
             fails.append(fail)
     laws, numbers = zip(*rows, strict=True)
     return CaseStops(laws, numbers, tuple(stops), np.array(fails))

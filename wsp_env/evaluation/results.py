@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from wsp_env.evaluation.bound import SlideLimit
-from wsp_env.evaluation.programme import Case
+from wsp_env.evaluation.programme import Case, Draws
 from wsp_env.evaluation.runner import Conduct, StopRecords
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.scenario import Scenario
@@ -35,8 +35,7 @@ class CaseRun:
     limit: SlideLimit
     scenario: Scenario
     vehicle: Vehicle
-    draws: int
-    seed: int
+    draws: Draws
     conduct: Conduct
     folder: Path
     code: str  # digest of the code that computes the results
