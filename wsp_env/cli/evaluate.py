@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import polars
 import tyro
@@ -17,7 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from wsp_env.evaluation.controller import read_settings
-from wsp_env.evaluation.evaluate import BOUND, Evaluation, evaluate
+from wsp_env.evaluation.evaluate import BOUND, Evaluation, Failure, Trace, evaluate
 from wsp_env.evaluation.figures import FIGURES
 from wsp_env.evaluation.programme import STANDARD, Draws, read_programme, select_cases
 from wsp_env.evaluation.programme_report import LEFT_LIMIT, write_report
@@ -40,6 +40,9 @@ _COLUMNS = (
     ("air_nl", "air\n[Nl]", 0),
     ("contact_energy_mj", "energy\n[MJ]", 2),
 )
+#: What names a controller.
+Named = TypeVar("Named", Trace, Verdict, Failure)
+
 _RATIO = [figure for figure, _, _ in _COLUMNS].index("ratio_bound")
 
 
@@ -166,7 +169,7 @@ def _labelled(table: polars.DataFrame, labels: Mapping[str, str]) -> polars.Data
     return table.with_columns(polars.col("controller").replace(labels))
 
 
-def _relabelled(items: Iterable[Any], labels: Mapping[str, str]) -> tuple[Any, ...]:
+def _relabelled(items: Iterable[Named], labels: Mapping[str, str]) -> tuple[Named, ...]:
     return tuple(dataclasses.replace(item, controller=labels.get(item.controller, item.controller)) for item in items)
 
 
@@ -176,19 +179,19 @@ def _write(out: Path, result: Evaluation, summary: polars.DataFrame) -> None:
     summary.write_csv(out / "summary.csv")
 
 
-def _plain(result: Evaluation, summary: polars.DataFrame, verdicts: tuple[Verdict, ...]) -> dict[str, Any]:
+def _plain(result: Evaluation, summary: polars.DataFrame, verdicts: tuple[Verdict, ...]) -> object:
     """Return what `--json` prints; a number that is not finite becomes null."""
-    document = {
+    document: dict[str, object] = {
         "figures": {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in FIGURES.items()},
         "stops": result.stops.to_dicts(),
         "summary": summary.to_dicts(),
         "verdicts": [vars(verdict) for verdict in verdicts],
         "failures": [vars(failure) for failure in result.failures],
     }
-    return dict(_finite(document))
+    return _finite(document)
 
 
-def _finite(value: Any) -> Any:
+def _finite(value: object) -> object:
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list):

@@ -3,7 +3,7 @@
 import json
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import tyro
 from rich.console import Console
@@ -13,7 +13,7 @@ from wsp_env.envs.model import read_model
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.replay import FIGURES, RECORDED, SIMULATED, Course, Replay, replay
 from wsp_env.recordings import Campaign, read_campaign
-from wsp_env.report import COLOURS, Section, Table, axes, plotly, terminal_table, write_page
+from wsp_env.report import COLOURS, Figure, Section, Table, axes, plotly, terminal_table, write_page
 
 _DIGITS = {"distance_m": 0, "time_s": 1, "mean_slip_mps": 2, "slip_deviation_mps": 2, "largest_creepage": 2}
 _HEADS = {
@@ -155,7 +155,7 @@ def _trust(courses: tuple[Course, ...]) -> tuple[str, ...]:
     )
 
 
-def _speeds(courses: list[Course], colour: dict[str, str]) -> Any:
+def _speeds(courses: list[Course], colour: dict[str, str]) -> Figure:
     objects, subplots = plotly()
     figure = subplots.make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06)
     for course in courses:

@@ -3,9 +3,9 @@
 import dataclasses
 import functools
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from scipy.optimize import brentq
@@ -16,6 +16,8 @@ from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.state import Stop
 from wsp_env.scenario import TRACK_STEP_M, Scenario, draw
+
+Record = TypeVar("Record")
 
 #: The adhesion laws that every contaminated case is run under.
 LAWS = ("classic", "recovering")
@@ -134,7 +136,7 @@ def read_programme(path: Path = STANDARD) -> Programme:
     return programme
 
 
-def _record(kind: Any, values: dict[str, Any]) -> Any:
+def _record(kind: Callable[..., Record], values: dict[str, object]) -> Record:
     return kind(**{key: tuple(value) if isinstance(value, list) else value for key, value in values.items()})
 
 
@@ -188,7 +190,7 @@ def _stop(
     speed = case.initial_speed_kmh / 3.6
     mass = vehicle.mass_kg + case.load * vehicle.payload_kg
     low, high = case.initial_adhesion or (0.05, 0.05)  # of no consequence on clean rail
-    pins: dict[str, Any] = {
+    pins: dict[str, float | str] = {
         "mu_cd": friction_for(low + share * (high - low), speed, mass, vehicle),
         "initial_speed": speed,
         "load": case.load,

@@ -51,7 +51,7 @@ class CaseRun:
         return self.folder / f"{self.case.name}--{label}--{digest}.npz"
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
     if isinstance(value, Mapping):
