@@ -20,6 +20,7 @@ from wsp_env.evaluation.controller import Controller
 from wsp_env.evaluation.policy import load_policy
 from wsp_env.evaluation.runner import Conduct
 from wsp_env.evaluation.summary import interval
+from wsp_env.parameters.quantity import replace
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.plant.state import Stop
@@ -83,7 +84,7 @@ def worlds(vehicle: str, count: int) -> Iterator[tuple[str, list[Stop], dict[str
     for name, size in SIZES.items():
         yield name, recovering, {name: size}
     for name, changes in OUTSIDE.items():
-        yield name, [dataclasses.replace(stop, **changes) for stop in recovering], {}  # type: ignore[arg-type]  # by name
+        yield name, [replace(stop, changes, "condition") for stop in recovering], {}
 
 
 def compare(controllers: Mapping[str, Controller], yardstick: Yardstick) -> list[dict[str, Any]]:

@@ -1,8 +1,8 @@
 """What the mechanisms of an answer do to the stopping distances: comparable whatever the form of an effect."""
 
+import math
 import warnings
 from collections.abc import Mapping
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.state import Stop
 from wsp_env.recordings import Campaign, Smoothing, conditions, derive, rolling_radii
 from wsp_env.recordings.derive import braking
+from wsp_env.recordings.tuning import RunScore, Tuning
 
 #: Protections under which the stops are driven: it is not known which one the vehicle has.
 PROTECTIONS = ("rule-based", "slip", "extremum")
@@ -43,10 +44,9 @@ def distance_change(campaign: Campaign, answer: Mapping[str, Any]) -> dict[str, 
 
 def _driven(campaign: Campaign, model: Mapping[str, Any], chosen: Choice, protection: Controller) -> float:
     """Return the mean relative change of the distances [-], driven from the call of the brake to standstill."""
-    tuned = SimpleNamespace(
-        tau_m_per_J=model["tau_m_per_J"], runs={name: SimpleNamespace(mu_cd=mu) for name, mu in model["mu_cd"].items()}
-    )
-    vehicle, stops, names = braked(campaign, conditions(campaign, tuned))  # type: ignore[arg-type]  # all that it reads of it
+    runs = {name: RunScore("tune", mu_cd, True, ()) for name, mu_cd in model["mu_cd"].items()}
+    tuned = Tuning(model["tau_m_per_J"], (0.0, math.inf), runs)  # the diagnosed law; its interval and errors play no part
+    vehicle, stops, names = braked(campaign, conditions(campaign, tuned))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         without = run(protection, vehicle, stops).position[-1]
