@@ -101,7 +101,7 @@ class ReferenceSpeed:
         return step
 
     def _learn_diameters(self, wheel: np.ndarray) -> np.ndarray:
-        """While all axles roll freely, r w is the same for all: what differs is the diameter; return where (N,)."""
+        """While all axles roll freely their circumferential speeds are equal: the diameters differ; return where (N,)."""
         p = self.parameters
         turning = self._nominal * wheel.min(axis=1) > p.standing_mps
         rolling: np.ndarray = (self._time - self._start <= p.learning_s) & ~self.failed.any(axis=1) & turning

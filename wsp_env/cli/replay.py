@@ -149,7 +149,7 @@ def _trust(courses: tuple[Course, ...]) -> tuple[str, ...]:
     worst = max(abs(pairs[SIMULATED][stop] / way - 1.0) for stop, way in pairs[RECORDED].items())
     return (
         f"Simulated with the recorded brake torque, the stops are at most {100 * worst:.1f} % longer or shorter than recorded: "
-        "so far the law and the vehicle can be trusted. Brakes are replayed as hard and as early as recorded, all axles alike.",
+        "the law and the vehicle hold to this extent. Brakes are replayed as hard and as early as recorded, all axles alike.",
         "A controller's own stop cannot be compared sample by sample with the recorded one: tiny causes make two stops under a "
         "controller with thresholds part. Compare distances, and the statistics of the slide.",
     )

@@ -217,18 +217,18 @@ def _look_up(
 def _shortest(
     stops: Braked, running: _Running, creepage: float, above: float, table: AdhesionTable
 ) -> tuple[np.ndarray, np.ndarray]:
-    """See the module. `circumferential` is the speed r w of each wheel; a wheel is full when it rolls with the vehicle."""
+    """See the module. `wheel` is the circumferential speed r w of each; a wheel is full when it rolls with the vehicle."""
     initial, masses, torques, radii, gradients = stops
     offsets, inertia, gravity, res_a, res_b, res_c = running
     n, axles = radii.shape
     distances = np.full(n, np.inf)
     durations = np.full(n, np.inf)
-    circumferential = np.empty(axles)
+    wheel = np.empty(axles)
     force = np.empty(axles)
     h = STEP_S
     for i in range(n):
         v, x, t, mass = initial[i], 0.0, 0.0, masses[i]
-        circumferential[:] = v
+        wheel[:] = v
         while t < TIME_LIMIT_S:
             resisted = res_a + v * (res_b + v * res_c) + mass * gravity * gradients[i]
             for k in range(axles):
@@ -240,7 +240,7 @@ def _shortest(
                 for k in range(axles):
                     braked = torques[i] / radii[i, k]
                     share = inertia / radii[i, k] ** 2
-                    if circumferential[k] >= v and braked - share * a < force[k]:
+                    if wheel[k] >= v and braked - share * a < force[k]:
                         total += braked
                         rotating += share
                     else:
@@ -249,11 +249,11 @@ def _shortest(
             after = v - h * a
             least = (1.0 - creepage) * after if after > above else 0.0
             for k in range(axles):
-                if circumferential[k] >= v and torques[i] / radii[i, k] - inertia / radii[i, k] ** 2 * a < force[k]:
-                    circumferential[k] = after
+                if wheel[k] >= v and torques[i] / radii[i, k] - inertia / radii[i, k] ** 2 * a < force[k]:
+                    wheel[k] = after
                 else:
-                    own = circumferential[k] + h * radii[i, k] / inertia * (radii[i, k] * force[k] - torques[i])
-                    circumferential[k] = min(max(own, least), after)
+                    own = wheel[k] + h * radii[i, k] / inertia * (radii[i, k] * force[k] - torques[i])
+                    wheel[k] = min(max(own, least), after)
             if after <= 0.0:
                 distances[i] = x + 0.5 * v * v / a
                 durations[i] = t + v / a
