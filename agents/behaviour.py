@@ -113,10 +113,11 @@ def compare(policy: Policy, arguments: Arguments) -> tuple[list[dict[str, float]
 def failures(policy: Policy, arguments: Arguments) -> tuple[dict[str, Traces], dict[str, Traces]]:
     """Return the traces of the policy and of the rules where the policy fails, by world."""
     rules = RuleBasedWSP(best_at(Path("agents/trained") / arguments.vehicle, arguments.price))
+    controllers: tuple[Controller, Controller] = policy, rules
     found: tuple[dict[str, Traces], dict[str, Traces]] = {}, {}
     for name, stops, mechanisms in worlds(arguments.vehicle, arguments.drawn + 1):
         if name in FAILURES:
-            for traces, controller in zip(found, (policy, rules), strict=True):
+            for traces, controller in zip(found, controllers, strict=True):
                 traces[name] = trace(controller, arguments.vehicle, stops, 0.0, Conduct(mechanisms=mechanisms))
     return found
 

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+from stable_baselines3.common.running_mean_std import RunningMeanStd
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecNormalize
 
 from wsp_env.contact.port import adhesion_under
 from wsp_env.envs.observation import Observer
@@ -29,7 +30,7 @@ _SHARES = np.geomspace(0.002, 0.25, 16)
 
 @dataclasses.dataclass(frozen=True)
 class Stopped:
-    """What is told about a stop that has ended, in physical units."""
+    """What is reported about a stop that has ended, in physical units."""
 
     stopping_distance_m: float
     slide_distance_m: float  # integral of the slip speed over time, mean of the axles
@@ -138,6 +139,12 @@ def rest_of_stop(plant: Plant, rows: np.ndarray, slide_price: float) -> np.ndarr
     price = ((SPEEDS[:, None] + TIME_PRICE_MPS + slide_price * slip) / deceleration).min(axis=-1)
     steps = 0.5 * (price[:, 1:] + price[:, :-1]) * np.diff(SPEEDS)
     return np.concatenate([np.zeros((len(rows), 1)), np.cumsum(steps, axis=1)], axis=1)
+
+
+def observed(world: VecNormalize) -> RunningMeanStd:
+    """Return the running mean and variance of the observations."""
+    assert isinstance(world.obs_rms, RunningMeanStd)  # one array; of a dictionary there would be several
+    return world.obs_rms
 
 
 class Joined(VecEnv):

@@ -3,7 +3,7 @@
 import importlib
 import sys
 import warnings
-from typing import Any
+from typing import TextIO
 
 #: Subcommand -> what it does; the module of that name has the function `main`, whose arguments are the command line's.
 COMMANDS = {
@@ -40,7 +40,7 @@ def main(arguments: list[str] | None = None) -> int:
     import tyro
 
     from wsp_env.parameters.quantity import ParameterError
-    from wsp_env.recordings.table import CampaignError, CampaignWarning
+    from wsp_env.recordings.errors import CampaignError, CampaignWarning
 
     command = importlib.import_module(f"wsp_env.cli.{name}").main
     try:
@@ -57,7 +57,12 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _warned(
-    message: Warning | str, category: type[Warning], filename: str, lineno: int, file: Any = None, line: str | None = None
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
 ) -> None:
     print(f"wsp: warning: {message}", file=sys.stderr)
 

@@ -19,14 +19,32 @@ from wsp_env.parameters.velim import TAU_M_PER_J, TEST_SPEEDS_MPS
 from wsp_env.report import COLOURS, Section, Table, axes, plotly, terminal_table, write_page
 
 
+@dataclasses.dataclass(frozen=True)
+class StopOptions:
+    """The stop.
+
+    Parameters
+    ----------
+    speed
+        Initial speed [m/s].
+    demand
+        Share of full brake pressure.
+    load
+        Share of the payload.
+
+    """
+
+    speed: float = TEST_SPEEDS_MPS["A1"]
+    demand: float = 1.0
+    load: float = 0.0
+
+
 def main(
     controller: str = "rule-based",
     vehicle: str = "coach",
     mu_cd: tuple[float, ...] = (0.02, 0.03, 0.04, 0.06),
     tau: tuple[float, ...] = (0.95e-4, TAU_M_PER_J, 3.8e-4),
-    speed: float = TEST_SPEEDS_MPS["A1"],
-    demand: float = 1.0,
-    load: float = 0.0,
+    stop: Annotated[StopOptions, tyro.conf.arg(name="")] = StopOptions(),
     set: tuple[str, ...] = (),
     out: Path = Path("out/compare.html"),
     json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
@@ -45,12 +63,8 @@ def main(
         Kinetic friction coefficients of the contaminated rail [-].
     tau
         Recovery rates [m/J], above 0.
-    speed
-        Initial speed [m/s].
-    demand
-        Share of full brake pressure.
-    load
-        Share of the payload.
+    stop
+        The stop.
     set
         Parameters of the controller, as rule-based.slip_base_mps=0.4.
     out
@@ -65,10 +79,10 @@ def main(
         raise ParameterError("give at least one --mu-cd and one --tau, each tau above 0: the classic law is run anyway")
     chosen = load_controller(controller, read_settings((controller,), set)[controller])
     try:
-        result = compare(chosen, VEHICLES[vehicle], mu_cd, tau, speed, demand, load)
+        result = compare(chosen, VEHICLES[vehicle], mu_cd, tau, stop.speed, stop.demand, stop.load)
     except ControllerFailure as failure:
         raise ParameterError(str(failure)) from None
-    title = f"{controller} on the {vehicle} from {speed:g} m/s, demand {demand:g}"
+    title = f"{controller} on the {vehicle} from {stop.speed:g} m/s, demand {stop.demand:g}"
     table = _table(result)
     written = True
     try:

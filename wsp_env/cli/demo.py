@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 
 from wsp_env.contact.kalker import kalker_force
 from wsp_env.contact.polach import contact_stiffness, polach_adhesion
+from wsp_env.envs.single import BrakingEnv
 from wsp_env.evaluation.controller import load
 from wsp_env.parameters import eurosprinter
 from wsp_env.parameters.uic_z1 import BOGIE
@@ -84,7 +85,8 @@ def brake(law: str, pins: dict[str, Any], full_torque_nm: float) -> dict[str, np
     per_bar = full_torque_nm / BOGIE.brake.full_pressure_bar
     env = gym.make("wsp_env/Bogie-v0", adhesion=law, vehicle={"brake": {"torque_per_bar_nm": per_bar}})
     _, info = env.reset(seed=0, options=pins)
-    batch = env.unwrapped.batch  # type: ignore[attr-defined]  # BrakingEnv's
+    assert isinstance(env.unwrapped, BrakingEnv)
+    batch = env.unwrapped.batch
     protection = load("rule-based")
     protection.reset(1, batch.vehicle)
     truth = []
@@ -98,7 +100,7 @@ def brake(law: str, pins: dict[str, Any], full_torque_nm: float) -> dict[str, np
 
 
 @dataclasses.dataclass(frozen=True)
-class Curve:
+class FittedCurve:
     """A creep curve beside the measured points."""
 
     name: str
@@ -107,7 +109,7 @@ class Curve:
     error: float  # root mean square over the points [-]
 
 
-def creep_curves() -> list[Curve]:
+def creep_curves() -> list[FittedCurve]:
     """Kalker, Polach with constant friction and Polach with falling friction against the Eurosprinter's points.
 
     The friction of each and, for the last, A, gamma, k_A and k_S are fitted to the points by least squares.
@@ -134,7 +136,7 @@ def creep_curves() -> list[Curve]:
     curves = []
     for name, model, start, low, high in models:
         fit = least_squares(lambda p, model=model: model(creepage, p) - adhesion, start, bounds=(low, high))
-        curves.append(Curve(name, grid, model(grid, fit.x), float(np.sqrt(np.mean(fit.fun**2)))))
+        curves.append(FittedCurve(name, grid, model(grid, fit.x), float(np.sqrt(np.mean(fit.fun**2)))))
     return curves
 
 
@@ -223,7 +225,7 @@ def stops_section(stops: dict[str, dict[str, np.ndarray]], run: str) -> Section:
     return Section("A bogie brakes under the tuned law, with and without recovery", text, (Table(header, rows), figure))
 
 
-def creep_section(curves: list[Curve]) -> Section:
+def creep_section(curves: list[FittedCurve]) -> Section:
     """Show the measured points of the Eurosprinter and what three laws make of them."""
     objects, _ = plotly()
     creepage, adhesion = eurosprinter.measured()
@@ -239,6 +241,6 @@ def creep_section(curves: list[Curve]) -> Section:
     text = (
         "Points measured on a Siemens Eurosprinter locomotive at 10 m/s. With Kalker's slope and a constant friction "
         "coefficient a law rises too steeply and does not fall with the slip speed; reduction factors and falling friction "
-        "mend both.",
+        "correct both.",
     )
     return Section("A measured creep curve, and three laws", text, (table, figure))

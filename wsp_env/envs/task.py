@@ -11,7 +11,8 @@ from wsp_env.envs.model import read_model
 from wsp_env.parameters.quantity import ParameterError, replace
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.scenario import PINS, TRACK_STEP_M, Mechanisms, Scenario, check_mechanisms
+from wsp_env.plant.port import TRACK_STEP_M
+from wsp_env.scenario import PINS, Mechanisms, Scenario, check_mechanisms
 
 
 @dataclasses.dataclass(frozen=True)

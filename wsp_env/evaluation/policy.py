@@ -87,7 +87,7 @@ class Contract:
             raise ParameterError(f"its pressure_sensors are {self.pressure_sensors!r}; valid: true, false")
         measured = describe_measurement(self.axles, self.pressure_sensors)
         observed = describe_observation(self.axles, self.pressure_sensors)
-        compared: tuple[tuple[str, Mapping[str, Any], Mapping[str, Any]], ...] = (
+        compared: tuple[tuple[str, Mapping[str, object], Mapping[str, object]], ...] = (
             ("observer", self.observer, observer_constants()),
             ("measurement", _numbered(self.measurement), _numbered(measured)),
             ("observation", _numbered(self.observation), _numbered(observed)),
@@ -99,7 +99,7 @@ class Contract:
                 raise ParameterError(f"its {what} is not that of this wsp_env: {'; '.join(others[:3])}{more}")
 
 
-def _numbered(entries: list[dict[str, str]]) -> dict[str, Any]:
+def _numbered(entries: list[dict[str, str]]) -> dict[str, dict[str, str]]:
     return {f"entry {i + 1}": entry for i, entry in enumerate(entries)}
 
 

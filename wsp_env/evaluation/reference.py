@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wsp_env.evaluation.bound import Ceiling
-from wsp_env.evaluation.runner import Conduct, Run, record, start_plant
+from wsp_env.evaluation.runner import Conduct, StopRecords, record, start_plant
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.command import APPLIES, HOLDS, VENTS
 from wsp_env.plant.port import Plant, Stop
@@ -28,7 +28,7 @@ END_MPS = 1.0
 _LEAST_SLIP_MPS = 1e-3
 
 
-def clean_rail(vehicle: Vehicle, stops: Sequence[Stop], conduct: Conduct) -> Run:
+def clean_rail(vehicle: Vehicle, stops: Sequence[Stop], conduct: Conduct) -> StopRecords:
     """Brake the same stops on clean rail with the valves open: the reference of the ratio to the dry stop."""
     dry = [dataclasses.replace(stop, coverage=np.zeros_like(stop.coverage)) for stop in stops]
     plant = start_plant(vehicle, dry, conduct)
@@ -36,7 +36,7 @@ def clean_rail(vehicle: Vehicle, stops: Sequence[Stop], conduct: Conduct) -> Run
     return record(plant, lambda: command, conduct)
 
 
-def perfect_knowledge(vehicle: Vehicle, stops: Sequence[Stop], ceiling: Ceiling, conduct: Conduct) -> Run:
+def perfect_knowledge(vehicle: Vehicle, stops: Sequence[Stop], ceiling: Ceiling, conduct: Conduct) -> StopRecords:
     """Brake the stops with the valves commanded from the truth."""
     plant = start_plant(vehicle, stops, conduct)
     return record(plant, lambda: _commands(plant, ceiling), conduct)

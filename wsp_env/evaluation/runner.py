@@ -25,7 +25,7 @@ class ControllerFailure(Exception):  # noqa: N818  # what is reported is the con
 
 
 @dataclasses.dataclass(frozen=True)
-class Run:
+class StopRecords:
     """What happened in N stops with A axles, at the T + 1 ends of the control intervals; a vehicle at rest keeps its state."""
 
     time: np.ndarray  # (T + 1,) since the start [s]
@@ -60,7 +60,7 @@ def run(
     stops: Sequence[Stop],
     conduct: Conduct = Conduct(),  # frozen
     sensor_fails_s: np.ndarray | None = None,
-) -> Run:
+) -> StopRecords:
     """Brake all `stops` at once with one controller.
 
     A controller commands valves (-1 vent, 0 hold, +1 apply); one with the attribute `action = "pressure"` commands pressures,
@@ -109,7 +109,7 @@ def start_plant(vehicle: Vehicle, stops: Sequence[Stop], conduct: Conduct, by_pr
     return plant
 
 
-def record(plant: Plant, decide: Callable[[], np.ndarray], conduct: Conduct) -> Run:
+def record(plant: Plant, decide: Callable[[], np.ndarray], conduct: Conduct) -> StopRecords:
     """Step the plant under the commands of `decide` until all its vehicles stand; return what happened."""
     samples: dict[str, list[np.ndarray]] = {name: [] for name in ("speed", "position", "slip", "pressure", "adhesion")}
     commands = []
@@ -131,7 +131,7 @@ def record(plant: Plant, decide: Callable[[], np.ndarray], conduct: Conduct) -> 
         if not plant.moving.any():
             break
     end = plant.truth()
-    return Run(
+    return StopRecords(
         time=conduct.control_interval_s * np.arange(len(commands) + 1),
         **{name: np.stack(values) for name, values in samples.items()},
         command=np.stack(commands),
@@ -175,6 +175,6 @@ def check_command(controller: Controller, given: Any, shape: tuple[int, ...], ti
 def _guarded(controller: Controller, method: str, time: float, *arguments: Any) -> Any:
     try:
         return getattr(controller, method)(*arguments)
-    except (Exception, SystemExit) as error:  # whatever a stranger's controller raises
+    except (Exception, SystemExit) as error:  # whatever a third-party controller raises
         what = f"{type(controller).__name__}.{method} raised {type(error).__name__} at {time:.2f} s: {error}"
         raise ControllerFailure(what) from error

@@ -3,7 +3,12 @@
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Record = TypeVar("Record", bound="DataclassInstance")
 
 
 class ParameterError(ValueError):
@@ -39,7 +44,7 @@ class Checked:
                     check(f"{type(self).__name__}.{field.name}", number, field.metadata)
 
 
-def check(name: str, value: Any, metadata: Any) -> None:
+def check(name: str, value: Any, metadata: Mapping[str, Any]) -> None:
     """Raise `ParameterError` unless `value` is a finite number in the range that `metadata` (of `quantity`) states."""
     low, high, unit = metadata["low"], metadata["high"], metadata["unit"]
     bracket = "(" if metadata["open_low"] else "["
@@ -52,7 +57,7 @@ def check(name: str, value: Any, metadata: Any) -> None:
         raise ParameterError(f"{name} = {value!r} {unit} is impossible: it must be finite and in {bracket}{low:g}, {high:g}]")
 
 
-def replace(record: Any, changes: dict[str, Any], what: str) -> Any:
+def replace(record: Record, changes: Mapping[str, object], what: str) -> Record:
     """Return `record` (a dataclass) with `changes`; an unknown name raises `ParameterError` listing the valid ones.
 
     A field that is itself a record takes a dictionary of changes; a field that is a tuple takes a list too.
@@ -64,7 +69,7 @@ def replace(record: Any, changes: dict[str, Any], what: str) -> Any:
     values = {}
     for name, value in changes.items():
         present = getattr(record, name)
-        if dataclasses.is_dataclass(present) and isinstance(value, Mapping):
+        if dataclasses.is_dataclass(present) and not isinstance(present, type) and isinstance(value, Mapping):
             value = replace(present, dict(value), f"{what} {name}:")
         elif dataclasses.is_dataclass(present) and not isinstance(value, type(present)):
             raise ParameterError(f"{what} {name} = {value!r} must be a dictionary, {{name: value}}")

@@ -8,12 +8,12 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from wsp_env.parameters.uic_z1 import VEHICLES
+from wsp_env.plant.port import TRACK_STEP_M
 from wsp_env.recordings.campaign import Campaign
 from wsp_env.recordings.derive import Derived, Smoothing, braking, derive, rolling_radii
+from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.recording import Recording
-from wsp_env.recordings.table import CampaignError
 from wsp_env.recordings.tuning import Tuning, tune
-from wsp_env.scenario import TRACK_STEP_M
 
 _HELD_S = 0.5  # window [s] over whose means the largest torque is sought, against noise: assumption
 _HELD_QUANTILE = 0.99  # of them, against spikes

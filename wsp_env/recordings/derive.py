@@ -17,8 +17,8 @@ from wsp_env.contact.degraded import DegradedLaw, adhesion_recovered, adhesion_w
 from wsp_env.contact.traction import SPEED_FLOOR
 from wsp_env.parameters.quantity import Checked, quantity
 from wsp_env.recordings.campaign import Campaign
+from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.recording import Recording
-from wsp_env.recordings.table import CampaignError
 
 _ORDER = 2
 _ROLLING_TORQUE = 0.05  # share of a run's largest torque below which a wheel counts as rolling freely
@@ -140,7 +140,7 @@ def derive(
     usable &= circumferential > smoothing.locked_below_mps
     end = _length(max(smoothing.vehicle_window_s, smoothing.wheel_window_s), step) // 2
     usable[:end] = usable[len(usable) - end :] = False
-    if run.suspect is not None and run.suspect.any():  # mended samples spoil what the filter makes of their neighbours
+    if run.suspect is not None and run.suspect.any():  # repaired samples spoil what the filter makes of their neighbours
         usable &= ~maximum_filter1d(run.suspect, 2 * end + 1, axis=0)
     return Derived(
         time_s=run.time_s,

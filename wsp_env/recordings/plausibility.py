@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.recording import Recording
-from wsp_env.recordings.table import CampaignError
 from wsp_env.recordings.vehicle import CampaignVehicle
 
 _STEP_S = 0.01  # of the samples that are looked at

@@ -16,8 +16,8 @@ from wsp_env.plant import make_plant
 from wsp_env.plant.port import Plant, Setup, Stop
 from wsp_env.recordings.campaign import Campaign
 from wsp_env.recordings.derive import Derived, Smoothing
+from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.recording import Recording
-from wsp_env.recordings.table import CampaignError
 
 #: Length [s] of the windows.
 WINDOW_S = 1.0

@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from wsp_env.recordings import channels
-from wsp_env.recordings.table import CampaignError, Samples, Table, first_line, stated_unit
+from wsp_env.recordings.errors import CampaignError, first_line
+from wsp_env.recordings.readers.channel_file import ChannelFile, Samples
+from wsp_env.recordings.units import is_unit, stated_unit
 
 _HEAD_BYTES = 1 << 20  # a header and a few lines fit in here
 _SEPARATORS = ",;\t"
@@ -32,7 +33,7 @@ class _Layout:
     skip: int  # lines before the first sample
 
 
-class Csv(Table):
+class Csv(ChannelFile):
     """Text with a line of names, then one line per sample."""
 
     def __init__(self, file: Path):
@@ -115,6 +116,11 @@ class Csv(Table):
         return ""
 
 
+def open_file(file: Path) -> Csv:
+    """Open a text file; `CampaignError` for one that is no table."""
+    return Csv(file)
+
+
 def _head(file: Path) -> list[str]:
     """Return the file's first lines, as UTF-8 or else as Western European text."""
     with file.open("rb") as stream:
@@ -174,7 +180,7 @@ def _units(line: str, separator: str, columns: int) -> list[str]:
     units = [cell.strip("[]() -") for cell in _cells(line, separator)]
     units += [""] * (columns - len(units))
     stated = [unit for unit in units if unit]
-    are_units = all(unit.lower() not in _MISSING and channels.is_unit(unit) for unit in stated)
+    are_units = all(unit.lower() not in _MISSING and is_unit(unit) for unit in stated)
     return units if len(units) == columns and stated and are_units else []
 
 

@@ -14,7 +14,7 @@ from wsp_env.evaluation.evaluate import BOUND, KEYS, Evaluation, Trace
 from wsp_env.evaluation.figures import CAUSES, FIGURES
 from wsp_env.evaluation.results import TRACE_SAMPLES
 from wsp_env.evaluation.summary import Verdict
-from wsp_env.report import COLOURS, Section, Table, axes, plotly, write_page
+from wsp_env.report import COLOURS, Figure, Section, Table, axes, plotly, write_page
 
 #: What the mark beside a ratio to the bound says.
 LEFT_LIMIT = "* at least one draw left the slide limit: it violates it, and the bound does not hold for it"
@@ -113,7 +113,7 @@ def _front(summary: polars.DataFrame) -> Section:
     return Section("Stopping distance against slip", text, [figure])
 
 
-def _marker(colour: str, rows: polars.DataFrame) -> dict[str, Any]:
+def _marker(colour: str, rows: polars.DataFrame) -> dict[str, object]:
     """Return filled points, hollow where a stop left the slide limit."""
     symbols = ["circle" if row["within_limit"] == row["draws"] else "circle-open" for row in rows.to_dicts()]
     return {"color": colour, "size": 9, "symbol": symbols, "line": {"width": 2, "color": colour}}
@@ -136,7 +136,7 @@ def _lost(summary: polars.DataFrame) -> Section:
     return Section("Where each controller loses distance", text, figures)
 
 
-def _lost_under(summary: polars.DataFrame, law: str) -> Any:
+def _lost_under(summary: polars.DataFrame, law: str) -> Figure:
     _, subplots = plotly()
     names = _names(summary)
     cases = summary["case"].unique(maintain_order=True).to_list()
@@ -197,7 +197,7 @@ class _Viewer:
     def __init__(self, result: Evaluation) -> None:
         self.result = result
 
-    def to_html(self, **_: Any) -> str:
+    def to_html(self, **_: object) -> str:
         """Return the element; the page brings plotly itself."""
         notes = {tuple(row[key] for key in KEYS): _note(row) for row in self.result.stops.to_dicts()}
         stops = []
@@ -218,8 +218,8 @@ def _note(row: Mapping[str, Any]) -> str:
 
 
 def _packed(trace: Trace) -> str:
-    """Return time, speed, rim speeds and pressures, one after the other, in hundredths as 16 bits, little endian, base64."""
-    columns = np.concatenate([[trace.time, trace.speed], trace.rim.T, trace.pressure.T])
+    """Return time, speed, wheel speeds and pressures one after the other, in hundredths as 16 bits, little endian, base64."""
+    columns = np.concatenate([[trace.time, trace.speed], trace.wheel.T, trace.pressure.T])
     return base64.b64encode(np.clip(np.rint(100.0 * columns), 0, 65535).astype("<u2").tobytes()).decode()
 
 
