@@ -125,6 +125,12 @@ def fill(
     return (area + rest) / h
 
 
+@inlined
+def torque(pressure: float, factor: float, b: BrakeConstants) -> float:
+    """Torque of one axle [N m] at a cylinder pressure [bar], with the factor of the mechanisms on the brake [-]."""
+    return b.torque_per_bar * factor * pressure
+
+
 def pressure_to_come(state: BrakeState, b: BrakeConstants, interval_s: float) -> np.ndarray:
     """Return the cylinder pressures (N, A) [bar] once the commands on their way have acted, in whole control intervals."""
     pressure: np.ndarray = state.pressure.copy()

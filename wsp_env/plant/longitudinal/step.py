@@ -174,9 +174,9 @@ def _brake(i: int, elapsed: float, deceleration: float, jerk: float, on_step: St
         start = state.brake.pressure[i, k]
         mean = brake.fill(i, k, elapsed, h, offered, c.demand[i], state.brake, p.brake)
         wheel_mps = c.radius[i, k] * state.wheel_speed[i, k]
-        per_bar = p.brake.torque_per_bar * torque_factor(active, i, k, wheel_mps, start)
-        start *= per_bar
-        work[TORQUE, k] = per_bar * mean
+        factor = torque_factor(active, i, k, wheel_mps, start)
+        start = brake.torque(start, factor, p.brake)
+        work[TORQUE, k] = brake.torque(mean, factor, p.brake)
         # A locked wheel stays so while the contact cannot turn it; its torque is a reaction.
         work[LOCKED, k] = 1.0 if state.wheel_speed[i, k] == 0.0 and c.radius[i, k] * work[FORCE, k] <= start else 0.0
         if work[LOCKED, k] > 0.0:
@@ -211,7 +211,7 @@ def _move(i: int, h: float, after: float, on_step: Stepping) -> None:
         place = rolled - p.axle_offset[k]
         passage = Passage(
             place, place + travelled, 0.5 * spent, torque * turned, h,
-            p.brake.torque_per_bar * state.brake.pressure[i, k], p.brake.torque_per_bar * p.brake.full_pressure,
+            brake.torque(state.brake.pressure[i, k], 1.0, p.brake), brake.torque(p.brake.full_pressure, 1.0, p.brake),
         )  # fmt: skip
         after_passage(active, i, k, passage)
         state.wheel_speed[i, k] = wheel
