@@ -9,6 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from plant_cases import a_stop
+from reference_stops import NAMES, effect, reference_stops, smallest_effect
 from scipy.optimize import least_squares
 from scipy.special import lambertw
 
@@ -19,7 +20,6 @@ from wsp_env.parameters.uic_z1 import BOGIE, COACH
 from wsp_env.plant.along import Run, Trajectory, along, model
 from wsp_env.plant.mechanisms import ALL, NULL, leading_axle_cleaning, make, wheel_speed_lag
 from wsp_env.plant.plant import Plant
-from wsp_env.plant.reference import NAMES, effect, reference_stops, smallest_effect
 
 every = pytest.mark.parametrize("name", ALL)
 STEP_S = 0.01

@@ -120,7 +120,8 @@ class Plant:
 
         `ValueError` for a wrong shape or a command that is not finite.
         """
-        command = np.asarray(command, dtype=np.float64)
+        # A copy: a read-only or strided array is another type to numba, and would be compiled for anew.
+        command = np.array(command, dtype=np.float64, order="C")
         shape = (self.n, self.vehicle.axles)
         if command.shape != shape:
             raise ValueError(f"commands have shape {command.shape}, expected {shape}: one per vehicle and axle")
