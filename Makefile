@@ -11,12 +11,13 @@ JOBS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint plain docs benchmark picture clean
+.PHONY: help demo test lint plain coverage docs benchmark picture clean
 
 help:
 	@echo "make demo       read and tune a campaign, brake under the tuned law; writes out/demo.html"
-	@echo "make test       lint, the contact laws as plain Python, and the whole test suite"
+	@echo "make test       lint, the documentation, the contact laws as plain Python, and the whole test suite"
 	@echo "make lint       ruff, mypy, import-linter"
+	@echo "make coverage   the whole test suite with the share of lines and branches it reaches; writes out/coverage.txt"
 	@echo "make docs       the documentation, in docs/_build/html"
 	@echo "make benchmark  speed of the law and of the plant, as ratios"
 	@echo "make picture    the picture of the README"
@@ -25,12 +26,20 @@ demo: $(VENV)/.report
 	$(BIN)/wsp demo
 
 # The whole suite comes last: its summary is the last line.
-test: lint plain $(VENV)/.dev
+test: lint docs plain $(VENV)/.dev
 	$(BIN)/pytest --numprocesses $(JOBS) --dist loadgroup
 
 # Compiled code hides from coverage and from Python's own checks: some tests once more without the compiler.
 plain: $(VENV)/.dev
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest --quiet -m plain
+
+# Compiled kernels are seen in the plain run only; the second run adds to the first one's data.
+coverage: $(VENV)/.dev
+	@mkdir -p out
+	NUMBA_DISABLE_JIT=1 $(BIN)/pytest --quiet -m plain --cov --cov-report=
+	$(BIN)/pytest --numprocesses $(JOBS) --dist loadgroup --cov --cov-append --cov-report=
+	$(BIN)/coverage report > out/coverage.txt
+	@cat out/coverage.txt
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check
@@ -39,7 +48,7 @@ lint: $(VENV)/.dev
 	$(BIN)/lint-imports
 
 docs: $(VENV)/.docs
-	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
+	$(BIN)/sphinx-build -W --keep-going -E -q -b html docs docs/_build/html
 	@echo "docs/_build/html/index.html"
 
 benchmark: $(VENV)/.report

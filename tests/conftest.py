@@ -1,5 +1,7 @@
 """What all tests share: no time limit for random tests, and kernels that are compiled once before the tests begin."""
 
+import gc
+
 import gymnasium as gym
 import pytest
 from hypothesis import settings
@@ -20,3 +22,10 @@ def pytest_configure(config: pytest.Config) -> None:
             env = gym.make(f"wsp_env/{name.capitalize()}-v0")
             env.reset(seed=0)
             env.step(env.action_space.sample())
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _what_was_there_before_is_not_collected() -> None:
+    """Spare the garbage collector what earlier modules left: the MDF4 reader calls it for every file, seconds at a time."""
+    gc.collect()
+    gc.freeze()

@@ -3,6 +3,7 @@
 The wheel speeds and torques that belong to them follow from eqs. (2) and (11), so no controller and no plant is needed.
 """
 
+import functools
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -57,6 +58,22 @@ def stops(
     uneven: float = 0.0,
 ) -> list[dict[str, np.ndarray]]:
     """Return several stops, one for each mu_cd; `uneven` is the relative standard deviation of mu_cd along the track."""
+    drawn = tuple(seeds) if uneven else (0,) * len(mu_cd)  # the rail alone depends on them
+    time, creepage, speed, force = _driven(tau, tuple(mu_cd), speed_mps, duration_s, peak, drawn, uneven)
+    return [_columns(time, creepage, speed[:, k], force[:, k], noise, seed) for k, seed in enumerate(seeds)]
+
+
+@functools.lru_cache(maxsize=64)
+def _driven(
+    tau: float,
+    mu_cd: tuple[float, ...],
+    speed_mps: float,
+    duration_s: float,
+    peak: float,
+    seeds: tuple[int, ...],
+    uneven: float,
+) -> tuple[np.ndarray, ...]:
+    """Return time (T,), creepage (T, axles), speed (T, N), force (T, N, axles); kept, as many tests ask for the same stops."""
     step = SAMPLE_S / _FINE
     time = step * np.arange(int(duration_s / step))
     creepage = creepages(time, peak)
@@ -78,7 +95,7 @@ def stops(
         if i + 1 < len(time):
             speed[i + 1] = speed[i] - step * force[i].sum(axis=1) / MASS_KG
         place += step * speed[i]
-    return [_columns(time, creepage, speed[:, k], force[:, k], noise, seed) for k, seed in enumerate(seeds)]
+    return time, creepage, speed, force
 
 
 def _columns(
@@ -89,7 +106,7 @@ def _columns(
     rng = np.random.default_rng(seed)
     kept = slice(None, None, _FINE)
     n = len(time[kept])
-    columns = {"time_s": time[kept], "vehicle_speed_mps": speed[kept] + 0.01 * noise * rng.standard_normal(n)}
+    columns = {"time_s": time[kept].copy(), "vehicle_speed_mps": speed[kept] + 0.01 * noise * rng.standard_normal(n)}
     for k in range(AXLES):
         columns[f"axle{k + 1}_wheel_speed_radps"] = wheel[kept, k] + 0.02 * noise * rng.standard_normal(n)
         columns[f"axle{k + 1}_brake_torque_nm"] = torque[kept, k] + 50.0 * noise * rng.standard_normal(n)

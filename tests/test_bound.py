@@ -128,17 +128,16 @@ class Fickle:
         self.share, self.speed = np.full((n, vehicle.axles), 0.1), None
 
     def act(self, measurement):
-        rim = self.radius * measurement.wheel_speed
-        n = len(rim)
-        if self.speed is None:
-            self.speed = rim.max(axis=1)
-        self.speed = np.maximum(rim.max(axis=1), self.speed - 0.005 * 1.5)  # as far as the wheels tell
+        wheels = self.radius * measurement.wheel_speed
+        fastest, held = wheels.max(axis=1), slice(len(wheels) // 2, None)
+        # as far as the wheels tell
+        self.speed = fastest if self.speed is None else np.maximum(fastest, self.speed - 0.005 * 1.5)
         if self.rng.random() < 0.02:
-            self.share = self.rng.uniform(0.0, 0.28, rim.shape)
-            self.command[: n // 2] = self.rng.uniform(-1.0, 1.0, (n // 2, rim.shape[1]))
-        slip = self.speed[:, None] - rim
-        feedback = np.clip(20.0 * (self.share - slip / np.maximum(self.speed, 1.0)[:, None]), -1.0, 1.0)
-        self.command[n // 2 :] = feedback[n // 2 :]
+            self.share = self.rng.uniform(0.0, 0.28, wheels.shape)
+            self.command[: held.start] = self.rng.uniform(-1.0, 1.0, (held.start, wheels.shape[1]))
+        speed = self.speed[held, None]
+        feedback = 20.0 * (self.share[held] - (speed - wheels[held]) / np.maximum(speed, 1.0))
+        self.command[held] = np.minimum(np.maximum(feedback, -1.0), 1.0)
         return self.command
 
 

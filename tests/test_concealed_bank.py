@@ -22,6 +22,7 @@ from wsp_env.parameters import velim
 
 TRUTH = ("truth", "records", "setup", "effects", "sensors", "interest", "campaign", "plan")
 SIZES = interest.sizes()
+pytestmark = pytest.mark.xdist_group("small bank")  # with the tests that make one: the truth model is compiled once
 
 
 def sliding() -> Setup:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import polars
-from scipy.stats import t
+from scipy.special import stdtrit
 
 from wsp_env.evaluation.evaluate import BOUND, Failure
 from wsp_env.evaluation.figures import CAUSES, FIGURES
@@ -53,7 +53,7 @@ def interval(values: np.ndarray) -> tuple[float, float]:
     mean = float(np.mean(values))
     if count < 2 or not math.isfinite(mean):
         return mean, math.nan
-    return mean, float(t.ppf(0.5 + 0.5 * CONFIDENCE, count - 1) * np.std(values, ddof=1) / math.sqrt(count))
+    return mean, float(stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE) * np.std(values, ddof=1) / math.sqrt(count))
 
 
 def judge(

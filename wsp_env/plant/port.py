@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
@@ -168,9 +169,10 @@ def check_stop(stop: Stop, vehicle: Vehicle) -> None:
                 raise ParameterError(f"{name} = {value:g} is impossible: it must lie in [{low:g}, {high:g}] {unit}")
 
 
-def check_command(command: np.ndarray, n: int, axles: int) -> np.ndarray:
-    """Return commands (N, A) as floats; `ValueError` for a wrong shape or a command that is not finite."""
-    command = np.asarray(command, dtype=np.float64)
+def check_command(command: ArrayLike, n: int, axles: int) -> np.ndarray:
+    """Return a copy of the commands (N, A) as floats; `ValueError` for a wrong shape or a command that is not finite."""
+    # A copy: a read-only or strided array is another type to numba, and would be compiled for anew.
+    command = np.array(command, dtype=np.float64, order="C")
     if command.shape != (n, axles):
         raise ValueError(f"commands have shape {command.shape}, expected {(n, axles)}: one per vehicle and axle")
     if not np.isfinite(command).all():

@@ -80,7 +80,7 @@ class LongitudinalPlant(Plant):
 
         `ValueError` for a wrong shape or a command that is not finite.
         """
-        checked = check_command(np.asarray(command), self.n, self.vehicle.axles)
+        checked = check_command(command, self.n, self.vehicle.axles)
         advance(checked, self.state, self.conditions, self._physics, self.constants, self.moving, self._work)
 
     def reading(self) -> Measurement:
