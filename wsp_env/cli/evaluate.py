@@ -24,7 +24,7 @@ from wsp_env.evaluation.report import LEFT_LIMIT, write_report
 from wsp_env.evaluation.runner import Conduct
 from wsp_env.evaluation.summary import Verdict, judge, summarise
 from wsp_env.parameters.quantity import ParameterError
-from wsp_env.parameters.uic_z1 import VEHICLES
+from wsp_env.parameters.vehicle_file import find_vehicle
 
 #: Columns of the printed table: figure, heading, digits.
 _COLUMNS = (
@@ -45,7 +45,7 @@ _RATIO = [figure for figure, _, _ in _COLUMNS].index("ratio_bound")
 
 def main(
     controllers: tuple[str, ...] = ("none", "rule-based"),
-    vehicle: str = "coach",
+    vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "coach",
     cases: tuple[str, ...] = (),
     draws: int = 5,
     seed: int = 0,
@@ -67,7 +67,7 @@ def main(
         Short names (none, rule-based, slip, extremum), folders of policies, package.module:Class, path.py:Class;
         such code is run.
     vehicle
-        Wheelset, bogie or coach.
+        A name (wsp vehicle list) or a vehicle file (wsp vehicle show coach > mine.toml).
     cases
         Names of the programme's cases; none: all that the vehicle is fast enough for.
     draws
@@ -88,15 +88,14 @@ def main(
         Print stops, summary, verdicts and failures as JSON.
 
     """
-    if vehicle not in VEHICLES:
-        raise ParameterError(f"unknown vehicle {vehicle!r}; valid: {', '.join(VEHICLES)}")
+    braked = find_vehicle(vehicle)
     if draws < 1 or jobs < 0 or seed < 0:
         raise ParameterError(f"draws = {draws}, jobs = {jobs}, seed = {seed}: at least 1, 0 and 0")
     if repeated := {name for name in controllers if controllers.count(name) > 1}:
         raise ParameterError(f"controller {', '.join(sorted(repeated))} is named twice")
     chosen = read_settings(controllers, set)
     table = read_programme(programme)
-    wanted = select_cases(table, VEHICLES[vehicle], cases)
+    wanted = select_cases(table, braked, cases)
     out.mkdir(parents=True, exist_ok=True)
     errors = Console(stderr=True)
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
@@ -106,7 +105,7 @@ def main(
             chosen,
             table,
             wanted,
-            VEHICLES[vehicle],
+            braked,
             out / "cases",
             draws=draws,
             seed=seed,
@@ -124,7 +123,7 @@ def main(
         _labelled(result.stops, labels), _relabelled(result.traces, labels), _relabelled(result.failures, labels)
     )
     try:
-        write_report(out / "report.html", pictured, shown, judged, f"{table.name}, {vehicle}, {_counted(draws)}")
+        write_report(out / "report.html", pictured, shown, judged, f"{table.name}, {braked.name}, {_counted(draws)}")
         written = ", report.html"
     except ModuleNotFoundError as missing:  # the tables do without
         errors.print(f"no report.html: {missing}")

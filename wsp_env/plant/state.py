@@ -115,7 +115,7 @@ def constants(
     check_axles(mechanisms, vehicle.axles)
     brake = vehicle.brake
     dead_steps = math.floor(brake.dead_time_s / control_interval_s + 1e-9)
-    body_arm, pivot_arm = load_transfer.arms(vehicle.axle_positions_m)
+    body_arm, pivot_arm = load_transfer.arms(vehicle.axle_positions_m, vehicle.running_gear)
     law = initial_slope.law(mechanisms.initial_slope, vehicle.contact.law)
     law = recovery_shape.law(mechanisms.recovery_shape, falling_friction.law(mechanisms.falling_friction, law))
     return Constants(

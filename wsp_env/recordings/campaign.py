@@ -22,12 +22,12 @@ from typing import Any
 import numpy as np
 
 from wsp_env.parameters import velim
+from wsp_env.parameters.campaign_vehicle import CampaignVehicle
 from wsp_env.parameters.contact import ContactParameters
 from wsp_env.parameters.quantity import ParameterError, replace
 from wsp_env.recordings import channels
 from wsp_env.recordings.recording import Recording, read_recording
 from wsp_env.recordings.table import CampaignError
-from wsp_env.recordings.vehicle import CampaignVehicle
 
 #: Parameter sets that `[contact] set` may name.
 CONTACT_SETS = {"velim": velim.CONTACT}

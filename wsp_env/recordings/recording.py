@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from wsp_env.parameters.campaign_vehicle import CampaignVehicle
 from wsp_env.recordings.channels import Source
 from wsp_env.recordings.reading import read_columns
 from wsp_env.recordings.table import CampaignWarning
-from wsp_env.recordings.vehicle import CampaignVehicle
 
 _OPTIONAL = ("wheel_load", "cylinder_pressure", "valve_command")
 

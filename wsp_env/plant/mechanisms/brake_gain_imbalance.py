@@ -18,7 +18,7 @@ MECHANISM = Mechanism(
     summary="one axle's brake is stronger or weaker than believed",
     parameters=(
         Parameter("gain", "-", 0.0, -0.1, -1.0, 1.0, "assumption: relative change of one axle's torque"),
-        Parameter("axle", "-", 1.0, 2.0, 1.0, 4.0, "assumption: which wheelset, from 1", "axle"),
+        Parameter("axle", "-", 1.0, 2.0, 1.0, 64.0, "assumption: which wheelset, from 1", "axle"),
     ),
     record=Parameters,
     trace="actuator and adhesion: one axle, in proportion to its torque",

@@ -34,7 +34,7 @@ MECHANISM = Mechanism(
     name="leading_axle_cleaning",
     summary="energy spent by earlier wheels removes the film at that place on the rail",
     parameters=(
-        Parameter("removal_m_per_j", "m/J", 0.0, 2.0e-5, 0.0, 1.0e-2, "form: eq. (4) of the seed paper; size: assumption"),
+        Parameter("removal_m_per_j", "m/J", 0.0, 2.0e-5, 0.0, 1.0e-2, "assumption, no source; form: eq. (4) of the seed paper"),
     ),
     record=Parameters,
     trace="adhesion: later axles have more at equal slip, lagging by axle distance / v, absent before the leading axle slides",

@@ -24,7 +24,7 @@ MECHANISM = Mechanism(
     summary="one wheelset is worn or just turned",
     parameters=(
         Parameter("change", "-", 0.0, -0.01, -0.2, 0.2, "assumption: relative; wheels wear by some 5 % in their life"),
-        Parameter("axle", "-", 1.0, 2.0, 1.0, 4.0, "assumption: which wheelset, from 1", "axle"),
+        Parameter("axle", "-", 1.0, 2.0, 1.0, 64.0, "assumption: which wheelset, from 1", "axle"),
     ),
     record=Parameters,
     trace="kinematics: v against r w while rolling freely, in proportion to v",
