@@ -101,7 +101,8 @@ def asked_adhesion(vehicle: Vehicle, mass_kg: float) -> float:
 def stopping_distance_m(vehicle: Vehicle, mass_kg: float, speed_mps: float) -> float:
     """Return the way [m] of a stop: the build-up counts as time lost at the first speed, half the ramp and the whole lag."""
     lost = 0.5 * vehicle.brake.demand_rise_s + vehicle.brake.fill_time_constant_s
-    return speed_mps * lost + 0.5 * speed_mps**2 / deceleration_mps2(vehicle, mass_kg)
+    deceleration = deceleration_mps2(vehicle, mass_kg)
+    return speed_mps * lost + 0.5 * speed_mps**2 / deceleration if deceleration > 0.0 else math.inf  # a torque of 1e-300 N m
 
 
 def filling_s(brake: Brake, rise_s: float) -> float:

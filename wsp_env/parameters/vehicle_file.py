@@ -7,6 +7,7 @@ there, what else is left out takes the field's default, the coach's. `wsp vehicl
 import dataclasses
 import difflib
 import json
+import math
 import os
 import tomllib
 from collections.abc import Mapping
@@ -197,7 +198,7 @@ def _line(record: Any, field: "dataclasses.Field[Any]") -> str:
     """Return a key, its value, and as a comment its unit and the source of the default."""
     value = getattr(record, field.name)
     if field.name == "bodies" and not value:
-        return f"# bodies = {_toml(record.running_gear)}  # {_WHAT['bodies']}; left out: these, the usual ones (assumption)"
+        return f"# bodies = {_toml(record.running_gear, math.inf)}  # {_WHAT['bodies']}; left out: these, the usual ones (assumption)"
     if field.name in _WHAT:
         return f"{field.name} = {_toml(value)}  # {_WHAT[field.name]}"
     unit, source = field.metadata["unit"], field.metadata["source"]
@@ -206,18 +207,18 @@ def _line(record: Any, field: "dataclasses.Field[Any]") -> str:
     return f"{field.name} = {_toml(value)}  # [{unit}] {source}"
 
 
-def _toml(value: Any) -> str:
+def _toml(value: Any, width: float = _WIDTH) -> str:
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if not isinstance(value, tuple):
         return repr(int(value) if isinstance(value, int) else float(value))  # numpy's numbers too
-    items = [_toml(one) for one in value]
+    items = [_toml(one, math.inf) for one in value]
     text = f"[{', '.join(items)}]"
-    if len(text) <= _WIDTH:
+    if len(text) <= width:
         return text
     lines: list[str] = [""]
     for item in items:
-        if len(lines[-1]) + len(item) > _WIDTH:
+        if len(lines[-1]) + len(item) > width:
             lines.append("")
         lines[-1] += f"{' ' if lines[-1] else ''}{item},"
     return "[\n  " + "\n  ".join(lines) + "\n]"
