@@ -198,7 +198,8 @@ def _line(record: Any, field: "dataclasses.Field[Any]") -> str:
     """Return a key, its value, and as a comment its unit and the source of the default."""
     value = getattr(record, field.name)
     if field.name == "bodies" and not value:
-        return f"# bodies = {_toml(record.running_gear, math.inf)}  # {_WHAT['bodies']}; left out: these, the usual ones (assumption)"
+        usual = _toml(record.running_gear, math.inf)
+        return f"# bodies = {usual}  # {_WHAT['bodies']}; left out: these, the usual ones (assumption)"
     if field.name in _WHAT:
         return f"{field.name} = {_toml(value)}  # {_WHAT[field.name]}"
     unit, source = field.metadata["unit"], field.metadata["source"]
