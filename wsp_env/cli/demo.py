@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 import tyro
 from rich.console import Console
+from rich.markup import escape
 from scipy.optimize import least_squares
 
 from wsp_env.contact.kalker import kalker_force
@@ -15,6 +16,7 @@ from wsp_env.contact.polach import contact_stiffness, polach_adhesion
 from wsp_env.evaluation.controller import load
 from wsp_env.parameters import eurosprinter
 from wsp_env.parameters.campaign_vehicle import plant_vehicle
+from wsp_env.parameters.uic_z1 import BOGIE
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.recordings import (
@@ -68,7 +70,7 @@ def main(
         own = plant_vehicle(campaign.vehicle, campaign.contact, campaign.name)
         share = braked.static_wheel_load_n * braked.wheel_radius_m / (own.static_wheel_load_n * own.wheel_radius_m)
         full_torque_nm = share * float(np.quantile(campaign.runs[run].brake_torque_nm, 0.99))
-        stops = {law: brake(braked, law, pins, full_torque_nm) for law in _LAWS}
+        stops = {law: brake(law, pins, full_torque_nm, braked) for law in _LAWS}
     with console.status("fitting the measured creep curve ..."):
         curves = creep_curves()
     sections = [
@@ -77,8 +79,8 @@ def main(
         creep_section(curves),
     ]
     for section in sections:
-        console.print(f"\n[bold]{section.title}[/bold]")
-        console.print("\n".join(section.text))
+        console.print(f"\n[bold]{escape(section.title)}[/bold]")
+        console.print("\n".join(section.text), markup=False)
         for shown in section.shows:
             if isinstance(shown, Table):
                 console.print(terminal_table(shown))
@@ -87,7 +89,7 @@ def main(
     console.print(f"\nInteractive plots: [bold]{out}[/bold]")
 
 
-def brake(vehicle: Vehicle, law: str, pins: dict[str, Any], full_torque_nm: float) -> dict[str, np.ndarray]:
+def brake(law: str, pins: dict[str, Any], full_torque_nm: float, vehicle: Vehicle = BOGIE) -> dict[str, np.ndarray]:
     """Brake a vehicle to standstill with the rule-based WSP, full demand giving a torque per axle [N m].
 
     Returns the truth of `info` along the stop by name, (T,) or (T, axles).
