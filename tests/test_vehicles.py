@@ -120,6 +120,8 @@ def test_a_name_or_values_brake_too_and_nothing_else():
         ("no.toml", "no.toml cannot be read"),
         (3, "vehicle = 3 must be a name, a file's path as text, or"),
         (["coach"], "vehicle = .* must be a name"),
+        ({"bodies": [2]}, "must list the axles of each bogie"),
+        ({"bodies": 2}, "must list the axles of each bogie"),
         ({"bodies": [[2, 2]]}, "stand on 4 axles, but axle_positions_m has 2"),
     ):
         with pytest.raises(ParameterError, match=says):
@@ -246,6 +248,11 @@ def test_the_campaigns_own_vehicle_brakes_whatever_has_as_many_axles(tmp_path, m
     assert Task(conditions=conditions(campaign, base=slow)).make_vehicle("coach").brake.dead_time_s == 0.2
     with pytest.raises(ParameterError, match="of a vehicle with 4 axles, the locomotive has 6"):
         conditions(campaign, base=MINE[6])
+    own = json.loads(json.dumps(conditions(campaign)))
+    own["vehicle"]["contact"]["kinetic_friction_r"] = 0.35
+    named = Task(conditions=own, vehicle="bogie").make_vehicle("coach")  # asked for by name, it is not replaced
+    assert named == dataclasses.replace(BOGIE, contact=dataclasses.replace(BOGIE.contact, kinetic_friction_r=0.35))
+    assert Task(conditions=own, coaches=3).make_vehicle("coach").axles == 12
 
 
 @pytest.mark.slow
@@ -295,6 +302,7 @@ def test_the_vehicle_of_a_model_is_braked_with(tmp_path):
 def test_the_vehicle_of_a_model_goes_before_the_ids_and_a_named_one_before_both(tmp_path):
     path = model_file(tmp_path)
     assert gym.make("wsp_env/Bogie-v0", model=path).unwrapped.batch.vehicle.axles == 4
+    assert gym.make("wsp_env/Train-v0", model=path, coaches=3).unwrapped.batch.vehicle.mass_kg == 156_000.0
     named = gym.make("wsp_env/Bogie-v0", model=path, vehicle="bogie").unwrapped.batch.vehicle
     assert named == dataclasses.replace(BOGIE, contact=dataclasses.replace(BOGIE.contact, kinetic_friction_r=0.3))
 
@@ -308,6 +316,7 @@ def test_the_vehicle_of_a_model_goes_before_the_ids_and_a_named_one_before_both(
         ({"mass_kg": "heavy"}, "model .*mass_kg must be a number"),
         ({"axle_positions_m": [0.0, 1.0]}, "model .*2 values for 4 axles"),
         ({"axle_positions_m": 1.0}, "model .*axle_positions_m must be a list"),
+        ({"brake_torque_source": 5}, "model .*brake_torque_source = 5 is unknown"),
     ],
 )
 def test_a_wrong_vehicle_in_a_model_is_refused(tmp_path, vehicle, says):

@@ -47,8 +47,8 @@ class Task:
     scenario : ranges that replace those of `Scenario`, {quantity: (lowest, highest)}
     reward : weights that replace those of `RewardWeights`, {term: weight}
     vehicle : what brakes in place of the id's vehicle, a name or a vehicle file; or values that replace the vehicle's, {field:
-        value} of `Vehicle`. A name or a file takes of a `model` its contact alone
-    coaches : a train of so many of the vehicle, see `wsp_env.parameters.vehicle.train`; values in `vehicle` are the train's
+        value} of `Vehicle`. A named vehicle takes of `model` and `conditions` the contact alone
+    coaches : a train of so many of what all else makes the vehicle, see `wsp_env.parameters.vehicle.train`
     conditions : replayed stops, {"vehicle": {field: value}, "stops": [{"name": name, quantity: value}, ...]}, as
         `wsp_env.recordings.conditions` makes them; each reset draws one of the stops, `reset(options={"condition": name})`
         chooses; quantities are those of `wsp_env.scenario.PINS`, what a stop leaves out is drawn
@@ -154,13 +154,18 @@ class Task:
         return read_model(self.model) if self.model else None
 
     def make_vehicle(self, name: str) -> Vehicle:
-        """Return what brakes: the vehicle of that name or of `vehicle`, then what `model`, `conditions` and `vehicle` say."""
-        named = self.vehicle if isinstance(self.vehicle, str) else None
-        vehicle = train(find_vehicle(named if named is not None else name), self.coaches)
-        if self.modelled is not None:
-            vehicle = self.modelled.own_vehicle(vehicle) if named is None else self.modelled.tuned(vehicle)
-        vehicle = replace(vehicle, dict(self.conditions.get("vehicle", {})), "conditions: vehicle parameter")
-        return vehicle if isinstance(self.vehicle, str) else find_vehicle(self.vehicle, vehicle)
+        """Return what brakes: the vehicle of that name, or what `model`, `conditions` and `vehicle` say; `coaches` of it."""
+        replayed = dict(self.conditions.get("vehicle", {}))
+        if isinstance(self.vehicle, str):
+            vehicle = find_vehicle(self.vehicle)
+            vehicle = self.modelled.tuned(vehicle) if self.modelled else vehicle
+            replayed = {"contact": replayed["contact"]} if "contact" in replayed else {}
+        else:
+            vehicle = find_vehicle(name)
+            vehicle = self.modelled.own_vehicle(vehicle) if self.modelled else vehicle
+        vehicle = replace(vehicle, replayed, "conditions: vehicle parameter")
+        values = {} if isinstance(self.vehicle, str) else self.vehicle
+        return train(find_vehicle(values, vehicle), self.coaches)
 
 
 def make_task(options: Mapping[str, Any]) -> Task:

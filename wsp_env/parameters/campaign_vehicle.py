@@ -19,9 +19,7 @@ class CampaignVehicle(Checked):
     wheelset_inertia_kgm2: float = quantity(160.0, "kg m2", _SOURCE, 0.0, 1e5, open_low=True)
     wheel_radius_m: float = quantity(0.445, "m", _SOURCE, 0.05, 2.0)
     gravity_mps2: float = quantity(9.81, "m/s2", _SOURCE, 9.0, 10.0)
-    axle_positions_m: tuple[float, ...] = quantity(
-        (), "m", _SOURCE, -1e4, 1e4
-    )  # rising to the rear; kept from the leading axle
+    axle_positions_m: tuple[float, ...] = quantity((), "m", _SOURCE, -1e4, 1e4)  # rising; made to start with 0
     resistance_n: tuple[float, ...] = quantity((0.0, 0.0, 0.0), "N, N s/m, N s2/m2", _SOURCE, 0.0, 1e6)  # A + B v + C v2
     # [Nm/bar] of a wheelset, for files with cylinder pressures but no torques; 0: the files have torques
     torque_per_bar_nm: float = quantity(0.0, "N m/bar", _SOURCE, 0.0, 1e6)
@@ -47,7 +45,7 @@ class CampaignVehicle(Checked):
         object.__setattr__(self, "axle_positions_m", tuple(x - self.axle_positions_m[0] for x in self.axle_positions_m))
         if len(self.resistance_n) != 3:
             raise ParameterError(f"resistance_n must be the three numbers [A, B, C], got {list(self.resistance_n)}")
-        if self.brake_torque_source != "measured" and "pressure" not in self.brake_torque_source:
+        if self.brake_torque_source != "measured" and "pressure" not in str(self.brake_torque_source):
             raise ParameterError(
                 f'brake_torque_source = {self.brake_torque_source!r} is unknown; valid: "measured", '
                 '"cylinder pressure times the nominal gain"'

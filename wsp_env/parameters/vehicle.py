@@ -148,5 +148,6 @@ def train(vehicle: Vehicle, coaches: int, name: str = "train") -> Vehicle:
 
 def _carried(body: Any) -> bool:
     """Whether it lists the axles of each bogie under a body."""
-    counts = (isinstance(n, int) and not isinstance(n, bool) and 1 <= n <= MOST_AXLES for n in body or (0,))
-    return isinstance(body, tuple) and all(counts)
+    if not isinstance(body, tuple) or not body:
+        return False
+    return all(isinstance(n, int) and not isinstance(n, bool) and 1 <= n <= MOST_AXLES for n in body)
