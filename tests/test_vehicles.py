@@ -185,6 +185,14 @@ def test_a_train_is_made_of_any_vehicle_and_registered(tmp_path):
         gym.make("wsp_env/Train-v0", coaches="ten")
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_train_is_drawn_with_a_legend_that_fits():
+    env = gym.make("wsp_env/Train-v0", render_mode="rgb_array")
+    env.reset(seed=0)
+    env.step(np.full(40, 2))
+    assert env.render().shape == (600, 900, 3)  # matplotlib would warn of axes without height
+
+
 # Campaigns
 
 
