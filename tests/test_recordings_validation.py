@@ -11,7 +11,6 @@ from synthetic_stops import stop, write_campaign
 
 from wsp_env.cli import main
 from wsp_env.recordings import (
-    CampaignError,
     CampaignWarning,
     Smoothing,
     demo_campaign,
@@ -79,13 +78,6 @@ def test_slide_statistics_are_those_of_the_paper(exact):
     assert_allclose(figures.simulated_mean_mps, 2.5)  # eqs. (20) and (21): s is 2 and 3 in turns
     assert_allclose(figures.simulated_deviation_mps, 0.5)
     assert_allclose(figures.recorded_mean_mps, derived.slip_speed_mps[100 : 100 + n].mean(axis=0))
-
-
-def test_vehicles_that_the_plant_does_not_have(exact):
-    campaign, run, derived, radii = exact
-    three = dataclasses.replace(campaign, vehicle=dataclasses.replace(campaign.vehicle, axles=3))
-    with pytest.raises(CampaignError, match="1, 2, 4 axles, not 3"):
-        replay.simulate(three, run, derived, radii, np.array([0]), 10, MU_CD, TAU)
 
 
 def test_the_demo_campaign_meets_the_papers_figures(demo):

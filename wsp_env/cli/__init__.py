@@ -14,6 +14,7 @@ COMMANDS = {
     "replay": "let controllers brake under the conditions of recorded stops, beside the stops as recorded",
     "diagnose": "say which physics the tuned law lacks on recorded stops, where it shows and how sure that is",
     "tune": "tune tau and mu_cd on a campaign of recorded stops, score the held-out ones",
+    "vehicle": "describe vehicles as data: check a vehicle file, print one to start from, list those with names",
     "validate": "tune, score and simulate recorded stops as the seed paper does; a page with its figures and tables",
 }
 

@@ -24,7 +24,7 @@ from wsp_env.evaluation.programme_report import LEFT_LIMIT, write_report
 from wsp_env.evaluation.runner import Conduct
 from wsp_env.evaluation.summary import Verdict, judge, summarise
 from wsp_env.parameters.quantity import ParameterError
-from wsp_env.parameters.uic_z1 import VEHICLES
+from wsp_env.parameters.vehicle_file import find_vehicle
 
 #: Columns of the printed table: figure, heading, digits.
 _COLUMNS = (
@@ -71,7 +71,7 @@ class ProgrammeOptions:
 
 def main(
     controllers: tuple[str, ...] = ("none", "rule-based"),
-    vehicle: str = "coach",
+    vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "coach",
     set: tuple[str, ...] = (),
     stops: Annotated[ProgrammeOptions, tyro.conf.arg(name="")] = ProgrammeOptions(),
     jobs: int = 0,
@@ -90,7 +90,7 @@ def main(
         Short names (none, rule-based, slip, extremum), folders of policies, package.module:Class, path.py:Class;
         such code is run.
     vehicle
-        Wheelset, bogie or coach.
+        A name (wsp vehicle list) or a vehicle file (wsp vehicle show coach > mine.toml).
     set
         Parameters of controllers, as rule-based.slip_base_mps=0.4.
     stops
@@ -105,8 +105,7 @@ def main(
         Print stops, summary, verdicts and failures as JSON.
 
     """
-    if vehicle not in VEHICLES:
-        raise ParameterError(f"unknown vehicle {vehicle!r}; valid: {', '.join(VEHICLES)}")
+    braked = find_vehicle(vehicle)
     draws = Draws(stops.draws, stops.seed)
     if jobs < 0:
         raise ParameterError(f"jobs = {jobs}: at least 0")
@@ -114,7 +113,7 @@ def main(
         raise ParameterError(f"controller {', '.join(sorted(repeated))} is named twice")
     chosen = read_settings(controllers, set)
     table = read_programme(stops.programme)
-    wanted = select_cases(table, VEHICLES[vehicle], stops.cases)
+    wanted = select_cases(table, braked, stops.cases)
     out.mkdir(parents=True, exist_ok=True)
     errors = Console(stderr=True)
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
@@ -124,7 +123,7 @@ def main(
             chosen,
             table,
             wanted,
-            VEHICLES[vehicle],
+            braked,
             out / "cases",
             draws=draws,
             jobs=jobs or os.cpu_count() or 1,
@@ -141,7 +140,7 @@ def main(
         _labelled(result.stops, labels), _relabelled(result.traces, labels), _relabelled(result.failures, labels)
     )
     try:
-        write_report(out / "report.html", pictured, shown, judged, f"{table.name}, {vehicle}, {_counted(draws.number)}")
+        write_report(out / "report.html", pictured, shown, judged, f"{table.name}, {braked.name}, {_counted(draws.number)}")
         written = ", report.html"
     except ModuleNotFoundError as missing:  # the tables do without
         errors.print(f"no report.html: {missing}")

@@ -12,6 +12,7 @@ from rich.progress import Progress
 from wsp_env.envs.model import read_model
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.replay import FIGURES, RECORDED, SIMULATED, Course, Replay, replay
+from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.recordings import Campaign, read_campaign
 from wsp_env.report import COLOURS, Figure, Section, Table, axes, plotly, terminal_table, write_page
 
@@ -34,6 +35,7 @@ def main(
     set: tuple[str, ...] = (),
     track: Annotated[str, tyro.conf.arg(metavar="constant|recorded")] = "constant",
     model: Path | None = None,
+    vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "",
     out: Path = Path("out/replay"),
     json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
 ) -> None:
@@ -55,6 +57,9 @@ def main(
         Adhesion along the track: one mu_cd per stop, or as estimated from the recording.
     model
         A model.json of `wsp diagnose`, whose mechanisms are switched on.
+    vehicle
+        Gives what campaign.toml does not tell: valve times, sensors, which axles form a bogie. A name (wsp vehicle list) or a
+        vehicle file, with the campaign's number of axles; none: the coach's.
     out
         Folder of the page.
     json_
@@ -66,7 +71,8 @@ def main(
     if track not in ("constant", "recorded"):
         raise ParameterError(f"track {track!r} is unknown; valid: constant, recorded")
     chosen = read_settings(controllers, set)
-    mechanisms = read_model(str(model))["mechanisms"] if model else {}
+    mechanisms = read_model(str(model)).mechanisms if model else {}
+    base = find_vehicle(vehicle) if vehicle else None
     console = Console(stderr=json_, highlight=False)
     if not console.is_terminal:
         console = Console(stderr=json_, highlight=False, width=160)
@@ -79,6 +85,7 @@ def main(
             chosen,
             along_track=track == "recorded",
             mechanisms=mechanisms,
+            base=base,
             done=lambda what: progress.update(bar, advance=1, description=what),
         )
     for name, message in result.failures.items():

@@ -21,13 +21,13 @@ from pathlib import Path
 import numpy as np
 
 from wsp_env.parameters import velim
+from wsp_env.parameters.campaign_vehicle import CampaignVehicle
 from wsp_env.parameters.contact import ContactParameters
 from wsp_env.parameters.quantity import ParameterError, replace
 from wsp_env.recordings import channels
 from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.reading import read_recording
 from wsp_env.recordings.recording import Recording
-from wsp_env.recordings.vehicle import CampaignVehicle
 
 #: Parameter sets that `[contact] set` may name.
 CONTACT_SETS = {"velim": velim.CONTACT}

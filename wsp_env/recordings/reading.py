@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from wsp_env.parameters.campaign_vehicle import CampaignVehicle
 from wsp_env.recordings import plausibility
 from wsp_env.recordings.channels import Source
 from wsp_env.recordings.columns import read_columns
 from wsp_env.recordings.errors import CampaignWarning
 from wsp_env.recordings.recording import Recording
-from wsp_env.recordings.vehicle import CampaignVehicle
 
 _OPTIONAL = ("wheel_load", "cylinder_pressure", "valve_command")
 

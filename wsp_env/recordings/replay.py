@@ -10,13 +10,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from wsp_env.parameters.uic_z1 import COACH
+from wsp_env.parameters.campaign_vehicle import plant_vehicle
 from wsp_env.parameters.vehicle import Brake, Vehicle
 from wsp_env.plant import make_plant
 from wsp_env.plant.port import Plant, Setup, Stop
 from wsp_env.recordings.campaign import Campaign
 from wsp_env.recordings.derive import Derived, Smoothing
-from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.recording import Recording
 
 #: Length [s] of the windows.
@@ -24,7 +23,6 @@ WINDOW_S = 1.0
 
 _AT_ONCE_S = 1e-6  # time constants of a brake that follows its command
 _PRESSURE_BAR = 10.0  # stands for the largest recorded torque
-_AXLES = (1, 2, 4)  # what the plant has
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,33 +133,15 @@ def slide(derived: Derived, simulated: Simulated, start: int) -> Slide:
 
 def _vehicle(campaign: Campaign, run: Recording, largest_nm: float) -> Vehicle:
     """Return the campaign's vehicle with a brake whose torque is what is asked for, at once."""
-    described = campaign.vehicle
-    if described.axles not in _AXLES:
-        raise CampaignError(
-            f"campaign {campaign.name}: stops are simulated for vehicles of "
-            f"{', '.join(map(str, _AXLES))} axles, not {described.axles}"
-        )
-    a, b, c = described.resistance_n
-    return Vehicle(
-        name=campaign.name,
-        axle_positions_m=described.axle_positions_m or COACH.axle_positions_m[: described.axles],
-        mass_kg=run.mass_kg,
-        wheelset_inertia_kgm2=described.wheelset_inertia_kgm2,
-        wheel_radius_m=described.wheel_radius_m,
-        gravity_mps2=described.gravity_mps2,
-        resistance_a_n=a,
-        resistance_b_ns_per_m=b,
-        resistance_c_ns2_per_m2=c,
-        contact=campaign.contact,
-        brake=Brake(
-            full_pressure_bar=_PRESSURE_BAR,
-            torque_per_bar_nm=largest_nm / _PRESSURE_BAR,
-            demand_rise_s=_AT_ONCE_S,
-            fill_time_constant_s=_AT_ONCE_S,
-            vent_time_constant_s=_AT_ONCE_S,
-            dead_time_s=0.0,
-        ),
+    brake = Brake(
+        full_pressure_bar=_PRESSURE_BAR,
+        torque_per_bar_nm=largest_nm / _PRESSURE_BAR,
+        demand_rise_s=_AT_ONCE_S,
+        fill_time_constant_s=_AT_ONCE_S,
+        vent_time_constant_s=_AT_ONCE_S,
+        dead_time_s=0.0,
     )
+    return plant_vehicle(campaign.vehicle, campaign.contact, campaign.name, mass_kg=run.mass_kg, brake=brake)
 
 
 def _start(

@@ -87,7 +87,7 @@ CARD = Card(
     name="leading_axle_cleaning",
     summary="energy spent by earlier wheels removes the contaminant layer at that place on the rail",
     parameters=(
-        Parameter("removal_m_per_j", "m/J", 0.0, 2.0e-5, 0.0, 1.0e-2, "form: eq. (4) of the seed paper; size: assumption"),
+        Parameter("removal_m_per_j", "m/J", 0.0, 2.0e-5, 0.0, 1.0e-2, "assumption, no source; form: eq. (4) of the seed paper"),
     ),
     record=Parameters,
     acts={"layer": layer_left, "after_passage": remember},
