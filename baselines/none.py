@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wsp_env.envs.observation import Measurement
+from wsp_env.observer.observation import Measurement
 from wsp_env.parameters.vehicle import Vehicle
 
 

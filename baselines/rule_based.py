@@ -13,7 +13,7 @@ import numpy as np
 
 from baselines.reference_speed import ReferenceParameters, ReferenceSpeed
 from baselines.safety_timer import SafetyParameters, SafetyTimer
-from wsp_env.envs.observation import Measurement
+from wsp_env.observer.observation import Measurement
 from wsp_env.parameters.quantity import quantity
 from wsp_env.parameters.vehicle import Vehicle
 

@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 from baselines.rule_based import RuleBasedWSP
-from wsp_env.envs.observation import Measurement
+from wsp_env.observer.observation import Measurement
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.mechanisms import ALL

@@ -128,15 +128,15 @@ class Fickle:
         self.share, self.speed = np.full((n, vehicle.axles), 0.1), None
 
     def act(self, measurement):
-        rim = self.radius * measurement.wheel_speed
-        n = len(rim)
+        wheel = self.radius * measurement.wheel_speed
+        n = len(wheel)
         if self.speed is None:
-            self.speed = rim.max(axis=1)
-        self.speed = np.maximum(rim.max(axis=1), self.speed - 0.005 * 1.5)  # as far as the wheels tell
+            self.speed = wheel.max(axis=1)
+        self.speed = np.maximum(wheel.max(axis=1), self.speed - 0.005 * 1.5)  # as far as the wheels tell
         if self.rng.random() < 0.02:
-            self.share = self.rng.uniform(0.0, 0.28, rim.shape)
-            self.command[: n // 2] = self.rng.uniform(-1.0, 1.0, (n // 2, rim.shape[1]))
-        slip = self.speed[:, None] - rim
+            self.share = self.rng.uniform(0.0, 0.28, wheel.shape)
+            self.command[: n // 2] = self.rng.uniform(-1.0, 1.0, (n // 2, wheel.shape[1]))
+        slip = self.speed[:, None] - wheel
         feedback = np.clip(20.0 * (self.share - slip / np.maximum(self.speed, 1.0)[:, None]), -1.0, 1.0)
         self.command[n // 2 :] = feedback[n // 2 :]
         return self.command

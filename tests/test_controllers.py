@@ -11,8 +11,8 @@ from baselines.reference_speed import ReferenceParameters, ReferenceSpeed
 from baselines.rule_based import RuleBasedWSP
 from baselines.slip_control import SlipController, SlipParameters
 from wsp_env.envs.batch import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
-from wsp_env.envs.observation import Measurement
 from wsp_env.evaluation.controller import SHORT_NAMES, Controller, load
+from wsp_env.observer.observation import Measurement
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import BOGIE, COACH, WHEELSET
 from wsp_env.plant.plant import Plant

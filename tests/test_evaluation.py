@@ -263,7 +263,7 @@ def test_every_controller_has_every_stop_and_is_never_better_than_the_bound_with
         assert (trace.time[0], trace.speed[-1]) == (0.0, 0.0)
         assert trace.position[-1] == pytest.approx(distance)
         assert (np.diff(trace.time) >= 0.0).all()
-        assert trace.rim.shape == trace.pressure.shape == (*trace.time.shape, 1)
+        assert trace.wheel.shape == trace.pressure.shape == (*trace.time.shape, 1)
 
 
 def test_what_is_there_is_not_computed_again_and_nothing_half_written_counts(tmp_path, own, monkeypatch):

@@ -24,6 +24,9 @@ _numba: Any = numba
 # nogil: kernels touch no Python object, threads may run them side by side.
 _OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
 
+#: Folders whose kernels are called from other files.
+_LAYERS = ("contact", "plant", "observer")
+
 
 def _cache_folder() -> str:
     """Folder of the compiled code, another for every state of the sources.
@@ -33,7 +36,9 @@ def _cache_folder() -> str:
     """
     package = Path(__file__).parent
     digest = hashlib.sha256()
-    for source in sorted([Path(__file__), *package.glob("contact/**/*.py"), *package.glob("plant/**/*.py")]):
+    for source in sorted(
+        [Path(__file__), *(file for layer in ("contact", "plant", "observer") for file in package.glob(f"{layer}/**/*.py"))]
+    ):
         digest.update(source.read_bytes())
     beside = package / "__pycache__"
     parent = beside if os.access(beside if beside.exists() else package, os.W_OK) else Path.home() / ".cache" / "wsp-env"

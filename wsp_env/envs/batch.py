@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from wsp_env.envs.observation import Measurement, Observer
 from wsp_env.envs.task import Task
+from wsp_env.observer.observation import Measurement, Observer
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.plant.plant import Plant
 from wsp_env.scenario import PINS, TRACK_STEP_M, check_mechanisms, draw, draw_mechanisms, ends_of

@@ -20,7 +20,7 @@ class BrakingEnv(gym.Env[np.ndarray, Any]):
     from no pressure (-1) to the demanded one (+1).
 
     **Observation**: float32, built from measured wheel speeds, the brake demand and own commands, see
-    `wsp_env.envs.observation.Observer`. The true speed, adhesion and conditions are in `info` only.
+    `wsp_env.observer.observation.Observer`. The true speed, adhesion and conditions are in `info` only.
 
     **Reward**: the sum of the terms in `info["reward_terms"]`: stopping distance, slip beyond the limit, locked wheels, air;
     weights in `wsp_env.envs.task.RewardWeights`.

@@ -204,16 +204,16 @@ def _shortest(
     offsets: np.ndarray, inertia: float, gravity: float, res_a: float, res_b: float, res_c: float, creepage: float,
     above: float, speeds: np.ndarray, best: np.ndarray, slip: np.ndarray, kind: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """See the module. `rim` is the peripheral speed r w of each wheel; a wheel is full when it rolls with the vehicle."""
+    """See the module. `wheel` is the circumferential speed r w of each; a wheel is full when it rolls with the vehicle."""
     n, axles = radii.shape
     distances = np.full(n, np.inf)
     durations = np.full(n, np.inf)
-    rim = np.empty(axles)
+    wheel = np.empty(axles)
     force = np.empty(axles)
     h = STEP_S
     for i in range(n):
         v, x, t, mass = initial[i], 0.0, 0.0, masses[i]
-        rim[:] = v
+        wheel[:] = v
         while t < TIME_LIMIT_S:
             resisted = res_a + v * (res_b + v * res_c) + mass * gravity * gradients[i]
             for k in range(axles):
@@ -225,7 +225,7 @@ def _shortest(
                 for k in range(axles):
                     braked = torques[i] / radii[i, k]
                     share = inertia / radii[i, k] ** 2
-                    if rim[k] >= v and braked - share * a < force[k]:
+                    if wheel[k] >= v and braked - share * a < force[k]:
                         total += braked
                         rotating += share
                     else:
@@ -234,11 +234,11 @@ def _shortest(
             after = v - h * a
             least = (1.0 - creepage) * after if after > above else 0.0
             for k in range(axles):
-                if rim[k] >= v and torques[i] / radii[i, k] - inertia / radii[i, k] ** 2 * a < force[k]:
-                    rim[k] = after
+                if wheel[k] >= v and torques[i] / radii[i, k] - inertia / radii[i, k] ** 2 * a < force[k]:
+                    wheel[k] = after
                 else:
-                    own = rim[k] + h * radii[i, k] / inertia * (radii[i, k] * force[k] - torques[i])
-                    rim[k] = min(max(own, least), after)
+                    own = wheel[k] + h * radii[i, k] / inertia * (radii[i, k] * force[k] - torques[i])
+                    wheel[k] = min(max(own, least), after)
             if after <= 0.0:
                 distances[i] = x + 0.5 * v * v / a
                 durations[i] = t + v / a

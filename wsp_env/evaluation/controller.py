@@ -16,8 +16,8 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from wsp_env.envs.observation import Measurement
 from wsp_env.evaluation.policy import load_policy
+from wsp_env.observer.observation import Measurement
 from wsp_env.parameters.quantity import ParameterError, replace
 from wsp_env.parameters.vehicle import Vehicle
 

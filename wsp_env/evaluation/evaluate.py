@@ -50,7 +50,7 @@ class Trace:
     time: np.ndarray  # (T,) [s]
     position: np.ndarray  # (T,) [m]
     speed: np.ndarray  # (T,) [m/s]
-    rim: np.ndarray  # (T, A) peripheral wheel speeds [m/s]
+    wheel: np.ndarray  # (T, A) circumferential wheel speeds [m/s]
     pressure: np.ndarray  # (T, A) [bar]
 
 
@@ -167,7 +167,7 @@ def _gather(tasks: Sequence[Task], found: Mapping[Path, dict[str, np.ndarray]], 
         name = task.controller or REFERENCE
         tables.append(_table(name, task.case, data, compared[task.case.name], data))
         for row, (law, draw) in enumerate(zip(data["law"], data["draw"], strict=True)):
-            columns = (data[f"trace_{what}"][:, row] for what in ("time", "position", "speed", "rim", "pressure"))
+            columns = (data[f"trace_{what}"][:, row] for what in ("time", "position", "speed", "wheel", "pressure"))
             traces.append(Trace(name, task.case.name, str(law), int(draw), *columns))
     return Evaluation(polars.concat(tables, how="diagonal"), tuple(traces), failures)
 

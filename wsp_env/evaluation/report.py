@@ -218,8 +218,8 @@ def _note(row: Mapping[str, Any]) -> str:
 
 
 def _packed(trace: Trace) -> str:
-    """Return time, speed, rim speeds and pressures, one after the other, in hundredths as 16 bits, little endian, base64."""
-    columns = np.concatenate([[trace.time, trace.speed], trace.rim.T, trace.pressure.T])
+    """Return time, speed, wheel speeds and pressures one after the other, in hundredths as 16 bits, little endian, base64."""
+    columns = np.concatenate([[trace.time, trace.speed], trace.wheel.T, trace.pressure.T])
     return base64.b64encode(np.clip(np.rint(100.0 * columns), 0, 65535).astype("<u2").tobytes()).decode()
 
 

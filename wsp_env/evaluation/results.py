@@ -87,14 +87,14 @@ def read(path: Path) -> dict[str, np.ndarray] | None:
 
 
 def traces(result: Run) -> dict[str, np.ndarray]:
-    """Return time, speed and position (K, N), rim speed and pressure (K, N, A) of N stops, each thinned out to K samples."""
+    """Return time, speed, position (K, N), wheels' speed and pressure (K, N, A) of N stops, each thinned out to K samples."""
     chosen = np.rint(np.linspace(0, result.steps, TRACE_SAMPLES)).astype(int)  # (K, N)
     rows = np.arange(len(result.steps))
     speed = result.speed[chosen, rows]
     return {
         "trace_time": result.time[chosen],
         "trace_speed": speed,
-        "trace_rim": speed[..., None] - result.slip[chosen, rows],
+        "trace_wheel": speed[..., None] - result.slip[chosen, rows],
         "trace_pressure": result.pressure[chosen, rows],
         "trace_position": result.position[chosen, rows],
     }

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.envs.observation import Measurement
 from wsp_env.evaluation.controller import Controller
 from wsp_env.evaluation.policy import Policy
+from wsp_env.observer.observation import Measurement
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.plant import Plant
 from wsp_env.plant.state import Stop
