@@ -59,13 +59,12 @@ class BrakingEnv(gym.Env[np.ndarray, Any]):
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Advance by one control interval."""
-        observation, terms, terminated, truncated = self.batch.step(np.asarray(action)[None])
+        observation, reward, terms, terminated, truncated = self.batch.step(np.asarray(action)[None])
         if self._recorder is not None:
             self._recorder.add()
             if self.render_mode == "human":
                 self._recorder.show()
-        reward = sum(float(term[0]) for term in terms.values())
-        return observation[0], reward, bool(terminated[0]), bool(truncated[0]), self._info(terms)
+        return observation[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), self._info(terms)
 
     def _info(self, terms: dict[str, np.ndarray]) -> dict[str, Any]:
         info: dict[str, Any] = {name: values[0] for name, values in self.batch.truth().items()}

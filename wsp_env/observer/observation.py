@@ -1,11 +1,12 @@
 """What a controller gets (`Measurement`) and what a learned policy sees of it (`Observer`)."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wsp_env.compiled import inlined, loop
+from wsp_env.contact.degraded import AdhesionLaw
 from wsp_env.observer import estimator, rail
 from wsp_env.observer.estimator import Estimate, EstimatorConstants
 from wsp_env.observer.rail import RailConstants, RailEstimate
@@ -49,16 +50,6 @@ class Constants(NamedTuple):
     acceleration: float  # shares of the filters in an interval [-]
     recent: float
     slow: float
-    per_slip: float  # what a value is observed as: times this
-    per_acceleration: float
-    per_adhesion: float
-    per_friction: float
-    per_contradiction: float
-    per_memory: float
-    per_uncertainty: float
-    per_speed: float
-    creepage_floor: float  # [m/s]
-    bound: float
 
 
 class Observer:
@@ -123,23 +114,14 @@ class Observer:
         self.interval = control_interval_s
         self.pressure_sensors = pressure_sensors
         self.size = self.size_for(vehicle.axles)
-        self._constants = Constants(
+        constants = Constants(
             estimator=estimator.constants(vehicle, control_interval_s, by_pressure),
             rail=rail.constants(vehicle, control_interval_s),
             acceleration=estimator.approach(control_interval_s, self.ACCELERATION_FILTER_S),
             recent=estimator.approach(control_interval_s, self.RECENT_S),
             slow=estimator.approach(control_interval_s, self.SLOW_S),
-            per_slip=1.0 / self.SLIP_SCALE,
-            per_acceleration=1.0 / self.ACCELERATION_SCALE,
-            per_adhesion=1.0 / self.ADHESION_SCALE,
-            per_friction=1.0 / self.FRICTION_SCALE,
-            per_contradiction=1.0 / self.CONTRADICTION_SCALE,
-            per_memory=1.0 / rail.MEMORY_S,
-            per_uncertainty=1.0 / self.UNCERTAINTY_SCALE,
-            per_speed=1.0 / self.SPEED_SCALE,
-            creepage_floor=self.CREEPAGE_FLOOR,
-            bound=self.BOUND,
         )
+        self._given = _plain(constants)
 
     @staticmethod
     def size_for(axles: int) -> int:
@@ -173,10 +155,11 @@ class Observer:
                 rail.allocate(n),
                 Filtered(*(np.zeros((n, widths.get(name, axles))) for name in Filtered._fields)),
             )
+            self._state = _plain(self._memory)
             self._observation = np.zeros((n, self.size), dtype=np.float32)
         demand = np.array(measurement.demand, np.float64, order="C")
         self._check(wheel_speed, demand)
-        _begin(np.array(mask, dtype=bool), wheel_speed, demand, self._memory, self._constants, self._observation)
+        _begin(np.array(mask, dtype=bool), wheel_speed, demand, self._state, self._given, self._observation)
         return self._observation.copy()
 
     def observe(self, measurement: Measurement, command: np.ndarray) -> np.ndarray:
@@ -192,7 +175,7 @@ class Observer:
             self._check(pressure, demand)
         self._check(wheel_speed, demand)
         self._check(command, demand)
-        _observe(wheel_speed, command, demand, pressure, self._memory, self._constants, self._observation)
+        _observe(wheel_speed, command, demand, pressure, self._state, self._given, self._observation)
         return self._observation.copy()
 
     def _check(self, per_axle: np.ndarray, per_vehicle: np.ndarray) -> None:
@@ -205,12 +188,35 @@ class Observer:
 #: Pressures of a vehicle that does not measure them.
 _NO_SENSORS = np.empty((0, 0))
 
+# A value is observed as so many of its units; a compiler does not turn a division into this.
+_PER_SLIP, _PER_SPEED, _PER_ACCELERATION = 1 / Observer.SLIP_SCALE, 1 / Observer.SPEED_SCALE, 1 / Observer.ACCELERATION_SCALE
+_PER_ADHESION, _PER_FRICTION, _PER_MEMORY = 1 / Observer.ADHESION_SCALE, 1 / Observer.FRICTION_SCALE, 1 / rail.MEMORY_S
+_PER_CONTRADICTION, _PER_UNCERTAINTY = 1 / Observer.CONTRADICTION_SCALE, 1 / Observer.UNCERTAINTY_SCALE
+_CREEPAGE_FLOOR, _BOUND = Observer.CREEPAGE_FLOOR, Observer.BOUND
+
+
+def _plain(value: Any) -> Any:
+    """Return NamedTuples within NamedTuples as plain tuples, which numba takes from Python three times as fast."""
+    return tuple(_plain(item) for item in value) if isinstance(value, tuple) else value
+
+
+@inlined
+def _memory(plain: Any) -> Memory:
+    return Memory(Estimate(*plain[0]), RailEstimate(*plain[1]), Filtered(*plain[2]))
+
+
+@inlined
+def _constants(plain: Any) -> Constants:
+    on_rail = RailConstants(plain[1][0], plain[1][1], AdhesionLaw(*plain[1][2]))
+    return Constants(EstimatorConstants(*plain[0]), on_rail, plain[2], plain[3], plain[4])
+
 
 @loop
 def _begin(
-    mask: np.ndarray, wheel_speed: np.ndarray, demand: np.ndarray, memory: Memory, c: Constants, observation: np.ndarray
+    mask: np.ndarray, wheel_speed: np.ndarray, demand: np.ndarray, state: Any, given: Any, observation: np.ndarray
 ) -> None:
     """Begin new stops where `mask` (N,) is True; write their first observations into `observation` (N, size)."""
+    memory, c = _memory(state), _constants(given)
     f = memory.filtered
     for i in range(len(mask)):
         if mask[i]:
@@ -219,16 +225,17 @@ def _begin(
             for k in range(wheel_speed.shape[1]):
                 f.acceleration[i, k] = f.slip[i, k] = 0.0
                 f.recent_slip[i, k] = f.recent_adhesion[i, k] = f.slow_slip[i, k] = f.slow_adhesion[i, k] = 0.0
-            _contradict(i, memory, c)
+            _contradict(i, memory)
             _write(i, demand[i], memory, c, observation)
 
 
 @loop
 def _observe(
     wheel_speed: np.ndarray, command: np.ndarray, demand: np.ndarray, pressure: np.ndarray,
-    memory: Memory, c: Constants, observation: np.ndarray,
+    state: Any, given: Any, observation: np.ndarray,
 ) -> None:  # fmt: skip
     """Go on by one interval with every vehicle, see `Observer.observe`; pressures (N, A) or (0, 0) [bar]."""
+    memory, c = _memory(state), _constants(given)
     e, f = memory.estimate, memory.filtered
     n, axles = wheel_speed.shape
     for i in range(n):
@@ -244,15 +251,15 @@ def _observe(
             f.recent_adhesion[i, k] += c.recent * (e.adhesion[i, k] - f.recent_adhesion[i, k])
             f.slow_adhesion[i, k] += c.slow * (e.adhesion[i, k] - f.slow_adhesion[i, k])
         if rail.update(i, f.slip, e.adhesion, e.speed[i], memory.rail, c.rail):
-            _contradict(i, memory, c)
+            _contradict(i, memory)
         _write(i, demand[i], memory, c, observation)
 
 
 @inlined
-def _contradict(i: int, memory: Memory, c: Constants) -> None:
+def _contradict(i: int, memory: Memory) -> None:
     for j in range(memory.rail.deviation.shape[1]):
         deviation = max(memory.rail.deviation[i, j], 1e-3)
-        memory.filtered.contradiction[i, j] = math.log10(deviation * c.per_contradiction)
+        memory.filtered.contradiction[i, j] = math.log10(deviation * _PER_CONTRADICTION)
 
 
 @inlined
@@ -260,34 +267,34 @@ def _write(i: int, demand: float, memory: Memory, c: Constants, observation: np.
     """Write the observation of vehicle i under a demand, share of full pressure; see `Observer`."""
     e, r, f = memory.estimate, memory.rail, memory.filtered
     axles, rates = e.wheel.shape[1], r.friction.shape[1]
-    brake = c.estimator.full_brake * c.per_adhesion
+    brake = c.estimator.full_brake * _PER_ADHESION
     running = e.speed[i]
-    per_running = 1.0 / max(running, c.creepage_floor)
+    per_running = 1.0 / max(running, _CREEPAGE_FLOOR)
     for k in range(axles):
         slip = running - e.wheel[i, k]
-        observation[i, k] = _clipped(slip * c.per_slip, c.bound)
-        observation[i, axles + k] = _clipped(slip * per_running, c.bound)
-        observation[i, 2 * axles + k] = _clipped(f.acceleration[i, k] * c.per_acceleration, c.bound)
-        observation[i, 3 * axles + k] = _clipped(brake * e.pressure[i, k], c.bound)
-        observation[i, 4 * axles + k] = _clipped(brake * e.pressure_to_come[i, k], c.bound)
-        observation[i, 5 * axles + k] = _clipped(e.adhesion[i, k] * c.per_adhesion, c.bound)
-        observation[i, 6 * axles + k] = _clipped(f.recent_slip[i, k] * c.per_slip, c.bound)
-        observation[i, 7 * axles + k] = _clipped(f.recent_adhesion[i, k] * c.per_adhesion, c.bound)
-        observation[i, 8 * axles + k] = _clipped(f.slow_slip[i, k] * c.per_slip, c.bound)
-        observation[i, 9 * axles + k] = _clipped(f.slow_adhesion[i, k] * c.per_adhesion, c.bound)
+        observation[i, k] = _clipped(slip * _PER_SLIP)
+        observation[i, axles + k] = _clipped(slip * per_running)
+        observation[i, 2 * axles + k] = _clipped(f.acceleration[i, k] * _PER_ACCELERATION)
+        observation[i, 3 * axles + k] = _clipped(brake * e.pressure[i, k])
+        observation[i, 4 * axles + k] = _clipped(brake * e.pressure_to_come[i, k])
+        observation[i, 5 * axles + k] = _clipped(e.adhesion[i, k] * _PER_ADHESION)
+        observation[i, 6 * axles + k] = _clipped(f.recent_slip[i, k] * _PER_SLIP)
+        observation[i, 7 * axles + k] = _clipped(f.recent_adhesion[i, k] * _PER_ADHESION)
+        observation[i, 8 * axles + k] = _clipped(f.slow_slip[i, k] * _PER_SLIP)
+        observation[i, 9 * axles + k] = _clipped(f.slow_adhesion[i, k] * _PER_ADHESION)
     at = 10 * axles
     for j in range(rates):
-        observation[i, at + j] = _clipped(r.friction[i, j] * c.per_friction, c.bound)
-        observation[i, at + rates + j] = _clipped(f.contradiction[i, j], c.bound)
+        observation[i, at + j] = _clipped(r.friction[i, j] * _PER_FRICTION)
+        observation[i, at + rates + j] = _clipped(f.contradiction[i, j])
     at += 2 * rates
-    observation[i, at] = _clipped(r.seen[i] * c.per_memory, c.bound)
-    observation[i, at + 1] = _clipped(e.uncertainty[i] * c.per_uncertainty, c.bound)
+    observation[i, at] = _clipped(r.seen[i] * _PER_MEMORY)
+    observation[i, at + 1] = _clipped(e.uncertainty[i] * _PER_UNCERTAINTY)
     observation[i, at + 2] = 1.0 if e.doubtful[i] else 0.0
-    observation[i, at + 3] = _clipped(brake * e.distributor[i], c.bound)
-    observation[i, at + 4] = _clipped(running * c.per_speed, c.bound)
-    observation[i, at + 5] = _clipped(brake * demand, c.bound)
+    observation[i, at + 3] = _clipped(brake * e.distributor[i])
+    observation[i, at + 4] = _clipped(running * _PER_SPEED)
+    observation[i, at + 5] = _clipped(brake * demand)
 
 
 @inlined
-def _clipped(value: float, bound: float) -> float:
-    return min(max(value, -bound), bound)
+def _clipped(value: float) -> float:
+    return min(max(value, -_BOUND), _BOUND)
