@@ -242,12 +242,10 @@ def _follow_brake(i: int, k: int, command: float, measured: np.ndarray, e: Estim
 @inlined
 def _after(pressure: float, acts: float, distributor: float, demand: float, c: EstimatorConstants) -> float:
     """Pressure after an interval under a command that acts; all shares of full pressure."""
+    held = 0.0 if acts < -0.5 else pressure
+    target = distributor if acts > 0.5 else held
     if c.by_pressure:
         target = min(0.5 * (acts + 1.0) * demand, distributor)
-    elif acts > 0.5:
-        target = distributor
-    else:
-        target = 0.0 if acts < -0.5 else pressure
     return pressure + (c.fill if target > pressure else c.vent) * (target - pressure)
 
 
