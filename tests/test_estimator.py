@@ -31,6 +31,7 @@ from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.runner import Conduct, make_plant, measure
 from wsp_env.observer.estimator import MASS_DEVIATION, SLIDE_REMEMBERED_S, full_brake
 from wsp_env.observer.observation import Measurement, Observer
+from wsp_env.observer.rail import START_S
 from wsp_env.parameters.uic_z1 import BOGIE, VEHICLES
 
 INTERVAL = 0.02
@@ -187,6 +188,41 @@ def test_a_vehicle_of_a_batch_is_estimated_as_alone():
         lone_plant.step(command[1:2])
         seen, lone = both.observe(measure(plant), command)[1], alone.observe(measure(lone_plant), command[1:2])[0]
         assert_array_equal(seen, lone)
+
+
+@pytest.mark.plain
+@pytest.mark.parametrize("by_pressure", [False, True])
+@pytest.mark.parametrize("sensors", [False, True])
+def test_each_vehicle_is_for_itself_whatever_it_measures_and_commands(sensors, by_pressure):
+    rng = np.random.default_rng(3)
+    together, alone = (Observer(BOGIE, INTERVAL, sensors, by_pressure) for _ in range(2))
+    seen = []
+    for step in range(40):
+        speeds = np.linspace(70.0, 40.0, 40)[step] - rng.uniform(0.0, 8.0, (3, 2))
+        pressure = rng.uniform(0.0, 3.0, (3, 2)) if sensors else None
+        now = Measurement(np.full(3, step * INTERVAL), speeds, np.full(3, 0.8), pressure)
+        own = Measurement(*(None if array is None else array[1:2] for array in now))
+        command = rng.uniform(-1.0, 1.0, (3, 2)) if by_pressure else rng.integers(-1, 2, (3, 2))
+        if step == 0:
+            seen = [together.reset(now), alone.reset(own)]
+        elif step == 20:
+            seen = [together.reset(now, np.array([False, True, False])), alone.reset(own)]
+        else:
+            seen = [together.observe(now, command), alone.observe(own, command[1:2])]
+        assert_array_equal(seen[0][1], seen[1][0])
+    assert (together.rail.seen > START_S).any()  # some slid
+
+
+def test_arrays_of_another_shape_are_refused():
+    """A compiled pass would look beyond their ends."""
+    plant = make_plant(BOGIE, low_adhesion(BOGIE, "classic", 2, 3), Conduct())
+    observer, now = Observer(BOGIE, INTERVAL), measure(plant)
+    observer.reset(now)
+    for wrong in ({"wheel_speed": np.ones((2, 4))}, {"wheel_speed": np.ones((3, 2))}, {"demand": np.ones(1)}):
+        with pytest.raises(ValueError, match="reset for 2 vehicles of 2 axles"):
+            observer.observe(now._replace(**wrong), np.ones((2, 2)))
+    with pytest.raises(ValueError, match=r"not for arrays of \(1, 2\) and \(2,\)"):
+        observer.observe(now, np.ones((1, 2)))
 
 
 def told(doubtful):

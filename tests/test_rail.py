@@ -57,6 +57,7 @@ def test_only_the_true_law_is_without_contradiction(mu_cd, which, highest):
     assert rail.deviation[0, which] < 0.06  # what is left of the beginning
 
 
+@pytest.mark.plain
 def test_a_constant_slip_tells_nothing_of_the_law():
     """Every tau then has a mu_cd of its own that explains everything: the more recovery, the less friction."""
     rail = shown(0.03, 2e-4, np.full(2000, 3.0))
@@ -64,6 +65,7 @@ def test_a_constant_slip_tells_nothing_of_the_law():
     assert_allclose(rail.deviation[0], rail.deviation[0, 0], atol=0.02)
 
 
+@pytest.mark.plain
 def test_rolling_wheels_say_nothing():
     rail = shown(0.03, 2e-4, [0.0, 0.1, 0.2])
     assert_array_equal(rail.friction, fresh(1).friction)
@@ -80,6 +82,7 @@ def test_memory_fades():
     assert rail.seen[0] <= MEMORY_S * 1.01
 
 
+@pytest.mark.plain
 @pytest.mark.parametrize("begun", [[True, False, True], [True, True, True]])
 def test_each_vehicle_is_for_itself(begun):
     """Vehicles in a batch are as alone, and a reset leaves the others."""

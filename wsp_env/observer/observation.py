@@ -182,13 +182,14 @@ class Observer:
         """Refuse arrays of another shape than (N, A) and (N,), in which the kernels would look beyond their ends."""
         n, axles = self.estimate.wheel.shape
         if per_axle.shape != (n, axles) or per_vehicle.shape != (n,):
-            raise ValueError(f"the observer was reset for {n} vehicles of {axles} axles, not for an array {per_axle.shape}")
+            given = f"{per_axle.shape} and {per_vehicle.shape}"
+            raise ValueError(f"the observer was reset for {n} vehicles of {axles} axles, not for arrays of {given}")
 
 
 #: Pressures of a vehicle that does not measure them.
 _NO_SENSORS = np.empty((0, 0))
 
-# A value is observed as so many of its units; a compiler does not turn a division into this.
+# A value is observed times this.
 _PER_SLIP, _PER_SPEED, _PER_ACCELERATION = 1 / Observer.SLIP_SCALE, 1 / Observer.SPEED_SCALE, 1 / Observer.ACCELERATION_SCALE
 _PER_ADHESION, _PER_FRICTION, _PER_MEMORY = 1 / Observer.ADHESION_SCALE, 1 / Observer.FRICTION_SCALE, 1 / rail.MEMORY_S
 _PER_CONTRADICTION, _PER_UNCERTAINTY = 1 / Observer.CONTRADICTION_SCALE, 1 / Observer.UNCERTAINTY_SCALE
