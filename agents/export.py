@@ -20,8 +20,6 @@ from stable_baselines3.common.vec_env import VecNormalize
 import wsp_env
 from agents.steering import Steering
 from agents.worlds import CUT_OUT_MPS, REFERENCE, observed
-from wsp_env.envs.observation import Observer
-from wsp_env.envs.reckoning import full_brake
 from wsp_env.envs.task import Task
 from wsp_env.evaluation.policy import (
     CONTRACT,
@@ -36,6 +34,8 @@ from wsp_env.evaluation.policy import (
     describe_observation,
     observer_constants,
 )
+from wsp_env.observer.estimator import full_brake
+from wsp_env.observer.observation import Observer
 from wsp_env.parameters.uic_z1 import VEHICLES
 
 #: Largest difference of the exported network from the trained one over random observations [-].

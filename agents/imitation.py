@@ -52,7 +52,7 @@ def imitate(model: OnPolicyAlgorithm, world: VecNormalize, slide_price: float, r
             answered = step % THIN == 0
             if turn == 0 or answered:
                 told = zip(teachers, batches, strict=True)
-                label = np.concatenate([teacher.wanted(batch.observer.reckoning) for teacher, batch in told])
+                label = np.concatenate([teacher.wanted(batch.observer.estimate) for teacher, batch in told])
             own, memory = model.predict(np.asarray(observation), memory, begun, deterministic=True)
             if answered or memory is not None:
                 observations.append(np.asarray(world.get_original_obs()))

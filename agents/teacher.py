@@ -9,8 +9,8 @@ import numpy as np
 
 from agents.steering import wanted_brake
 from wsp_env.contact.port import adhesion_under
-from wsp_env.envs.reckoning import Reckoning, full_brake
 from wsp_env.evaluation.reference import wanted_pressure
+from wsp_env.observer.estimator import Estimate, full_brake
 from wsp_env.plant.port import Plant
 
 #: Slips tried, as shares of the running speed and with a lowest one [m/s].
@@ -18,7 +18,7 @@ _SHARES = np.geomspace(0.002, 0.25, 24)
 _LEAST_MPS = 0.05
 
 #: When the running speed is in doubt the last wheelset is asked for this share of the adhesion below which it rolls, see
-#: `wsp_env.envs.reckoning` (assumption).
+#: `wsp_env.observer.estimator` (assumption).
 RELEASED_SHARE = 0.5
 
 
@@ -37,13 +37,13 @@ class Teacher:
         self.full_brake = full_brake(plant.vehicle)
         self.slide_price = slide_price
 
-    def wanted(self, reckoning: Reckoning) -> np.ndarray:
-        """Return the brakes wanted (N, A), see `agents.steering`; where the reckoned speed is in doubt the last rolls."""
+    def wanted(self, estimate: Estimate) -> np.ndarray:
+        """Return the brakes wanted (N, A), see `agents.steering`; where the estimated speed is in doubt the last rolls."""
         plant = self.plant
         share = wanted_pressure(plant, self.targets()) / plant.vehicle.brake.full_pressure_bar
         adhesion = np.where(share < 1.0, share * self.full_brake, np.inf)  # all that there is
-        released = np.minimum(adhesion[:, -1], RELEASED_SHARE * reckoning.rolling_adhesion[:, -1])
-        adhesion[:, -1] = np.where(reckoning.doubtful, released, adhesion[:, -1])
+        released = np.minimum(adhesion[:, -1], RELEASED_SHARE * estimate.rolling_adhesion[:, -1])
+        adhesion[:, -1] = np.where(estimate.doubtful, released, adhesion[:, -1])
         return wanted_brake(adhesion)
 
     def targets(self) -> np.ndarray:

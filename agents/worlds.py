@@ -9,8 +9,8 @@ from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecNormalize
 
 from wsp_env.contact.port import adhesion_under
-from wsp_env.envs.observation import Observer
 from wsp_env.envs.sb3 import BrakingVecEnv
+from wsp_env.observer.observation import Observer
 from wsp_env.plant.port import Plant
 
 #: Place of the reference speed in an observation.
@@ -23,7 +23,7 @@ CUT_OUT_MPS = 5.0 / 3.6
 #: Seconds count as so many metres [m/s]: else nothing is gained from coming to a stand at the end (assumption).
 TIME_PRICE_MPS = 2.0
 
-#: Running speeds [m/s] at which the rest of a stop is reckoned, linear between them, and slips tried as shares of these.
+#: Running speeds [m/s] at which the rest of a stop is estimated, linear between them, and slips tried as shares of these.
 SPEEDS = np.arange(0.0, 61.0, 2.0)
 _SHARES = np.geomspace(0.002, 0.25, 16)
 

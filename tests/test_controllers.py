@@ -11,7 +11,7 @@ from baselines.none import NoWSP
 from baselines.reference_speed import ReferenceParameters, ReferenceSpeed
 from baselines.rule_based import RuleBasedWSP
 from baselines.slip_control import SlipController, SlipParameters
-from wsp_env.envs.batch import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
+from wsp_env.envs.step import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
 from wsp_env.evaluation.controller import SHORT_NAMES, Controller, load
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import BOGIE, COACH, WHEELSET

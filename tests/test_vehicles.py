@@ -198,7 +198,9 @@ def test_a_train_is_drawn_with_a_legend_that_fits():
 
 def campaign_of(folder, axles, monkeypatch, vehicle=""):
     """A campaign of two stops of a vehicle with so many axles; `vehicle` is more of its [vehicle]."""
-    monkeypatch.setattr(synthetic_stops, "_driven", getattr(synthetic_stops._driven, "__wrapped__", synthetic_stops._driven))  # uncached
+    monkeypatch.setattr(
+        synthetic_stops, "_driven", getattr(synthetic_stops._driven, "__wrapped__", synthetic_stops._driven)
+    )  # uncached
     monkeypatch.setattr(synthetic_stops, "AXLES", axles)
     monkeypatch.setattr(synthetic_stops, "MASS_KG", axles * 10_750.0)
     write_campaign(folder, {"A1": stop(TAU, MU_CD, noise=0.3), "B1": stop(TAU, 0.04, 30.0, noise=0.3)}, ["A1"], ["B1"])

@@ -27,9 +27,8 @@ _numba: Any = numba
 # nogil: kernels touch no Python object, threads may run them side by side.
 _OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
 
-
 #: Folders that hold kernels, or what kernels are made of.
-_KERNELS = ("contact", "plant")
+_KERNELS = ("contact", "observer", "plant")
 
 
 def third_party_mechanisms() -> list[Path]:

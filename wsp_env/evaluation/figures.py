@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wsp_env.envs.batch import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
+from wsp_env.envs.step import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
 from wsp_env.evaluation.bound import Ceiling
 from wsp_env.evaluation.runner import StopRecords
 

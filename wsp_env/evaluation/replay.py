@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.envs.batch import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
+from wsp_env.envs.step import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
 from wsp_env.envs.task import Task
 from wsp_env.evaluation.bound import SlideLimit
 from wsp_env.evaluation.controller import load

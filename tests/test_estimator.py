@@ -1,4 +1,4 @@
-"""Dead reckoning of speed, pressures and adhesion; the teacher, its wishes and how valves follow them."""
+"""Estimation of speed, pressures and adhesion; the teacher, its wishes and how valves follow them."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -15,8 +15,8 @@ from agents.measure import low_adhesion
 from agents.steering import (
     BRAKE_TO_COME,
     CREEPAGE,
+    DISTRIBUTOR,
     DOUBTFUL,
-    OFFERED,
     RECENT_SLIP,
     ROLLS_CREEPAGE,
     ROLLS_MPS,
@@ -27,50 +27,50 @@ from agents.steering import (
 from agents.teacher import Teacher
 from agents.train import Arguments, learns, make_model, make_world, train
 from wsp_env.contact.degraded import degraded_adhesion
-from wsp_env.envs.observation import Observer
-from wsp_env.envs.reckoning import MASS_DEVIATION, SLIDE_REMEMBERED_S, Reckoning
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.runner import Conduct, measure, start_plant
+from wsp_env.observer.estimator import MASS_DEVIATION, SLIDE_REMEMBERED_S, full_brake
+from wsp_env.observer.observation import Observer
+from wsp_env.observer.rail import START_S
 from wsp_env.parameters.uic_z1 import BOGIE, VEHICLES
+from wsp_env.plant.port import Measurement
 
 INTERVAL = 0.02
 
 
 def braked(vehicle, stops, controller, seconds, sensors=False):
-    """Yield plant and reckoning after every interval of stops under a controller."""
+    """Yield plant and estimate after every interval of stops under a controller."""
     plant = start_plant(vehicle, stops, Conduct())
     controller.reset(plant.n, vehicle)
-    reckoning = Reckoning(vehicle, INTERVAL)
-    reckoning.reset(vehicle.wheel_radius_m * measure(plant).wheel_speed)
+    observer = Observer(vehicle, INTERVAL, sensors)
+    observer.reset(measure(plant))
     for _ in range(round(seconds / INTERVAL)):
         command = controller.act(measure(plant))
         plant.step(command)
-        seen = measure(plant, sensors)
-        share = seen.pressure / vehicle.brake.full_pressure_bar if sensors else None
-        reckoning.update(vehicle.wheel_radius_m * seen.wheel_speed, command, seen.demand, share)
-        yield plant, reckoning
+        observer.observe(measure(plant, sensors), command)
+        yield plant, observer.estimate
 
 
 @pytest.mark.parametrize("law", ["recovering", "classic"])
 @pytest.mark.parametrize("name", ["wheelset", "bogie"])
-def test_pressures_speed_and_adhesion_are_reckoned_within_what_is_claimed(name, law):
+def test_pressures_speed_and_adhesion_are_estimated_within_what_is_claimed(name, law):
     """Under a controller that slides: pressures to a percent, adhesion to the unknown mass, the speed to its own deviation."""
     vehicle = VEHICLES[name]
     stops = low_adhesion(vehicle, law, 12, 77)
     wrong, adhesions = [], []
-    for plant, reckoning in braked(vehicle, stops, load("rule-based"), 15.0):
-        assert_allclose(reckoning.pressure, plant.state.brake.pressure / vehicle.brake.full_pressure_bar, atol=0.01)
-        wrong.append((reckoning.speed - plant.state.speed) / reckoning.uncertainty)
-        adhesions.append(reckoning.adhesion - plant.state.adhesion)
+    for plant, estimate in braked(vehicle, stops, load("rule-based"), 15.0):
+        assert_allclose(estimate.pressure, plant.state.brake.pressure / vehicle.brake.full_pressure_bar, atol=0.01)
+        wrong.append((estimate.speed - plant.state.speed) / estimate.uncertainty)
+        adhesions.append(estimate.adhesion - plant.state.adhesion)
     assert 0.3 < np.sqrt(np.mean(np.square(wrong))) < 1.5
     assert np.abs(np.mean(adhesions)) < 0.005
 
 
 def test_without_braking_a_wheel_tells_the_speed_and_doubt_stays_small():
-    for plant, reckoning in braked(BOGIE, low_adhesion(BOGIE, "classic", 4, 5), Vents(), 10.0):
-        assert_allclose(reckoning.speed, plant.state.speed, atol=0.15)
-        assert (reckoning.uncertainty < 0.1).all()
-        assert not reckoning.doubtful.any()
+    for plant, estimate in braked(BOGIE, low_adhesion(BOGIE, "classic", 4, 5), Vents(), 10.0):
+        assert_allclose(estimate.speed, plant.state.speed, atol=0.15)
+        assert (estimate.uncertainty < 0.1).all()
+        assert not estimate.doubtful.any()
 
 
 class Vents:
@@ -85,9 +85,9 @@ def test_doubt_grows_while_all_slide_and_the_mass_is_learnt_once_a_wheel_rolls()
     stops = [dataclasses.replace(s, noise=0.0, mass=BOGIE.mass_kg) for s in low_adhesion(BOGIE, "recovering", 2, 9)]
     controller = Released(6.0)
     doubts, last = [], None
-    for plant, reckoning in braked(BOGIE, stops, controller, 8.0):
-        doubts.append(reckoning.uncertainty[0])
-        last = (reckoning.speed - plant.state.speed, reckoning._p_qq.copy())
+    for plant, estimate in braked(BOGIE, stops, controller, 8.0):
+        doubts.append(estimate.uncertainty[0])
+        last = (estimate.speed - plant.state.speed, estimate.mass_variance.copy())
     doubts = np.array(doubts)
     assert (np.diff(doubts[150:290]) > 0.0).all()
     assert doubts[-1] < 0.5 * doubts[290]
@@ -102,20 +102,20 @@ def test_where_nothing_slides_the_speed_is_never_in_doubt(demand):
         dataclasses.replace(stop, mu_cd=0.2, tau=0.0, noise=0.1, demand=demand, mass=BOGIE.mass_kg + load * BOGIE.payload_kg)
         for stop, load in zip(low_adhesion(BOGIE, "classic", 5, 5), np.linspace(0.0, 1.0, 5), strict=True)
     ]
-    for plant, reckoning in braked(BOGIE, stops, Applies(), 25.0):
-        assert not reckoning.doubtful.any()
+    for plant, estimate in braked(BOGIE, stops, Applies(), 25.0):
+        assert not estimate.doubtful.any()
         fast = plant.state.speed > 5.0
-        assert_allclose(reckoning.speed[fast], plant.state.speed[fast], atol=0.3)
+        assert_allclose(estimate.speed[fast], plant.state.speed[fast], atol=0.3)
 
 
 def test_a_wheelset_rolls_when_asked_for_half_of_what_it_used():
     """The speed is certain again while the brake is not yet vented, and sooner than by a wheel without any brake."""
     stops = [dataclasses.replace(stop, noise=0.0) for stop in low_adhesion(BOGIE, "recovering", 3, 5)]
     seen = None
-    for plant, reckoning in braked(BOGIE, stops, Released(after=6.0), 8.0):
-        certain = (plant.state.time > 6.0) & (reckoning.uncertainty < 0.1)
+    for plant, estimate in braked(BOGIE, stops, Released(after=6.0), 8.0):
+        certain = (plant.state.time > 6.0) & (estimate.uncertainty < 0.1)
         if certain.all():
-            seen = reckoning.full_brake * reckoning.pressure[:, -1], reckoning.speed - plant.state.speed
+            seen = full_brake(BOGIE) * estimate.pressure[:, -1], estimate.speed - plant.state.speed
             break
     assert seen is not None
     assert (seen[0] > 0.01).all()
@@ -126,14 +126,15 @@ def test_doubt_does_not_outlast_the_slide():
     """Once nothing slides any more, nothing is released for the running speed."""
     stops = [dataclasses.replace(stop, noise=0.0) for stop in low_adhesion(BOGIE, "recovering", 2, 9)]
     plant = start_plant(BOGIE, stops, Conduct())
-    reckoning = Reckoning(BOGIE, INTERVAL)
-    reckoning.reset(BOGIE.wheel_radius_m * measure(plant).wheel_speed)
-    rim = np.full((2, 2), 30.0)
+    observer = Observer(BOGIE, INTERVAL, pressure_sensors=True)
+    observer.reset(measure(plant))
+    half, shape = np.full((2, 2), 0.5 * BOGIE.brake.full_pressure_bar), np.ones((2, 2))
     doubts = []
-    for step in range(1200):  # all wheels slide by 2 m/s for fifteen seconds, then run as fast as is reckoned
-        wheel = reckoning.speed[:, None] - (2.0 if step < 750 else 0.0) * np.ones_like(rim)
-        reckoning.update(wheel, np.zeros((2, 2)), np.ones(2), np.full((2, 2), 0.5))
-        doubts.append(reckoning.doubtful.all())
+    for step in range(1200):  # all wheels slide by 2 m/s for fifteen seconds, then run as fast as is estimated
+        wheel = observer.estimate.speed[:, None] - (2.0 if step < 750 else 0.0) * shape
+        now = Measurement(np.full(2, step * INTERVAL), wheel / BOGIE.wheel_radius_m, np.ones(2), half)
+        observer.observe(now, np.zeros((2, 2)))
+        doubts.append(observer.estimate.doubtful.all())
     assert doubts[749]
     assert not any(doubts[750 + int((SLIDE_REMEMBERED_S + 0.5) / INTERVAL) :])
 
@@ -162,12 +163,12 @@ class Released:
         return command
 
 
-def test_sensors_replace_what_is_reckoned():
-    for plant, reckoning in braked(BOGIE, low_adhesion(BOGIE, "classic", 2, 3), load("rule-based"), 2.0, sensors=True):
-        assert_array_equal(reckoning.pressure, plant.state.brake.pressure / BOGIE.brake.full_pressure_bar)
+def test_sensors_replace_what_is_estimated():
+    for plant, estimate in braked(BOGIE, low_adhesion(BOGIE, "classic", 2, 3), load("rule-based"), 2.0, sensors=True):
+        assert_array_equal(estimate.pressure, plant.state.brake.pressure / BOGIE.brake.full_pressure_bar)
 
 
-def test_a_vehicle_of_a_batch_is_reckoned_as_alone():
+def test_a_vehicle_of_a_batch_is_estimated_as_alone():
     """Begun again in the middle of a batch, a vehicle's observation is that of a batch of one."""
     rng = np.random.default_rng(0)
     stops = low_adhesion(BOGIE, "recovering", 3, 4)
@@ -190,8 +191,43 @@ def test_a_vehicle_of_a_batch_is_reckoned_as_alone():
         assert_array_equal(seen, lone)
 
 
+@pytest.mark.plain
+@pytest.mark.parametrize("by_pressure", [False, True])
+@pytest.mark.parametrize("sensors", [False, True])
+def test_each_vehicle_is_for_itself_whatever_it_measures_and_commands(sensors, by_pressure):
+    rng = np.random.default_rng(3)
+    together, alone = (Observer(BOGIE, INTERVAL, sensors, by_pressure) for _ in range(2))
+    seen = []
+    for step in range(40):
+        speeds = np.linspace(70.0, 40.0, 40)[step] - rng.uniform(0.0, 8.0, (3, 2))
+        pressure = rng.uniform(0.0, 3.0, (3, 2)) if sensors else None
+        now = Measurement(np.full(3, step * INTERVAL), speeds, np.full(3, 0.8), pressure)
+        own = Measurement(*(None if array is None else array[1:2] for array in now))
+        command = rng.uniform(-1.0, 1.0, (3, 2)) if by_pressure else rng.integers(-1, 2, (3, 2))
+        if step == 0:
+            seen = [together.reset(now), alone.reset(own)]
+        elif step == 20:
+            seen = [together.reset(now, np.array([False, True, False])), alone.reset(own)]
+        else:
+            seen = [together.observe(now, command), alone.observe(own, command[1:2])]
+        assert_array_equal(seen[0][1], seen[1][0])
+    assert (together.rail.seen > START_S).any()  # some slid
+
+
+def test_arrays_of_another_shape_are_refused():
+    """A compiled pass would look beyond their ends."""
+    plant = start_plant(BOGIE, low_adhesion(BOGIE, "classic", 2, 3), Conduct())
+    observer, now = Observer(BOGIE, INTERVAL), measure(plant)
+    observer.reset(now)
+    for wrong in ({"wheel_speed": np.ones((2, 4))}, {"wheel_speed": np.ones((3, 2))}, {"demand": np.ones(1)}):
+        with pytest.raises(ValueError, match="reset for 2 vehicles of 2 axles"):
+            observer.observe(now._replace(**wrong), np.ones((2, 2)))
+    with pytest.raises(ValueError, match=r"not for arrays of \(1, 2\) and \(2,\)"):
+        observer.observe(now, np.ones((1, 2)))
+
+
 def told(doubtful):
-    """What a teacher is told by a reckoning."""
+    """What a teacher is told by an estimate."""
     return SimpleNamespace(doubtful=np.array(doubtful), rolling_adhesion=np.full((len(doubtful), 2), 0.015))
 
 
@@ -227,13 +263,13 @@ def test_the_command_brings_the_brake_nearest_to_the_one_wanted():
     steering = Steering(BOGIE, INTERVAL)
     rng = np.random.default_rng(1)
     observation = np.zeros((500, Observer(BOGIE, INTERVAL).size), np.float32)
-    offered, wanted = rng.uniform(0.4, 1.9, (500, 1)), rng.uniform(-1, 0.99, (500, 2))
-    held = offered * rng.uniform(0, 1, (500, 2))
-    observation[:, 2 * BRAKE_TO_COME : 2 * BRAKE_TO_COME + 2], observation[:, OFFERED] = held, offered[:, 0]
+    distributor, wanted = rng.uniform(0.4, 1.9, (500, 1)), rng.uniform(-1, 0.99, (500, 2))
+    held = distributor * rng.uniform(0, 1, (500, 2))
+    observation[:, 2 * BRAKE_TO_COME : 2 * BRAKE_TO_COME + 2], observation[:, DISTRIBUTOR] = held, distributor[:, 0]
     observation[:, 2 * RECENT_SLIP : 2 * RECENT_SLIP + 2] = 1.0  # they slide
     command = steering.commands(torch.as_tensor(observation), torch.as_tensor(wanted.astype(np.float32))).numpy()
     fill, vent = (np.exp(-INTERVAL / t) for t in (BOGIE.brake.fill_time_constant_s, BOGIE.brake.vent_time_constant_s))
-    after = {-1: vent * held, 0: held, 1: offered + (held - offered) * fill}
+    after = {-1: vent * held, 0: held, 1: distributor + (held - distributor) * fill}
     missed = {k: np.abs(v - (wanted + 1.0)) for k, v in after.items()}
     own = np.select([command == k for k in missed], list(missed.values()))
     assert (own <= np.min(list(missed.values()), axis=0) + 1e-6).all()
@@ -241,7 +277,7 @@ def test_the_command_brings_the_brake_nearest_to_the_one_wanted():
     assert (everything == 1.0).all()
 
 
-def test_steering_sees_brake_and_supply_where_the_observer_puts_them():
+def test_steering_sees_brake_and_distributor_where_the_observer_puts_them():
     observer = Observer(BOGIE, INTERVAL)
     plant = start_plant(BOGIE, low_adhesion(BOGIE, "classic", 2, 3), Conduct())
     observer.reset(measure(plant))
@@ -251,21 +287,21 @@ def test_steering_sees_brake_and_supply_where_the_observer_puts_them():
     weight = (BOGIE.mass_kg + 0.5 * BOGIE.payload_kg) * BOGIE.gravity_mps2 / 2
     per_share = BOGIE.full_brake_torque_nm / BOGIE.wheel_radius_m / weight / Observer.ADHESION_SCALE
     own = seen[:, 2 * BRAKE_TO_COME : 2 * BRAKE_TO_COME + 2]
-    assert_allclose(own, per_share * observer.reckoning.pressure_to_come(), rtol=1e-6)
-    assert_allclose(seen[:, OFFERED], per_share * observer.reckoning.offered, rtol=1e-6)
-    slip = observer.reckoning.speed[:, None] - BOGIE.wheel_radius_m * measure(plant).wheel_speed
-    assert_allclose(seen[:, 2 * CREEPAGE : 2 * CREEPAGE + 2], slip / observer.reckoning.speed[:, None], rtol=1e-5, atol=1e-7)
-    for place, kept in ((RECENT_SLIP, 0), (SLOW_SLIP, 1)):
-        assert_allclose(Observer.SLIP_SCALE * seen[:, 2 * place : 2 * place + 2], observer._slips[kept], rtol=1e-5)
-    assert_allclose(Observer.SPEED_SCALE * seen[:, SPEED], observer.reckoning.speed, rtol=1e-6)
-    assert_array_equal(seen[:, DOUBTFUL], observer.reckoning.doubtful)
+    assert_allclose(own, per_share * observer.estimate.pressure_to_come, rtol=1e-6)
+    assert_allclose(seen[:, DISTRIBUTOR], per_share * observer.estimate.distributor, rtol=1e-6)
+    slip = observer.estimate.speed[:, None] - BOGIE.wheel_radius_m * measure(plant).wheel_speed
+    assert_allclose(seen[:, 2 * CREEPAGE : 2 * CREEPAGE + 2], slip / observer.estimate.speed[:, None], rtol=1e-5, atol=1e-7)
+    for place, kept in ((RECENT_SLIP, observer.filtered.recent_slip), (SLOW_SLIP, observer.filtered.slow_slip)):
+        assert_allclose(Observer.SLIP_SCALE * seen[:, 2 * place : 2 * place + 2], kept, rtol=1e-5)
+    assert_allclose(Observer.SPEED_SCALE * seen[:, SPEED], observer.estimate.speed, rtol=1e-6)
+    assert_array_equal(seen[:, DOUBTFUL], observer.estimate.doubtful)
 
 
 @pytest.mark.parametrize("speed", [5.0, 40.0])
 def test_where_nothing_slides_the_brake_is_applied_whatever_is_wanted(speed):
     steering, limit = Steering(BOGIE, INTERVAL), max(ROLLS_MPS, ROLLS_CREEPAGE * speed)
     observation = np.zeros((4, Observer(BOGIE, INTERVAL).size), np.float32)
-    observation[:, SPEED], observation[:, OFFERED] = speed / Observer.SPEED_SCALE, 1.0
+    observation[:, SPEED], observation[:, DISTRIBUTOR] = speed / Observer.SPEED_SCALE, 1.0
     observation[:, 2 * BRAKE_TO_COME : 2 * BRAKE_TO_COME + 2] = 0.5
     observation[1, 2 * RECENT_SLIP] = observation[2, 2 * SLOW_SLIP] = 1.1 * limit / Observer.SLIP_SCALE  # of the first axle
     observation[3, DOUBTFUL] = 1.0
@@ -275,7 +311,7 @@ def test_where_nothing_slides_the_brake_is_applied_whatever_is_wanted(speed):
 
 def test_what_slides_beyond_the_slide_limit_is_vented_whatever_is_wanted():
     observation = np.zeros((2, Observer(BOGIE, INTERVAL).size), np.float32)
-    observation[:, OFFERED] = 1.0
+    observation[:, DISTRIBUTOR] = 1.0
     observation[:, 2 * CREEPAGE : 2 * CREEPAGE + 2] = [[0.31, 0.29], [1.0, 0.0]]
     observation[1, 2 * RECENT_SLIP : 2 * RECENT_SLIP + 2] = 0.0  # it locked too fast for the slow slips to see it
     assert_array_equal(Steering(BOGIE, INTERVAL).commands(torch.as_tensor(observation), torch.ones(2, 2)), [[-1, 1], [-1, 1]])
@@ -309,7 +345,7 @@ def test_imitation_brings_the_policy_near_the_teacher(tmp_path, monkeypatch):
     observation = world.reset()
     own, wanted = [], []
     for _ in range(400):
-        wanted.append(np.concatenate([Teacher(batch.plant, 2.0).wanted(batch.observer.reckoning) for batch in batches]))
+        wanted.append(np.concatenate([Teacher(batch.plant, 2.0).wanted(batch.observer.estimate) for batch in batches]))
         own.append(np.clip(model.predict(observation, deterministic=True)[0], -1.0, 1.0))
         observation = world.step(own[-1])[0]
     missed = np.mean(np.square(np.array(own) - np.array(wanted)))
