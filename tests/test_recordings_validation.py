@@ -11,6 +11,7 @@ from synthetic_stops import stop, write_campaign
 
 from wsp_env.cli import main
 from wsp_env.recordings import (
+    CampaignError,
     CampaignWarning,
     Smoothing,
     demo_campaign,
@@ -78,6 +79,12 @@ def test_slide_statistics_are_those_of_the_paper(exact):
     assert_allclose(figures.simulated_mean_mps, 2.5)  # eqs. (20) and (21): s is 2 and 3 in turns
     assert_allclose(figures.simulated_deviation_mps, 0.5)
     assert_allclose(figures.recorded_mean_mps, derived.slip_speed_mps[100 : 100 + n].mean(axis=0))
+
+
+def test_axles_that_were_not_recorded(exact):
+    campaign = exact[0]
+    with pytest.raises(CampaignError, match=r"says 3 axles, but run A1 has wheel speeds of shape \(\d+, 4\)"):
+        dataclasses.replace(campaign, vehicle=dataclasses.replace(campaign.vehicle, axles=3))
 
 
 def test_the_demo_campaign_meets_the_papers_figures(demo):

@@ -52,6 +52,15 @@ class Campaign:
     contact: ContactParameters
     runs: dict[str, Recording]
 
+    def __post_init__(self) -> None:
+        """Raise `CampaignError` for runs with other axles than the vehicle; files are refused earlier, by their columns."""
+        for name, run in self.runs.items():
+            if run.wheel_speed_radps.shape[1:] != (self.vehicle.axles,):
+                raise CampaignError(
+                    f"campaign {self.name}: [vehicle] says {self.vehicle.axles} axles, but run {name} has wheel speeds of "
+                    f"shape {run.wheel_speed_radps.shape}, (samples, axles)"
+                )
+
 
 def demo_campaign() -> Path:
     """Return the folder of the small campaign that travels with the package; see wsp_env/data/README.md."""
