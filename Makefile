@@ -17,7 +17,7 @@ help:
 	@echo "make demo       read and tune a campaign, brake under the tuned law; writes out/demo.html"
 	@echo "make test       lint, the documentation, the contact laws as plain Python, and the whole test suite"
 	@echo "make lint       ruff, mypy, import-linter"
-	@echo "make coverage   the whole test suite with the share of lines and branches it reaches; writes out/coverage.txt"
+	@echo "make coverage   the share of lines and branches that the whole test suite reaches; a table in out/coverage.txt"
 	@echo "make docs       the documentation, in docs/_build/html"
 	@echo "make benchmark  speed of the law and of the plant, as ratios"
 	@echo "make picture    the picture of the README"
@@ -39,7 +39,7 @@ coverage: $(VENV)/.dev
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest --quiet -m plain --cov --cov-report=
 	$(BIN)/pytest --numprocesses $(JOBS) --dist loadgroup --cov --cov-append --cov-report=
 	$(BIN)/coverage report > out/coverage.txt
-	@cat out/coverage.txt
+	@echo "out/coverage.txt"; grep ^TOTAL out/coverage.txt
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check
