@@ -1,5 +1,11 @@
 """The plant's front door: a plant of somebody else brakes in the environments and under the test programme."""
 
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -70,6 +76,19 @@ def test_a_plant_of_somebody_else_is_measured_with_a_controller():
     record = run(load("rule-based"), BOGIE, stops, Conduct(plant=ELSEWHERE))
     assert record.stopped.all()
     assert record.distance[0] > record.distance[1]
+
+
+@pytest.mark.slow
+def test_a_plant_of_somebody_else_runs_under_the_test_programme(tmp_path):
+    """The command in a process of its own: it finds the plant by PYTHONPATH and hands it on to its workers."""
+    words = ["evaluate", "--vehicle", "wheelset", "--plant", ELSEWHERE, "--controllers", "rule-based", "--cases", "low-120"]
+    command = [sys.executable, "-m", "wsp_env", *words, "--draws", "1", "--out", str(tmp_path), "--json"]
+    environment = os.environ | {"PYTHONPATH": f"{Path(__file__).parent}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
+    result = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+    answer = json.loads(result.stdout)
+    assert answer["failures"] == []
+    assert {stop["controller"] for stop in answer["stops"]} >= {"rule-based", "perfect-knowledge"}
+    assert all(0.0 < stop["distance_m"] < 3000.0 for stop in answer["stops"])
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ class PointMass(Plant):
             array[index] = getattr(stop, name)
         self._truth.speed[index], self.moving[index] = stop.initial_speed, True
         self._truth.wheel_speed[index] = stop.initial_speed / stop.radius
+        self._truth.distributor[index] = 3.8 * stop.demand
 
     def step(self, command):
         t, c, h = self._truth, self.conditions, self.setup.control_interval_s * self.moving

@@ -25,6 +25,7 @@ from wsp_env.evaluation.runner import Conduct
 from wsp_env.evaluation.summary import Verdict, judge, summarise
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle_file import find_vehicle
+from wsp_env.plant import make_plant
 
 #: Columns of the printed table: figure, heading, digits.
 _COLUMNS = (
@@ -75,6 +76,7 @@ def main(
     set: tuple[str, ...] = (),
     stops: Annotated[ProgrammeOptions, tyro.conf.arg(name="")] = ProgrammeOptions(),
     jobs: int = 0,
+    plant: Annotated[str, tyro.conf.arg(metavar="NAME|PACKAGE.MODULE:CLASS")] = "longitudinal",
     pressure_sensors: bool = False,
     out: Path = Path("out/evaluate"),
     json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
@@ -97,6 +99,8 @@ def main(
         Which stops are braked.
     jobs
         Processes; 0: one per processor. The results do not depend on it.
+    plant
+        What computes the vehicle's motion; a class of your own is run as Python (PYTHONPATH=. finds one in this folder).
     pressure_sensors
         The vehicle measures its cylinder pressures.
     out
@@ -106,6 +110,7 @@ def main(
 
     """
     braked = find_vehicle(vehicle)
+    make_plant(braked, name=plant)  # refuses one that cannot be had before anything is computed
     draws = Draws(stops.draws, stops.seed)
     if jobs < 0:
         raise ParameterError(f"jobs = {jobs}: at least 0")
@@ -127,7 +132,7 @@ def main(
             out / "cases",
             draws=draws,
             jobs=jobs or os.cpu_count() or 1,
-            conduct=Conduct(pressure_sensors=pressure_sensors),
+            conduct=Conduct(pressure_sensors=pressure_sensors, plant=plant),
             done=lambda what: progress.update(bar, advance=1, description=what),
         )
     for failure in result.failures:
