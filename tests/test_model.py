@@ -27,13 +27,13 @@ def test_the_environment_brakes_with_the_tuned_law_and_the_found_mechanisms(tmp_
     env = gym.make("wsp_env/Bogie-v0", model=write(tmp_path, MODEL))
     plant = env.unwrapped.batch.plant
     assert plant.setup.mechanisms == {"leading_axle_cleaning": {"removal_m_per_j": 1.5e-5}}
-    assert plant.constants.law.mu_cr == 0.3
+    assert plant.vehicle.contact.law.mu_cr == 0.3
     for seed in range(5):
         _, info = env.reset(seed=seed)
         assert info["tau_m_per_j"] == pytest.approx(2.5e-4, rel=1e-12)
         assert 0.04 <= info["mu_cd"] <= 0.05
     again = gym.make(type(env.spec).from_json(env.spec.to_json()))
-    assert again.unwrapped.batch.plant.constants.law == plant.constants.law
+    assert again.unwrapped.batch.plant.vehicle.contact.law == plant.vehicle.contact.law
 
 
 def test_options_given_by_hand_go_before_the_model(tmp_path):

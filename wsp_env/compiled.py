@@ -116,6 +116,25 @@ def record_reader(record: type[Any]) -> Callable[..., Any]:
     return generated("read", f"def read(rows, i):\n    return record({values})\n", {"record": record})
 
 
+def plain(value: Any) -> Any:
+    """Return NamedTuples within NamedTuples as plain tuples, which numba takes from Python three times as fast."""
+    return tuple(plain(item) for item in value) if isinstance(value, tuple) else value
+
+
+def rebuilder(example: Any) -> Callable[..., Any]:
+    """Return the kernel that makes records of the types of `example`, NamedTuples in NamedTuples, from `plain` tuples."""
+    names: dict[str, type[Any]] = {}
+
+    def call(value: Any, where: str) -> str:
+        if not isinstance(value, tuple):
+            return where
+        name = f"made_{len(names)}"
+        names[name] = type(value)
+        return f"{name}({', '.join(call(item, f'{where}[{i}]') for i, item in enumerate(value))})"
+
+    return generated("rebuild", f"def rebuild(plain):\n    return {call(example, 'plain')}\n", names)
+
+
 def by_type(
     function: Callable[..., Any],
     chooser: str,

@@ -5,11 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wsp_env.compiled import inlined, loop
-from wsp_env.contact.degraded import DegradedLaw
+from wsp_env.compiled import inlined, loop, plain, rebuilder
 from wsp_env.observer import estimator, rail
 from wsp_env.observer.estimator import Estimate, EstimatorConstants
 from wsp_env.observer.rail import RailConstants, RailEstimate
+from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.port import Measurement
 
@@ -106,14 +106,7 @@ class Observer:
         self.interval = control_interval_s
         self.pressure_sensors = pressure_sensors
         self.size = self.size_for(vehicle.axles)
-        constants = Constants(
-            estimator=estimator.constants(vehicle, control_interval_s, by_pressure),
-            rail=rail.constants(vehicle, control_interval_s),
-            acceleration=estimator.approach(control_interval_s, self.ACCELERATION_FILTER_S),
-            recent=estimator.approach(control_interval_s, self.RECENT_S),
-            slow=estimator.approach(control_interval_s, self.SLOW_S),
-        )
-        self._given = _plain(constants)
+        self._given = plain(_constants_of(vehicle, control_interval_s, by_pressure))
 
     @staticmethod
     def size_for(axles: int) -> int:
@@ -138,16 +131,11 @@ class Observer:
     def reset(self, measurement: Measurement, mask: np.ndarray | None = None) -> np.ndarray:
         """Begin new stops, of all N vehicles or where `mask` (N,) is True; return all observations (N, size)."""
         wheel_speed = np.array(measurement.wheel_speed, np.float64, order="C")
-        n, axles = len(wheel_speed), self.vehicle.axles
+        n = len(wheel_speed)
         if mask is None:
             mask = np.ones(n, dtype=bool)
-            widths = {"contradiction": len(rail.RECOVERY_M_PER_J)}
-            self._memory = Memory(
-                estimator.allocate(n, self.vehicle, self.interval),
-                rail.allocate(n),
-                Filtered(*(np.zeros((n, widths.get(name, axles))) for name in Filtered._fields)),
-            )
-            self._state = _plain(self._memory)
+            self._memory = _allocate(n, self.vehicle, self.interval)
+            self._state = plain(self._memory)
             self._observation = np.zeros((n, self.size), dtype=np.float32)
         demand = np.array(measurement.demand, np.float64, order="C")
         self._check(wheel_speed, demand)
@@ -188,20 +176,24 @@ _PER_CONTRADICTION, _PER_UNCERTAINTY = 1 / Observer.CONTRADICTION_SCALE, 1 / Obs
 _CREEPAGE_FLOOR, _BOUND = Observer.CREEPAGE_FLOOR, Observer.BOUND
 
 
-def _plain(value: Any) -> Any:
-    """Return NamedTuples within NamedTuples as plain tuples, which numba takes from Python three times as fast."""
-    return tuple(_plain(item) for item in value) if isinstance(value, tuple) else value
+def _constants_of(vehicle: Vehicle, interval: float, by_pressure: bool) -> Constants:
+    return Constants(
+        estimator=estimator.constants(vehicle, interval, by_pressure),
+        rail=rail.constants(vehicle, interval),
+        acceleration=estimator.approach(interval, Observer.ACCELERATION_FILTER_S),
+        recent=estimator.approach(interval, Observer.RECENT_S),
+        slow=estimator.approach(interval, Observer.SLOW_S),
+    )
 
 
-@inlined
-def _memory(plain: Any) -> Memory:
-    return Memory(Estimate(*plain[0]), RailEstimate(*plain[1]), Filtered(*plain[2]))
+def _allocate(n: int, vehicle: Vehicle, interval: float) -> Memory:
+    widths = {"contradiction": len(rail.RECOVERY_M_PER_J)}
+    filtered = Filtered(*(np.zeros((n, widths.get(name, vehicle.axles))) for name in Filtered._fields))
+    return Memory(estimator.allocate(n, vehicle, interval), rail.allocate(n), filtered)
 
 
-@inlined
-def _constants(plain: Any) -> Constants:
-    on_rail = RailConstants(plain[1][0], plain[1][1], DegradedLaw(*plain[1][2]))
-    return Constants(EstimatorConstants(*plain[0]), on_rail, plain[2], plain[3], plain[4])
+_memory = rebuilder(_allocate(1, COACH, 0.02))
+_constants = rebuilder(_constants_of(COACH, 0.02, False))
 
 
 @loop

@@ -3,13 +3,14 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wsp_env.compiled import plain
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import mechanisms as library
 from wsp_env.plant.components import brake, tachometer
-from wsp_env.plant.longitudinal.state import Constants, Physics, State, allocate, constants, physics
+from wsp_env.plant.longitudinal.state import State, batch, physics
 from wsp_env.plant.longitudinal.step import ROWS, advance
-from wsp_env.plant.port import Choice, Conditions, Measurement, Plant, Setup, Stop, Truth, check_command, check_stop
+from wsp_env.plant.port import Choice, Measurement, Plant, Setup, Stop, Truth, check_command, check_stop
 
 
 class LongitudinalPlant(Plant):
@@ -29,26 +30,12 @@ class LongitudinalPlant(Plant):
         self.vehicle = vehicle
         self.n = n
         self.setup = setup = setup or Setup()
-        self.constants: Constants = constants(vehicle, setup)
-        self.state: State = allocate(n, vehicle, self.constants)
         self._mechanisms = library.make(setup.mechanisms)
-        own = physics(self._mechanisms, vehicle)
-        self._physics = Physics(*(np.tile(row, (n, 1)) for row in own))
-        axles = vehicle.axles
-        self.conditions = Conditions(
-            mu_cd=np.zeros(n),
-            tau=np.zeros(n),
-            mass=np.ones(n),
-            demand=np.zeros(n),
-            gradient=np.zeros(n),
-            noise=np.zeros(n),
-            key=np.zeros(n, dtype=np.uint64),
-            radius=np.ones((n, axles)),
-            profile=np.ones((n, setup.track_nodes)),
-            coverage=np.ones((n, setup.track_nodes)),
-        )
+        batched = batch(n, vehicle, setup, self._mechanisms)
+        self.state, self.conditions, self._physics, self.constants = batched
         self.moving = np.zeros(n, dtype=bool)
-        self._work = np.empty((ROWS, axles))
+        self._law = vehicle.contact.law
+        self._given = (plain(batched), self.moving, np.empty((ROWS, vehicle.axles)))
 
     def start(self, index: int, stop: Stop, mechanisms: Choice | None = None) -> None:
         """Put vehicle `index` at the start of a stop, see `Plant.start`."""
@@ -80,8 +67,7 @@ class LongitudinalPlant(Plant):
 
         `ValueError` for a wrong shape or a command that is not finite.
         """
-        checked = check_command(command, self.n, self.vehicle.axles)
-        advance(checked, self.state, self.conditions, self._physics, self.constants, self.moving, self._work)
+        advance(check_command(command, self.n, self.vehicle.axles), self._law, *self._given)
 
     def reading(self) -> Measurement:
         """Return what the sensors say now, cylinder pressures included; copies."""

@@ -4,7 +4,7 @@ N is the number of vehicles of the batch, A the number of axles.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from wsp_env.plant import mechanisms
 from wsp_env.plant.components import brake, tachometer
 from wsp_env.plant.components.rail import RailConstants
 from wsp_env.plant.mechanisms import Derived, Mechanisms, Memory
-from wsp_env.plant.port import Setup
+from wsp_env.plant.port import Conditions, Setup
 
 #: Longest substep [s]. experiments/convergence.py: at 10 ms every stopping distance lies within 0.001 % of the converged one
 #: and the heat in the contacts within 0.3 %; with every mechanism on at once, of first order, distances within 0.15 %.
@@ -51,7 +51,6 @@ class Physics(NamedTuple):
 class Constants(NamedTuple):
     """What is the same in every stop of a batch, as the compiled step takes it."""
 
-    law: Any  # the believed traction law: the type that the rows of `Physics.law` are read as
     derived: Derived  # what mechanisms derive from the vehicle
     brake: brake.BrakeConstants
     tachometer: tachometer.TachometerConstants
@@ -66,12 +65,20 @@ class Constants(NamedTuple):
     substep: float  # [s]
 
 
+class Batch(NamedTuple):
+    """All that the compiled step works on."""
+
+    state: State
+    conditions: Conditions
+    physics: Physics
+    constants: Constants
+
+
 def constants(vehicle: Vehicle, setup: Setup) -> Constants:
     """Return the compiled step's constants of a vehicle."""
     interval = setup.control_interval_s
     substeps = math.ceil(interval / (setup.substep_s or SUBSTEP_S) - 1e-9)
     return Constants(
-        law=vehicle.contact.law,
         derived=mechanisms.derive(vehicle),
         brake=brake.constants(vehicle.brake, interval, setup.pressure_control),
         tachometer=tachometer.constants(vehicle.tachometer),
@@ -109,3 +116,26 @@ def physics(m: Mechanisms, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
     mechanisms.check_axles(m, vehicle.axles)
     law = mechanisms.believed_to_true("law", m, vehicle.contact.law)
     return mechanisms.row(m), np.array(law, dtype=np.float64)
+
+
+def conditions(n: int, axles: int, nodes: int) -> Conditions:
+    """Return the conditions of n vehicles that brake under nothing yet."""
+    return Conditions(
+        mu_cd=np.zeros(n),
+        tau=np.zeros(n),
+        mass=np.ones(n),
+        demand=np.zeros(n),
+        gradient=np.zeros(n),
+        noise=np.zeros(n),
+        key=np.zeros(n, dtype=np.uint64),
+        radius=np.ones((n, axles)),
+        profile=np.ones((n, nodes)),
+        coverage=np.ones((n, nodes)),
+    )
+
+
+def batch(n: int, vehicle: Vehicle, setup: Setup, m: Mechanisms) -> Batch:
+    """Return n vehicles at rest, all with the same mechanisms."""
+    p = constants(vehicle, setup)
+    own = Physics(*(np.tile(row, (n, 1)) for row in physics(m, vehicle)))
+    return Batch(allocate(n, vehicle, p), conditions(n, vehicle.axles, setup.track_nodes), own, p)

@@ -19,14 +19,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wsp_env.compiled import inlined, loop
+from wsp_env.compiled import inlined, loop, rebuilder
 from wsp_env.contact.port import law_at
 from wsp_env.contact.traction import Surface
+from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.plant.card import Passage
 from wsp_env.plant.components import brake, rail, tachometer
-from wsp_env.plant.longitudinal.state import Constants, Physics, State
-from wsp_env.plant.mechanisms import Active, mechanisms_at
-from wsp_env.plant.port import Conditions
+from wsp_env.plant.longitudinal.state import Constants, State, batch
+from wsp_env.plant.mechanisms import NULL, Active, mechanisms_at
+from wsp_env.plant.port import Conditions, Setup
 from wsp_env.plant.slots import (
     after_contact,
     after_passage,
@@ -267,25 +268,27 @@ def _read_sensors(i: int, state: State, c: Conditions, p: Constants, active: Act
         state.slip_speed[i, k] = state.speed[i] - c.radius[i, k] * state.wheel_speed[i, k]
 
 
+_batch = rebuilder(batch(1, COACH, Setup(), NULL))
+
+
 @loop
-def advance(
-    command: np.ndarray, state: State, c: Conditions, physics: Physics, p: Constants, moving: np.ndarray, work: np.ndarray
-) -> None:
+def advance(command: np.ndarray, believed: Any, given: Any, moving: np.ndarray, work: np.ndarray) -> None:
     """Advance every vehicle that moves by one control interval.
 
     Parameters
     ----------
     command : (N, A) see `wsp_env.plant.command`
-    state : changed in place
-    c, physics, p : conditions of the stops, their physics, and constants
+    believed : the vehicle's traction law: the type of what the mechanisms make of it
+    given : a `Batch` as `plain` tuples; its state is changed in place
     moving : (N,) bool, changed in place: False once a vehicle stands; such a vehicle is left as it is
     work : (ROWS, A) scratch
 
     """
+    state, c, physics, p = _batch(given)
     for i in range(command.shape[0]):
         if not moving[i]:
             continue
-        law = law_at(p.law, physics.law, i)
+        law = law_at(believed, physics.law, i)
         active = Active(mechanisms_at(physics.mechanisms, i), p.derived, state.memory)
         on_step = Stepping(state, c, p, law, active, work)
         brake.receive(i, command, state.brake)
