@@ -28,7 +28,7 @@ _numba: Any = numba
 _OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
 
 #: Folders that hold kernels, or what kernels are made of.
-_KERNELS = ("contact", "observer", "plant")
+_KERNELS = ("contact", "observer", "parameters", "plant")
 
 
 def third_party_mechanisms() -> list[Path]:

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from wsp_env.compiled import kernel
 from wsp_env.contact.port import adhesion_under
+from wsp_env.parameters.resistance import Resistance, running_resistance
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.port import TRACK_STEP_M, Stop
 
@@ -102,9 +103,7 @@ class _Running(NamedTuple):
     offsets: np.ndarray  # (A,) of the axles behind the leading one [m]
     inertia: float  # of a wheelset [kg m2]
     gravity: float  # [m/s2]
-    resistance_a: float  # [N]
-    resistance_b: float  # [N s/m]
-    resistance_c: float  # [N s2/m2]
+    resistance: Resistance
 
 
 @dataclasses.dataclass(frozen=True)
@@ -139,10 +138,7 @@ class Ceiling:
     def shortest(self) -> tuple[np.ndarray, np.ndarray]:
         """Return distance [m] and duration [s] of the shortest stops (N,); inf where the vehicle runs on."""
         v = self.vehicle
-        running = _Running(
-            np.array(v.axle_positions_m), v.wheelset_inertia_kgm2, v.gravity_mps2, v.resistance_a_n, v.resistance_b_ns_per_m,
-            v.resistance_c_ns2_per_m2,
-        )  # fmt: skip
+        running = _Running(np.array(v.axle_positions_m), v.wheelset_inertia_kgm2, v.gravity_mps2, v.resistance)
         return _shortest(self.stops, running, self.limit.creepage, self.limit.above_mps, self.table)
 
 
@@ -218,7 +214,7 @@ def _shortest(
 ) -> tuple[np.ndarray, np.ndarray]:
     """See the module. `wheel` is the circumferential speed r w of each; a wheel is full when it rolls with the vehicle."""
     initial, masses, torques, radii, gradients = stops
-    offsets, inertia, gravity, res_a, res_b, res_c = running
+    offsets, inertia, gravity, resistance = running
     n, axles = radii.shape
     distances = np.full(n, np.inf)
     durations = np.full(n, np.inf)
@@ -229,7 +225,7 @@ def _shortest(
         v, x, t, mass = initial[i], 0.0, 0.0, masses[i]
         wheel[:] = v
         while t < TIME_LIMIT_S:
-            resisted = res_a + v * (res_b + v * res_c) + mass * gravity * gradients[i]
+            resisted = running_resistance(v, resistance) + mass * gravity * gradients[i]
             for k in range(axles):
                 f, _ = _at(i, v, x - offsets[k], table)
                 force[k] = f * mass * gravity / axles

@@ -5,6 +5,7 @@ import numpy as np
 from wsp_env.envs.step import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
 from wsp_env.evaluation.bound import Ceiling
 from wsp_env.evaluation.runner import StopRecords
+from wsp_env.parameters.resistance import running_resistance
 
 #: Figure of a stop -> its unit and meaning. "Worst axle" because one flat wheel is enough. The ratios compare with other stops
 #: under the same conditions; a ratio's stop that was given up at the time limit is infinitely long.
@@ -77,7 +78,7 @@ def losses(result: StopRecords, ceiling: Ceiling) -> dict[str, np.ndarray]:
     """
     possible, used, way = _forces(result, ceiling)
     vehicle, speed = ceiling.vehicle, 0.5 * (result.speed[1:] + result.speed[:-1]).astype(np.float64)
-    resisted = vehicle.resistance_a_n + speed * (vehicle.resistance_b_ns_per_m + speed * vehicle.resistance_c_ns2_per_m2)
+    resisted = running_resistance(speed, vehicle.resistance)
     resisted += ceiling.stops.mass * vehicle.gravity_mps2 * ceiling.stops.gradient
     total = np.maximum(possible.sum(axis=2) + resisted, 1.0)
     lost = way[..., None] * (possible - used) / total[..., None]

@@ -5,6 +5,7 @@ from typing import Any
 
 from wsp_env.parameters.contact import ContactParameters
 from wsp_env.parameters.quantity import Checked, ParameterError, quantity, shown
+from wsp_env.parameters.resistance import Resistance
 
 _BRAKE = "assumption: the seed paper does not give the brake of the coach"
 _FILLING = "assumption: distributor practice for passenger brakes, 3 to 5 s (UIC 540, second-hand)"
@@ -90,6 +91,11 @@ class Vehicle(Checked):
     def axles(self) -> int:
         """Number of wheelsets."""
         return len(self.axle_positions_m)
+
+    @property
+    def resistance(self) -> Resistance:
+        """The running resistance."""
+        return Resistance(self.resistance_a_n, self.resistance_b_ns_per_m, self.resistance_c_ns2_per_m2)
 
     @property
     def static_wheel_load_n(self) -> float:

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from wsp_env.parameters.campaign_vehicle import plant_vehicle
+from wsp_env.parameters.resistance import Resistance, running_resistance
 from wsp_env.parameters.vehicle import Brake, Vehicle
 from wsp_env.plant import make_plant
 from wsp_env.plant.port import Plant, Setup, Stop
@@ -88,14 +89,14 @@ def without_slip(
     """Simulate as `simulate` does, with wheels that roll however hard they are braked: M dv/dt = -sum C / r."""
     vehicle = campaign.vehicle
     mass = run.mass_kg + (vehicle.wheelset_inertia_kgm2 / radii_m**2).sum()
-    a, b, c = vehicle.resistance_n
+    resistance = Resistance(*vehicle.resistance_n)
     brakes = (run.brake_torque_nm / radii_m).sum(axis=1) + run.mass_kg * vehicle.gravity_mps2 * run.gradient
     speed = np.empty((len(starts), n))
     speed[:, 0] = derived.speed_mps[starts]
     for step in range(n - 1):
         v = speed[:, step]
         at = np.minimum(starts + step, len(brakes) - 2)
-        force = 0.5 * (brakes[at] + brakes[at + 1]) + a + b * v + c * v**2
+        force = 0.5 * (brakes[at] + brakes[at + 1]) + running_resistance(v, resistance)
         speed[:, step + 1] = np.maximum(v - campaign.sample_time_s * force / mass, 0.0)
     return Simulated(speed, np.repeat(speed[:, :, None], vehicle.axles, axis=2))
 

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from wsp_env.compiled import loop
 from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.resistance import running_resistance
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import mechanisms
 from wsp_env.plant.card import Passage
@@ -207,7 +208,7 @@ def _evaluate(
                 power[_BRAKING, k] * duration, duration, measured.torque[j, k], full_torque,
             )  # fmt: skip
             after_passage(active, 0, k, passage)
-        believed = p.resistance_a + speed * (p.resistance_b + speed * p.resistance_c) + c.mass * p.gravity * c.gradient
+        believed = running_resistance(speed, p.resistance) + c.mass * p.gravity * c.gradient
         per_vehicle[0, j] = speed
         per_vehicle[1, j] = resistance(0, speed, believed, active)
         rolled = speed * duration

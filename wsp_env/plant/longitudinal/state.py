@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wsp_env.parameters.resistance import Resistance
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import mechanisms
 from wsp_env.plant.components import brake, tachometer
@@ -58,9 +59,7 @@ class Constants(NamedTuple):
     axle_offset: np.ndarray  # (A,) behind the leading axle [m]; no tuple: one compilation for any number of axles
     inertia: float  # of a wheelset [kg m2]
     gravity: float  # [m/s2]
-    resistance_a: float  # [N]
-    resistance_b: float  # [N s/m]
-    resistance_c: float  # [N s2/m2]
+    resistance: Resistance
     substeps: int  # per control interval
     substep: float  # [s]
 
@@ -86,9 +85,7 @@ def constants(vehicle: Vehicle, setup: Setup) -> Constants:
         axle_offset=np.array(vehicle.axle_positions_m),
         inertia=vehicle.wheelset_inertia_kgm2,
         gravity=vehicle.gravity_mps2,
-        resistance_a=vehicle.resistance_a_n,
-        resistance_b=vehicle.resistance_b_ns_per_m,
-        resistance_c=vehicle.resistance_c_ns2_per_m2,
+        resistance=vehicle.resistance,
         substeps=substeps,
         substep=interval / substeps,
     )

@@ -22,6 +22,7 @@ import numpy as np
 from wsp_env.compiled import inlined, loop, rebuilder
 from wsp_env.contact.port import law_at
 from wsp_env.contact.traction import Surface
+from wsp_env.parameters.resistance import running_resistance
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.plant.card import Passage
 from wsp_env.plant.components import brake, rail, tachometer
@@ -66,7 +67,7 @@ def _phi(z: float) -> tuple[float, float]:
 @inlined
 def _believed_resistance(i: int, speed: float, c: Conditions, p: Constants) -> float:
     """Return running resistance and gradient [N]."""
-    return p.resistance_a + speed * (p.resistance_b + speed * p.resistance_c) + c.mass[i] * p.gravity * c.gradient[i]
+    return running_resistance(speed, p.resistance) + c.mass[i] * p.gravity * c.gradient[i]
 
 
 @inlined
