@@ -1,4 +1,4 @@
-"""Running resistance: what holds a vehicle back beside its brakes on level track (W. J. Davis, General Electric Review 1926)."""
+"""Running resistance: what holds a vehicle back beside its brakes on level track (W. J. Davis, GE Review 1926)."""
 
 from typing import NamedTuple, TypeVar
 
