@@ -20,6 +20,8 @@ import numpy as np
 from wsp_env.recordings.mat5 import read_mat5
 from wsp_env.recordings.table import CampaignError, Samples, Table, first_line
 
+_DEFLATE_RATIO = 1032  # [-] the most that deflate, by which MDF4 compresses, can save
+
 _HDF5 = b"\x89HDF\r\n\x1a\n"  # how an HDF5 file begins, in a MAT file after 512 bytes
 
 
@@ -33,6 +35,10 @@ class Mdf(Table):
         with _saying(file, "an MDF4 file"):
             logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # it logs what it then raises
             self._mdf = asammdf.MDF(file)
+            for group in self._mdf.groups:  # asammdf would take that much memory
+                record = group.channel_group.samples_byte_nr + group.channel_group.invalidation_bytes_nr
+                if record > _DEFLATE_RATIO * file.stat().st_size:
+                    raise ValueError(f"it cannot hold a record of {record} bytes")
             units = {}
             for name, entries in self._mdf.channels_db.items():
                 group, index = entries[0]
