@@ -24,9 +24,9 @@ from agents.teacher import Teacher
 from baselines.rule_based import RuleBasedWSP
 from wsp_env.evaluation.controller import Controller
 from wsp_env.evaluation.policy import Policy, load_policy
-from wsp_env.evaluation.runner import Conduct, make_plant, measure
+from wsp_env.evaluation.runner import Conduct, measure, start_plant
 from wsp_env.parameters.uic_z1 import VEHICLES
-from wsp_env.plant.state import Stop
+from wsp_env.plant.port import Stop
 
 #: Recovery rates [m/J]: the classic law, and slow, usual and fast cleaning within the training's range.
 RECOVERIES = (0.0, 1.2e-4, 2e-4, 3e-4)
@@ -71,12 +71,13 @@ class Traces:
 def trace(controller: Controller, vehicle: str, stops: list[Stop], slide_price: float, conduct: Conduct = _CONDUCT) -> Traces:
     """Let a controller brake and look at every decision."""
     kind = VEHICLES[vehicle]
-    plant = make_plant(kind, stops, conduct)
+    plant = start_plant(kind, stops, conduct)
     teacher = Teacher(plant, slide_price)
     controller.reset(plant.n, kind)
     kept: dict[str, list[np.ndarray]] = {"speed": [], "slip": [], "worth": [], "pressure": []}
     while plant.moving.any() and len(kept["speed"]) * conduct.control_interval_s < conduct.time_limit_s:
-        seen = (plant.state.speed, plant.slip_speed, teacher.targets(), plant.state.pressure / kind.brake.full_pressure_bar)
+        now = plant.truth()
+        seen = (now.speed, now.slip_speed, teacher.targets(), now.pressure / kind.brake.full_pressure_bar)
         for name, value in zip(kept, seen, strict=True):
             kept[name].append(np.array(value))
         plant.step(controller.act(measure(plant, pressure_sensors=True)))
@@ -112,10 +113,11 @@ def compare(policy: Policy, arguments: Arguments) -> tuple[list[dict[str, float]
 def failures(policy: Policy, arguments: Arguments) -> tuple[dict[str, Traces], dict[str, Traces]]:
     """Return the traces of the policy and of the rules where the policy fails, by world."""
     rules = RuleBasedWSP(best_at(Path("agents/trained") / arguments.vehicle, arguments.price))
+    controllers: tuple[Controller, Controller] = policy, rules
     found: tuple[dict[str, Traces], dict[str, Traces]] = {}, {}
     for name, stops, mechanisms in worlds(arguments.vehicle, arguments.drawn + 1):
         if name in FAILURES:
-            for traces, controller in zip(found, (policy, rules), strict=True):
+            for traces, controller in zip(found, controllers, strict=True):
                 traces[name] = trace(controller, arguments.vehicle, stops, 0.0, Conduct(mechanisms=mechanisms))
     return found
 

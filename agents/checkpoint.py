@@ -7,14 +7,16 @@ from typing import Any
 
 import numpy as np
 import torch
-from stable_baselines3 import PPO
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
 #: Files of a run's folder: the last state, and the one with the best score so far.
 CHECKPOINT, BEST = "checkpoint.npz", "best.npz"
 
 
-def save(path: Path, model: PPO, normalisation: VecNormalize, segment: int, curve: list[dict[str, float]]) -> None:
+def save(
+    path: Path, model: OnPolicyAlgorithm, normalisation: VecNormalize, segment: int, curve: list[dict[str, float]]
+) -> None:
     """Write weights, optimiser, normalisation, counters and the curve so far, after `segment` segments."""
     arrays: dict[str, Any] = {"segment": segment, "steps": model.num_timesteps, "updates": model._n_updates}
     for name, value in model.policy.state_dict().items():
@@ -44,7 +46,7 @@ def write(path: Path, arrays: dict[str, Any]) -> None:
         raise
 
 
-def load(path: Path, model: PPO, normalisation: VecNormalize) -> tuple[int, list[dict[str, float]]]:
+def load(path: Path, model: OnPolicyAlgorithm, normalisation: VecNormalize) -> tuple[int, list[dict[str, float]]]:
     """Put a checkpoint, if there is one, into model and normalisation; return segments done and the curve so far."""
     if not path.exists():
         return 0, []

@@ -6,20 +6,20 @@ import json
 import logging
 import tempfile
 import warnings
+from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from gymnasium import spaces
+from stable_baselines3.common.distributions import Distribution, MultiCategoricalDistribution
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecNormalize
 
 import wsp_env
 from agents.steering import Steering
-from agents.worlds import CUT_OUT_MPS, REFERENCE
-from wsp_env.envs.observation import Observer
-from wsp_env.envs.reckoning import full_brake
+from agents.worlds import CUT_OUT_MPS, REFERENCE, observed
 from wsp_env.envs.task import Task
 from wsp_env.evaluation.policy import (
     CONTRACT,
@@ -34,21 +34,26 @@ from wsp_env.evaluation.policy import (
     describe_observation,
     observer_constants,
 )
+from wsp_env.observer.estimator import full_brake
+from wsp_env.observer.observation import Observer
 from wsp_env.parameters.uic_z1 import VEHICLES
 
 #: Largest difference of the exported network from the trained one over random observations [-].
 AGREEMENT = 1e-5
 
 
-class Actor(torch.nn.Module):
-    """What is exported: normalisation, clipping, the policy's network, the choice of the command and the cut-out."""
+class ExportedPolicy(torch.nn.Module, ABC):
+    """What is exported: normalisation, clipping, the policy's network, the choice of the command and the cut-out.
+
+    A subclass has `forward`, from observations (N, size) and the memory of a network that has one.
+    """
 
     mean: torch.Tensor
     deviation: torch.Tensor
 
     def __init__(self, policy: ActorCriticPolicy, normalisation: VecNormalize, steering: Steering | None = None) -> None:
         super().__init__()
-        statistics: Any = normalisation.obs_rms
+        statistics = observed(normalisation)
         self.register_buffer("mean", torch.tensor(statistics.mean, dtype=torch.float32))
         self.register_buffer("deviation", torch.tensor(np.sqrt(statistics.var + normalisation.epsilon), dtype=torch.float32))
         self.bound = float(normalisation.clip_obs)
@@ -57,10 +62,6 @@ class Actor(torch.nn.Module):
         self.mlp_extractor = policy.mlp_extractor
         self.action_net = policy.action_net
         self.memory = 0  # numbers that it keeps from one decision to the next
-
-    def forward(self, observation: torch.Tensor) -> tuple[torch.Tensor, ...]:
-        """Return commands (N, axles) and the last layer from observations (N, size)."""
-        return self.decided(observation, self.normal(observation))
 
     def normal(self, observation: torch.Tensor) -> torch.Tensor:
         """Return normalised observations (N, size)."""
@@ -85,13 +86,29 @@ class Actor(torch.nn.Module):
             found = [part.numpy() for part in self(*map(torch.as_tensor, inputs))]
         return found[0], found[2] if self.memory else memory
 
-    def distribution(self, policy: Any, normal: torch.Tensor, memory: torch.Tensor) -> Any:
+    @abstractmethod
+    def distribution(self, policy: ActorCriticPolicy, normal: torch.Tensor, memory: torch.Tensor) -> Distribution:
         """Return the distribution of actions by SB3's own way from normalised observations."""
-        return policy.get_distribution(normal).distribution
+
+
+class Actor(ExportedPolicy):
+    """A policy without memory."""
+
+    def forward(self, observation: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        """Return commands (N, axles) and the last layer from observations (N, size)."""
+        return self.decided(observation, self.normal(observation))
+
+    def distribution(self, policy: ActorCriticPolicy, normal: torch.Tensor, memory: torch.Tensor) -> Distribution:
+        """Return the distribution of actions by SB3's own way from normalised observations."""
+        return policy.get_distribution(normal)
 
 
 def disagreement(
-    policy: ActorCriticPolicy, normalisation: VecNormalize, actor: Actor, given: tuple[np.ndarray, ...], raw: np.ndarray
+    policy: ActorCriticPolicy,
+    normalisation: VecNormalize,
+    actor: ExportedPolicy,
+    given: tuple[np.ndarray, ...],
+    raw: np.ndarray,
 ) -> float:
     """Return the largest difference of SB3's own distribution of actions from an exported last layer (N, L).
 
@@ -101,9 +118,9 @@ def disagreement(
     with torch.no_grad():
         normal = torch.as_tensor(normalisation.normalize_obs(given[0]))
         own = actor.distribution(policy, normal, torch.as_tensor(given[-1]))
-    if not isinstance(own, list):
-        return float(np.abs(own.mean.numpy() - raw).max())
-    logits = np.concatenate([axle.logits.numpy() for axle in own], axis=1)
+    if not isinstance(own, MultiCategoricalDistribution):
+        return float(np.abs(own.mode().numpy() - raw).max())
+    logits = np.concatenate([axle.logits.numpy() for axle in own.distribution], axis=1)
     exported = torch.log_softmax(torch.as_tensor(raw).reshape(len(raw), -1, 3), dim=2).reshape(raw.shape)
     return float(np.abs(logits - exported.numpy()).max())
 
@@ -139,7 +156,7 @@ def describe(
 def export(
     policy: ActorCriticPolicy,
     normalisation: VecNormalize,
-    actor: Actor,
+    actor: ExportedPolicy,
     vehicle: str,
     task: Task,
     folder: Path,

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from stable_baselines3 import PPO
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
 from agents.teacher import Teacher
@@ -27,10 +27,10 @@ class Round(NamedTuple):
     observation: np.ndarray  # (R, N, size), not normalised
     begun: np.ndarray  # (R, N) a stop began with it
     wanted: np.ndarray  # (R / THIN, N, A)
-    memory: Any  # of the network before the round: hidden and cell state, each (1, N, units); None: it has none
+    memory: tuple[np.ndarray, ...] | None  # of the network before: hidden and cell state, each (1, N, units); None: it has none
 
 
-def imitate(model: PPO, world: VecNormalize, slide_price: float, rounds: int, decisions: int) -> Iterator[float]:
+def imitate(model: OnPolicyAlgorithm, world: VecNormalize, slide_price: float, rounds: int, decisions: int) -> Iterator[float]:
     """Fit the policy of `model` to the teacher; yield the mean squared difference to it in each round's pass over all rounds.
 
     Parameters
@@ -52,7 +52,7 @@ def imitate(model: PPO, world: VecNormalize, slide_price: float, rounds: int, de
             answered = step % THIN == 0
             if turn == 0 or answered:
                 told = zip(teachers, batches, strict=True)
-                label = np.concatenate([teacher.wanted(batch.observer.reckoning) for teacher, batch in told])
+                label = np.concatenate([teacher.wanted(batch.observer.estimate) for teacher, batch in told])
             own, memory = model.predict(np.asarray(observation), memory, begun, deterministic=True)
             if answered or memory is not None:
                 observations.append(np.asarray(world.get_original_obs()))
@@ -69,7 +69,7 @@ def imitate(model: PPO, world: VecNormalize, slide_price: float, rounds: int, de
         yield float(np.mean([_improve(optimiser, *pair) for pair in fit(model, world, seen)]))
 
 
-def _fit(model: PPO, world: VecNormalize, seen: Sequence[Round]) -> Iterator[tuple[Any, torch.Tensor]]:
+def _fit(model: OnPolicyAlgorithm, world: VecNormalize, seen: Sequence[Round]) -> Iterator[tuple[Any, torch.Tensor]]:
     """Yield what the policy wants (B, A) and what it should, once for everything seen, in random order."""
     size = seen[0].observation.shape[-1]
     normal = torch.as_tensor(world.normalize_obs(np.concatenate([one.observation.reshape(-1, size) for one in seen])))
@@ -81,7 +81,9 @@ def _fit(model: PPO, world: VecNormalize, seen: Sequence[Round]) -> Iterator[tup
         yield distribution.mean, labels[rows]
 
 
-def _fit_in_sequence(model: PPO, world: VecNormalize, seen: Sequence[Round]) -> Iterator[tuple[Any, torch.Tensor]]:
+def _fit_in_sequence(
+    model: OnPolicyAlgorithm, world: VecNormalize, seen: Sequence[Round]
+) -> Iterator[tuple[Any, torch.Tensor]]:
     """Do the same with a network that remembers: whole rounds of some stops, from the memory that it then had."""
     policy: Any = model.policy
     decisions, stops, size = seen[0].observation.shape

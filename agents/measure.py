@@ -12,8 +12,8 @@ from wsp_env.evaluation.programme import friction_for
 from wsp_env.evaluation.runner import Conduct, run
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.state import Stop
-from wsp_env.scenario import TRACK_STEP_M, Scenario, draw
+from wsp_env.plant.port import TRACK_STEP_M, Stop
+from wsp_env.scenario import Scenario, draw
 
 #: Low adhesion in the sense of the test programme: peak of the contaminated rail's adhesion at the initial speed [-].
 INITIAL_ADHESION = (0.05, 0.08)

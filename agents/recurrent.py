@@ -3,13 +3,16 @@
 from typing import Any
 
 import torch
+from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
+from stable_baselines3.common.distributions import Distribution
+from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecNormalize
 
-from agents.export import Actor
+from agents.export import ExportedPolicy
 from agents.steering import Steering
 
 
-class RecurrentActor(Actor):
+class RecurrentActor(ExportedPolicy):
     """What is exported of a recurrent policy; the LSTM's hidden and cell state are one more input and output.
 
     Parameters
@@ -18,9 +21,11 @@ class RecurrentActor(Actor):
 
     """
 
-    def __init__(self, policy: Any, normalisation: VecNormalize, steering: Steering | None = None) -> None:
+    def __init__(
+        self, policy: RecurrentActorCriticPolicy, normalisation: VecNormalize, steering: Steering | None = None
+    ) -> None:
         super().__init__(policy, normalisation, steering)
-        self.lstm = policy.lstm_actor
+        self.lstm: Any = policy.lstm_actor  # torch makes the names of its weights at run time
         self.memory = 2 * self.lstm.hidden_size
 
     def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, ...]:
@@ -34,7 +39,8 @@ class RecurrentActor(Actor):
         hidden = torch.sigmoid(leaving) * torch.tanh(cell)
         return *self.decided(observation, hidden), torch.cat([hidden, cell], dim=1)
 
-    def distribution(self, policy: Any, normal: torch.Tensor, memory: torch.Tensor) -> Any:
+    def distribution(self, policy: ActorCriticPolicy, normal: torch.Tensor, memory: torch.Tensor) -> Distribution:
         """Return the distribution of actions by SB3's own way."""
+        assert isinstance(policy, RecurrentActorCriticPolicy)
         hidden, cell = (part[None].contiguous() for part in memory.chunk(2, dim=1))
-        return policy.get_distribution(normal, (hidden, cell), torch.zeros(len(normal)))[0].distribution
+        return policy.get_distribution(normal, (hidden, cell), torch.zeros(len(normal)))[0]

@@ -15,7 +15,7 @@ import tyro
 
 from agents.measure import Yardstick
 from agents.rules import best_at
-from agents.seeds import TOLD
+from agents.seeds import REPORTED
 from baselines.rule_based import RuleBasedWSP
 from wsp_env.evaluation.policy import load_policy
 from wsp_env.evaluation.replay import braked
@@ -61,7 +61,7 @@ def compare(arguments: Arguments) -> list[dict[str, Any]]:
 def _row(name: str, own: dict[str, np.ndarray], rules: dict[str, np.ndarray], bound: np.ndarray) -> dict[str, Any]:
     ratio, half = interval(own["distance_m"] / rules["distance_m"])
     row: dict[str, Any] = {"campaign": name, "stops": len(bound), "ratio": ratio, "ratio_ci": half}
-    row |= {figure: float(own[figure].mean() / rules[figure].mean()) for figure in TOLD[1:]}
+    row |= {figure: float(own[figure].mean() / rules[figure].mean()) for figure in REPORTED[1:]}
     row |= {"locked_s": float(own["locked_s"].max()), "stopped": bool(own["stopped"].all())}
     return row | {"over_bound": float(own["distance_m"].mean() / bound.mean())}
 
@@ -77,7 +77,7 @@ def table(rows: list[dict[str, Any]]) -> str:
             str(row["stops"]),
             f"{row['ratio']:.3f} ± {row['ratio_ci']:.3f}" + ("" if row["stopped"] else " (some ran on)"),
         ]
-        cells += [f"{row[figure]:.2f}" for figure in TOLD[1:]] + [f"{row['locked_s']:.1f}", f"{row['over_bound']:.2f}"]
+        cells += [f"{row[figure]:.2f}" for figure in REPORTED[1:]] + [f"{row['locked_s']:.1f}", f"{row['over_bound']:.2f}"]
         lines.append(f"| {row['campaign']} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 

@@ -41,7 +41,7 @@ LOCKED_PRICE_MPS = 10.0
 
 
 @dataclasses.dataclass(frozen=True)
-class Search:
+class RuleSearch:
     """What a search is made of."""
 
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
@@ -59,7 +59,7 @@ class Search:
 class Trials:
     """Many sets of thresholds braking the same stops at once."""
 
-    def __init__(self, arguments: Search) -> None:
+    def __init__(self, arguments: RuleSearch) -> None:
         self.trials = arguments.trials
         stops = mixed(arguments.vehicle, arguments.each, arguments.classic_share, SEARCHED)
         self.yardstick = Yardstick(arguments.vehicle, stops * arguments.trials)
@@ -86,7 +86,7 @@ def _thresholds(columns: dict[str, np.ndarray]) -> Any:
     return SimpleNamespace(**dataclasses.asdict(RuleBasedParameters()) | columns)
 
 
-def search(trials: Trials, arguments: Search, slide_price: float) -> dict[str, float]:
+def search(trials: Trials, arguments: RuleSearch, slide_price: float) -> dict[str, float]:
     """Return the best thresholds for a price, by the cross-entropy method: each generation is drawn around the last's best.
 
     The first generation spreads over the whole cube; the default thresholds are among it.
@@ -138,7 +138,7 @@ def show(folder: Path, price: str) -> str:
     return " ".join(f"rule-based.{name}={getattr(best, name):g}" for name in RANGES)
 
 
-def main(arguments: Search) -> None:
+def main(arguments: RuleSearch) -> None:
     """Search and write, or show."""
     folder = arguments.out / arguments.vehicle
     if arguments.show:
@@ -153,4 +153,4 @@ def main(arguments: Search) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Search))
+    main(tyro.cli(RuleSearch))

@@ -25,8 +25,8 @@ from wsp_env.evaluation.summary import interval
 #: What stands in place of the rules' price where their front is taken at the policy's own slip.
 SAME_SLIP = "same slip"
 
-#: Figures that are told, as ratios to the rules'.
-TOLD = ("distance_m", "mean_slip_mps", "slip_deviation_mps", "contact_energy_mj")
+#: Figures that are reported, as ratios to the rules'.
+REPORTED = ("distance_m", "mean_slip_mps", "slip_deviation_mps", "contact_energy_mj")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,7 +55,7 @@ def compare(arguments: Arguments) -> list[dict[str, Any]]:
         locked, short = max(means["locked_s"] for means in own), np.mean([means["distance_m"] for means in own]) / bound
         for price in (*arguments.prices, SAME_SLIP):
             row: dict[str, Any] = {"world": world, "price": price, "locked_s": locked, "over_bound": float(short)}
-            for name in TOLD:
+            for name in REPORTED:
                 others = alike if price == SAME_SLIP else [rules[price]] * len(own)
                 ratios = np.array([means[name] / other[name] for means, other in zip(own, others, strict=True)])
                 row[name], row[f"{name}_ci"] = interval(ratios)
@@ -68,7 +68,7 @@ def at_slip(front: Sequence[Mapping[str, float]], slip: float) -> dict[str, floa
     """Return the figures of a front of controllers at a mean slip [m/s], linear between its neighbours, its end beyond it."""
     ordered = sorted(front, key=lambda means: means["mean_slip_mps"])
     slips = [means["mean_slip_mps"] for means in ordered]
-    return {name: float(np.interp(slip, slips, [means[name] for means in ordered])) for name in TOLD}
+    return {name: float(np.interp(slip, slips, [means[name] for means in ordered])) for name in REPORTED}
 
 
 def table(rows: list[dict[str, Any]]) -> str:
@@ -78,7 +78,7 @@ def table(rows: list[dict[str, Any]]) -> str:
         "|:--|--:|--:|--:|--:|--:|--:|--:|",
     ]
     for row in rows:
-        digits = dict(zip(TOLD, (3, 2, 2, 2), strict=True))
+        digits = dict(zip(REPORTED, (3, 2, 2, 2), strict=True))
         cells = [f"{row[name]:.{places}f} ± {row[f'{name}_ci']:.{places}f}" for name, places in digits.items()]
         lines.append(
             f"| {row['world']} | {row['price']} | "

@@ -2,9 +2,9 @@
 
 A policy wants a brake force, as the adhesion that it asks of the wheelset. Of venting, holding and applying that command is
 chosen whose force, one interval after the dead time, comes nearest to the one wanted. The forces are those of the observation,
-reckoned by `wsp_env.envs.reckoning` from the commands alone. Whatever is wanted, a wheelset that has not slid for seconds is
-braked, as a WSP takes away no braking where nothing slides; and one that slides beyond the slide limit is vented, so that no
-wheel locks.
+estimated by `wsp_env.observer.estimator` from the commands alone. Whatever is wanted, a wheelset that has not slid for seconds
+is braked, as a WSP takes away no braking where nothing slides; and one that slides beyond the slide limit is vented, so that
+no wheel locks.
 """
 
 from typing import Any
@@ -14,15 +14,15 @@ import torch
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
-from wsp_env.envs.observation import Observer
 from wsp_env.envs.task import Task
+from wsp_env.observer.observation import Observer
 from wsp_env.parameters.vehicle import Vehicle
 
 #: Places in an observation of A axles, in blocks of A: creepage, brake to come, recent and slow slip.
 CREEPAGE, BRAKE_TO_COME, RECENT_SLIP, SLOW_SLIP = 1, 4, 6, 8
 
-#: And from its end: the doubt on the running speed, the offered brake and that speed.
-DOUBTFUL, OFFERED, SPEED = -4, -3, -2
+#: And from its end: the doubt on the running speed, the distributor's pressure and that speed.
+DOUBTFUL, DISTRIBUTOR, SPEED = -4, -3, -2
 
 #: A wheelset does not slide while its recent and its slow slip are below this speed [m/s] or this creepage [-]: so much has a
 #: wheel that rolls under brake (assumption).
@@ -45,9 +45,9 @@ class Steering:
 
     def commands(self, observation: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
         """Return -1 vent, 0 hold, 1 apply (N, A) towards `wanted` (N, A), see `wanted_brake`."""
-        creepage, held, recent, slow, doubtful, offered, speed = self._parts(observation)
+        creepage, held, recent, slow, doubtful, distributor, speed = self._parts(observation)
         brake = wanted + 1.0
-        apply = brake > held + self.half_way_filling * (offered - held)
+        apply = brake > held + self.half_way_filling * (distributor - held)
         vent = brake < self.half_way_venting * held
         command = apply.to(torch.float32) - vent.to(torch.float32)
         limit = torch.clamp(
@@ -61,7 +61,7 @@ class Steering:
         """Return what is used of observations (N, size), in order; one cut of the whole."""
         places = [(block * self.axles, self.axles) for block in (CREEPAGE, BRAKE_TO_COME, RECENT_SLIP, SLOW_SLIP)]
         size = Observer.size_for(self.axles)
-        places += [(size + place, 1) for place in (DOUBTFUL, OFFERED, SPEED)]
+        places += [(size + place, 1) for place in (DOUBTFUL, DISTRIBUTOR, SPEED)]
         cuts = sorted({0, size, *(start for start, _ in places), *(start + length for start, length in places)})
         parts = torch.split(observation, np.diff(cuts).tolist(), dim=1)
         return [parts[cuts.index(start)] for start, _ in places]

@@ -20,9 +20,10 @@ from wsp_env.evaluation.controller import Controller
 from wsp_env.evaluation.policy import load_policy
 from wsp_env.evaluation.runner import Conduct
 from wsp_env.evaluation.summary import interval
+from wsp_env.parameters.quantity import replace
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.plant.mechanisms import ALL
-from wsp_env.plant.state import Stop
+from wsp_env.plant.port import Stop
 
 #: Each mechanism at a size that a railway may meet (assumptions, within the sources of its parameters).
 SIZES: dict[str, dict[str, float]] = {
@@ -58,8 +59,8 @@ OUTSIDE: dict[str, dict[str, float]] = {
     "tau 1e-3 m/J": {"tau": 1e-3},
 }
 
-#: What is told of each controller.
-_TOLD = ("distance_m", "mean_slip_mps", "slip_deviation_mps", "contact_energy_mj", "locked_s", "largest_creepage")
+#: What is reported of each controller.
+_REPORTED = ("distance_m", "mean_slip_mps", "slip_deviation_mps", "contact_energy_mj", "locked_s", "largest_creepage")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,7 +84,7 @@ def worlds(vehicle: str, count: int) -> Iterator[tuple[str, list[Stop], dict[str
     for name, size in SIZES.items():
         yield name, recovering, {name: size}
     for name, changes in OUTSIDE.items():
-        yield name, [dataclasses.replace(stop, **changes) for stop in recovering], {}  # type: ignore[arg-type]  # by name
+        yield name, [replace(stop, changes, "condition") for stop in recovering], {}
 
 
 def compare(controllers: Mapping[str, Controller], yardstick: Yardstick) -> list[dict[str, Any]]:
@@ -94,7 +95,7 @@ def compare(controllers: Mapping[str, Controller], yardstick: Yardstick) -> list
         found = yardstick.figures(controller)
         first = found["distance_m"] if first is None else first
         ratio, half = interval(found["distance_m"] / first)
-        means = {figure: float(np.mean(found[figure])) for figure in _TOLD}
+        means = {figure: float(np.mean(found[figure])) for figure in _REPORTED}
         rows.append(
             {"controller": name, "ratio": ratio, "ratio_ci": half, "ran_on": float(np.mean(~found["stopped"])), **means}
         )
@@ -110,7 +111,7 @@ def table(results: Mapping[str, list[dict[str, Any]]]) -> str:
     for world, rows in results.items():
         for row in rows[1:]:
             cells = [f"{row['ratio']:.3f} ± {row['ratio_ci']:.3f}" + (" (some ran on)" if row["ran_on"] else "")]
-            cells += [f"{row[figure] / rows[0][figure]:.2f}" for figure in _TOLD[1:4]]
+            cells += [f"{row[figure] / rows[0][figure]:.2f}" for figure in _REPORTED[1:4]]
             cells += [f"{row['locked_s']:.1f}", f"{row['largest_creepage']:.2f}"]
             lines.append(f"| {world} | {row['controller']} | " + " | ".join(cells) + " |")
     return "\n".join(lines)

@@ -20,19 +20,21 @@ import torch
 import tyro
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from sb3_contrib import RecurrentPPO
+from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from agents import checkpoint
-from agents.export import Actor, export
+from agents.export import Actor, ExportedPolicy, export
 from agents.imitation import imitate
 from agents.recurrent import RecurrentActor
 from agents.steering import Steered, make_steering
 from agents.watch import Watch
-from agents.worlds import Joined, Shaped, Stopped
+from agents.worlds import Joined, Shaped, Stopped, observed
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
 from wsp_env.parameters.quantity import ParameterError
@@ -83,7 +85,7 @@ class Arguments:
     watched: int = 24  # stops under each law by which learning is watched
 
 
-class Told(BaseCallback):
+class EndedStops(BaseCallback):
     """TensorBoard: what the stops that ended in a rollout were like, in physical units."""
 
     def __init__(self) -> None:
@@ -115,15 +117,14 @@ def make_world(arguments: Arguments) -> VecNormalize:
     return VecNormalize(world, gamma=arguments.gamma)
 
 
-def make_model(arguments: Arguments, world: VecNormalize) -> PPO:
+def make_model(arguments: Arguments, world: VecNormalize) -> OnPolicyAlgorithm:
     """Return a model that has learned nothing yet."""
     networks: dict[str, Any] = {
         "net_arch": {"pi": list(arguments.hidden), "vf": list(arguments.critic)},
         "log_std_init": arguments.log_deviation,
     }
-    kind: type[PPO] = PPO
+    kind: type[PPO | RecurrentPPO] = RecurrentPPO if arguments.recurrent else PPO
     if arguments.recurrent:
-        kind = RecurrentPPO
         networks["lstm_hidden_size"] = arguments.recurrent
     model = kind(
         "MlpLstmPolicy" if arguments.recurrent else "MlpPolicy",
@@ -158,24 +159,26 @@ def _read(name: str, text: str) -> Any:
         raise SystemExit(f"--{name} {text!r} is not JSON ({error}); like --{name} '{getattr(Arguments, name)}'") from None
 
 
-def actor(arguments: Arguments, model: PPO, world: VecNormalize) -> Actor:
+def actor(arguments: Arguments, model: OnPolicyAlgorithm, world: VecNormalize) -> ExportedPolicy:
     """Return what is exported of a model."""
     steered = arguments.action == "steered"
     steering = make_steering(arguments.vehicle, make_task(task_options(arguments))) if steered else None
-    return (RecurrentActor if arguments.recurrent else Actor)(model.policy, world, steering)
+    if isinstance(model.policy, RecurrentActorCriticPolicy):
+        return RecurrentActor(model.policy, world, steering)
+    return Actor(model.policy, world, steering)
 
 
-def learns(model: PPO, policy: bool) -> None:
+def learns(model: OnPolicyAlgorithm, policy: bool) -> None:
     """Let the policy's own network learn or not; the value function always does."""
-    own = [model.policy.mlp_extractor.policy_net, model.policy.action_net]
-    own += [model.policy.lstm_actor] if hasattr(model.policy, "lstm_actor") else []
+    own: list[torch.nn.Module] = [model.policy.mlp_extractor.policy_net, model.policy.action_net]
+    own += [model.policy.lstm_actor] if isinstance(model.policy, RecurrentActorCriticPolicy) else []
     parameters = [parameter for part in own for parameter in part.parameters()]
     parameters += [model.policy.log_std] if hasattr(model.policy, "log_std") else []
     for parameter in parameters:
         parameter.requires_grad = policy
 
 
-def begin_from(folder: Path, model: PPO, world: VecNormalize) -> None:
+def begin_from(folder: Path, model: OnPolicyAlgorithm, world: VecNormalize) -> None:
     """Take over weights, optimiser and normalisation of another run, but not its count of steps."""
     checkpoint.load(folder / checkpoint.CHECKPOINT, model, world)
     model.num_timesteps = model._n_updates = 0
@@ -186,7 +189,7 @@ def segment_seed(seed: int, segment: int) -> int:
     return int(np.random.SeedSequence([seed, segment]).generate_state(1)[0] >> 1)
 
 
-def train(arguments: Arguments) -> tuple[PPO, VecNormalize]:
+def train(arguments: Arguments) -> tuple[OnPolicyAlgorithm, VecNormalize]:
     """Train, from the folder's last checkpoint if it has one; return model and normalisation."""
     torch.distributions.Distribution.set_default_validate_args(False)  # twice as fast with small networks
     if arguments.imitation and arguments.action != "steered":
@@ -194,7 +197,7 @@ def train(arguments: Arguments) -> tuple[PPO, VecNormalize]:
     _check(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
     _same_arguments(arguments)
-    run = Run(arguments)
+    run = Training(arguments)
     columns = (BarColumn(10), TextColumn("{task.description}"), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns) as progress:
         bar = progress.add_task(run.watch.briefly(run.curve), total=run.rounds + run.segments, completed=run.done)
@@ -204,7 +207,7 @@ def train(arguments: Arguments) -> tuple[PPO, VecNormalize]:
     return run.model, run.world
 
 
-class Run:
+class Training:
     """A training under way: `imitate` and `practise` go on with it step by step."""
 
     def __init__(self, arguments: Arguments) -> None:
@@ -238,7 +241,7 @@ class Run:
                 rate = self.decisions / (time.perf_counter() - begun)
                 self._look(f"imitation, mean squared difference to the teacher {difference:.3f}", rate, 0)
             yield
-        self.world.obs_rms.count = 1e12  # type: ignore[union-attr]  # what was learned is not moved by it any more
+        observed(self.world).count = 1e12  # what was learned is not moved by it any more
 
     def practise(self) -> Iterator[None]:
         """Learn by PPO, segment by segment, with a checkpoint after each."""
@@ -252,7 +255,7 @@ class Run:
             self.world.seed(seed)
             learns(self.model, segment >= given.critic_segments)
             self.model._last_obs = None  # `learn` then begins new stops
-            self.model.learn(update, callback=Told(), reset_num_timesteps=False)
+            self.model.learn(update, callback=EndedStops(), reset_num_timesteps=False)
             self._look("PPO", update / (time.perf_counter() - begun), segment + 1)
             checkpoint.save(self.folder / checkpoint.CHECKPOINT, self.model, self.world, segment + 1, self.curve)
             yield
@@ -263,8 +266,8 @@ class Run:
         return self.taught * self.arguments.imitation_decisions * self.arguments.envs + self.model.num_timesteps
 
     def _look(self, phase: str, rate: float, segment: int) -> None:
-        """Watch the policy, tell of it, and keep it if it is the best since the whole imitation."""
-        self.model.logger.dump(self.model.num_timesteps)  # what PPO has told, over its own decisions
+        """Watch the policy, report on it, and keep it if it is the best since the whole imitation."""
+        self.model.logger.dump(self.model.num_timesteps)  # what PPO has reported, over its own decisions
         row = {"decisions": float(self.decisions), "ppo_decisions": float(self.model.num_timesteps)}
         self.curve.append(row | self.watch.look(actor(self.arguments, self.model, self.world)))
         for name, value in self.curve[-1].items():
@@ -274,7 +277,7 @@ class Run:
         ready = [row["score"] for row in self.curve if row["decisions"] >= self.lessons]
         if ready and self.curve[-1]["score"] == min(ready):
             checkpoint.save(self.folder / checkpoint.BEST, self.model, self.world, segment, self.curve)
-        print(f"{phase}: {self.decisions} decisions, {rate:.0f} a second, {self.watch.told(self.curve)}", flush=True)
+        print(f"{phase}: {self.decisions} decisions, {rate:.0f} a second, {self.watch.words(self.curve)}", flush=True)
 
 
 def _check(arguments: Arguments) -> None:
@@ -322,7 +325,7 @@ def main(arguments: Arguments) -> None:
         arguments = dataclasses.replace(arguments, out=Path(f"out/agents/{arguments.vehicle}-{arguments.seed}"))
     model, world = train(arguments)
     _, curve = checkpoint.load(arguments.out / checkpoint.BEST, model, world)
-    training = {"arguments": record(arguments), "torch": torch.__version__.partition("+")[0]}
+    training: dict[str, Any] = {"arguments": record(arguments), "torch": torch.__version__.partition("+")[0]}
     training |= {name: int(curve[-1][name]) for name in ("decisions", "ppo_decisions")} | {"watched_score": curve[-1]["score"]}
     difference = export(
         model.policy, world, actor(arguments, model, world), arguments.vehicle, make_task(task_options(arguments)),

@@ -17,7 +17,7 @@ from agents.train import Arguments, train
 
 
 @dataclasses.dataclass(frozen=True)
-class Search:
+class HyperparameterSearch:
     """What a search is made of."""
 
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
@@ -28,7 +28,7 @@ class Search:
     out: Path = Path("out/agents/tune")
 
 
-def suggest(trial: Any, search: Search) -> Arguments:
+def suggest(trial: Any, search: HyperparameterSearch) -> Arguments:
     """Return the arguments of a trial."""
     return Arguments(
         vehicle=search.vehicle,
@@ -54,7 +54,7 @@ def score(arguments: Arguments) -> float:
         return float(best["curve/score"][-1])
 
 
-def main(search: Search) -> None:
+def main(search: HyperparameterSearch) -> None:
     """Search; the study is kept in the folder, the best arguments printed."""
     try:
         import optuna
@@ -73,4 +73,4 @@ def main(search: Search) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Search))
+    main(tyro.cli(HyperparameterSearch))

@@ -1,6 +1,6 @@
 """What a training is watched by: the same few stops for the policy and for the rule-based WSP."""
 
-from agents.export import Actor, describe
+from agents.export import ExportedPolicy, describe
 from agents.measure import WATCHED, Yardstick, low_adhesion, means
 from wsp_env.envs.task import Task
 from wsp_env.evaluation.controller import Controller, load
@@ -32,7 +32,7 @@ class Watch:
         self.yardstick = Yardstick(self.vehicle, [stop for stops in laws.values() for stop in stops], GIVEN_UP)
         self.rules = self.means(load("rule-based"))
 
-    def look(self, actor: Actor) -> dict[str, float]:
+    def look(self, actor: ExportedPolicy) -> dict[str, float]:
         """Return the policy's figures by law, and their ratios to those of the rules."""
         own = self.means(Policy(describe(self.vehicle, self.task), actor.infer, actor.memory))
         found = {"score": self.score(own)}
@@ -61,7 +61,7 @@ class Watch:
         found = self.yardstick.figures(controller)
         return {law: means({name: values[rows] for name, values in found.items()}) for law, rows in self.rows.items()}
 
-    def told(self, curve: list[dict[str, float]]) -> str:
+    def words(self, curve: list[dict[str, float]]) -> str:
         """Return the last row of a curve in words."""
         row = curve[-1]
         laws = (

@@ -5,12 +5,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+from stable_baselines3.common.running_mean_std import RunningMeanStd
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecNormalize
 
-from wsp_env.contact.degraded import degraded_adhesion
-from wsp_env.envs.observation import Observer
+from wsp_env.contact.port import adhesion_under
 from wsp_env.envs.sb3 import BrakingVecEnv
-from wsp_env.plant.plant import Plant
+from wsp_env.observer.observation import Observer
+from wsp_env.plant.port import Plant
 
 #: Place of the reference speed in an observation.
 REFERENCE = -2
@@ -22,14 +23,14 @@ CUT_OUT_MPS = 5.0 / 3.6
 #: Seconds count as so many metres [m/s]: else nothing is gained from coming to a stand at the end (assumption).
 TIME_PRICE_MPS = 2.0
 
-#: Running speeds [m/s] at which the rest of a stop is reckoned, linear between them, and slips tried as shares of these.
+#: Running speeds [m/s] at which the rest of a stop is estimated, linear between them, and slips tried as shares of these.
 SPEEDS = np.arange(0.0, 61.0, 2.0)
 _SHARES = np.geomspace(0.002, 0.25, 16)
 
 
 @dataclasses.dataclass(frozen=True)
 class Stopped:
-    """What is told about a stop that has ended, in physical units."""
+    """What is reported about a stop that has ended, in physical units."""
 
     stopping_distance_m: float
     slide_distance_m: float  # integral of the slip speed over time, mean of the axles
@@ -72,7 +73,7 @@ class Shaped(VecEnvWrapper):
         observation = np.asarray(self.venv.reset())
         self._reference = Observer.SPEED_SCALE * observation[:, REFERENCE]
         self.rest = rest_of_stop(self.batch.plant, np.arange(self.num_envs), self.slide_price)
-        self._owed = self._rest_at(self.batch.plant.state.speed)
+        self._owed = self._rest_at(self.batch.plant.truth().speed)
         self._sums[:] = 0.0
         return observation
 
@@ -85,7 +86,8 @@ class Shaped(VecEnvWrapper):
         """Advance; `infos[i]["stopped"]` holds a `Stopped` when stop i has ended."""
         observation, reward, done, infos = self.venv.step_wait()
         task, weight = self.batch.task, self.batch.weights.stopping_distance
-        speed, slip, locked = self.batch.plant.state.speed.copy(), self.batch.plant.slip_speed.copy(), self.batch.locked.copy()
+        truth = self.batch.plant.truth()
+        speed, slip, locked = truth.speed.copy(), truth.slip_speed.copy(), self.batch.locked
         ended = np.flatnonzero(done)
         for i in ended:  # the batch holds the next stop already
             speed[i], slip[i], locked[i] = infos[i]["speed_mps"], infos[i]["slip_speed_mps"], infos[i]["locked"]
@@ -105,7 +107,7 @@ class Shaped(VecEnvWrapper):
         self._reference = Observer.SPEED_SCALE * observation[:, REFERENCE]
         if len(ended):
             self.rest[ended] = rest_of_stop(self.batch.plant, ended, self.slide_price)
-            owed = self._rest_at(self.batch.plant.state.speed)
+            owed = self._rest_at(self.batch.plant.truth().speed)
         self._owed = owed
         return observation, reward.astype(np.float32), done, infos
 
@@ -124,19 +126,25 @@ def rest_of_stop(plant: Plant, rows: np.ndarray, slide_price: float) -> np.ndarr
     F(v) = integral of min over s of (v' + p + c s) / d(s, v') from 0 to v, with the deceleration d that the rail under the
     recovering or classic law allows at slip s, or the brake.
     """
-    c, constants, axles = plant.conditions, plant.constants, plant.vehicle.axles
-    weight = c.mass[rows] * constants.gravity
-    offered = c.demand[rows] * plant.vehicle.full_brake_torque_nm * axles / (plant.vehicle.wheel_radius_m * weight)
+    c, vehicle, axles = plant.conditions, plant.vehicle, plant.vehicle.axles
+    weight = c.mass[rows] * vehicle.gravity_mps2
+    offered = c.demand[rows] * vehicle.full_brake_torque_nm * axles / (vehicle.wheel_radius_m * weight)
     friction = c.mu_cd[rows] * c.profile[rows].mean(axis=1)
     speed = np.maximum(SPEEDS, 0.5)[:, None]  # of the contact, which needs one
     slip = speed * _SHARES
     of_rows = (weight / (2.0 * axles), friction, c.tau[rows], offered)
     load, friction, tau, offered = (value[:, None, None] for value in of_rows)
-    adhesion = degraded_adhesion(slip, speed, load, friction, tau, plant.vehicle.contact.law, 1.0)
-    deceleration = constants.gravity * np.minimum(adhesion, offered)
+    adhesion = adhesion_under(vehicle.contact.law, slip, speed, load, friction, tau)
+    deceleration = vehicle.gravity_mps2 * np.minimum(adhesion, offered)
     price = ((SPEEDS[:, None] + TIME_PRICE_MPS + slide_price * slip) / deceleration).min(axis=-1)
     steps = 0.5 * (price[:, 1:] + price[:, :-1]) * np.diff(SPEEDS)
     return np.concatenate([np.zeros((len(rows), 1)), np.cumsum(steps, axis=1)], axis=1)
+
+
+def observed(world: VecNormalize) -> RunningMeanStd:
+    """Return the running mean and variance of the observations."""
+    assert isinstance(world.obs_rms, RunningMeanStd)  # one array; of a dictionary there would be several
+    return world.obs_rms
 
 
 class Joined(VecEnv):

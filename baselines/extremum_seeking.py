@@ -1,7 +1,7 @@
 """Adaptive extremum seeker: slip control whose set-point climbs the adhesion it feels.
 
 The set-point of each axle swings slowly about its mean. The adhesion of the wheel follows from its own balance
-T = (C + J dw/dt) / r with the reckoned brake torque; what swings in it in phase with the set-point is the slope of the
+T = (C + J dw/dt) / r with the estimated brake torque; what swings in it in phase with the set-point is the slope of the
 adhesion curve, and the mean moves uphill (perturbation-based extremum seeking, Krstic and Wang, Automatica 36 (2000) 595).
 """
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from wsp_env.envs.observation import Measurement
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.port import Measurement
 
 
 class NoWSP:

@@ -9,9 +9,9 @@ import dataclasses
 
 import numpy as np
 
-from wsp_env.envs.observation import Measurement
 from wsp_env.parameters.quantity import Checked, quantity
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.port import Measurement
 
 _TUNED = "assumption: chosen on the test programme (wsp evaluate)"
 
@@ -38,7 +38,7 @@ class ReferenceParameters(Checked):
 class ReferenceSpeed:
     """Reference speed, wheel accelerations, learnt diameters and faults of N vehicles with A axles.
 
-    Attributes, all arrays: `reference` (N,) [m/s], `speed` (N, A) peripheral [m/s], `acceleration` (N, A) filtered [m/s2],
+    Attributes, all arrays: `reference` (N,) [m/s], `speed` (N, A) circumferential [m/s], `acceleration` (N, A) filtered [m/s2],
     `failed` and `standing` (N, A) bool: sensors without a believable signal, wheels that stand while the vehicle runs;
     `released` (N, A) bool: axles to vent until they roll.
     """
@@ -101,7 +101,7 @@ class ReferenceSpeed:
         return step
 
     def _learn_diameters(self, wheel: np.ndarray) -> np.ndarray:
-        """While all axles roll freely their peripheral speeds are equal: what differs is the diameter; return where (N,)."""
+        """While all axles roll freely their circumferential speeds are equal: the diameters differ; return where (N,)."""
         p = self.parameters
         turning = self._nominal * wheel.min(axis=1) > p.standing_mps
         rolling: np.ndarray = (self._time - self._start <= p.learning_s) & ~self.failed.any(axis=1) & turning

@@ -13,9 +13,9 @@ import numpy as np
 
 from baselines.reference_speed import ReferenceParameters, ReferenceSpeed
 from baselines.safety_timer import SafetyParameters, SafetyTimer
-from wsp_env.envs.observation import Measurement
 from wsp_env.parameters.quantity import quantity
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.port import Measurement
 
 #: States of an axle.
 APPLY, VENT, HOLD, PULSE = 0, 1, 2, 3

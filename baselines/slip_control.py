@@ -1,6 +1,6 @@
 """Slip control: per axle a PI controller holds the creepage at a set-point by steering the cylinder pressure.
 
-The controller measures no pressure: it reckons the one in each cylinder from its own commands and the brake's nominal time
+The controller measures no pressure: it estimates the one in each cylinder from its own commands and the brake's nominal time
 constants, and opens the dump valve towards the pressure it wants.
 """
 
@@ -10,9 +10,9 @@ import numpy as np
 
 from baselines.reference_speed import ReferenceParameters, ReferenceSpeed
 from baselines.safety_timer import SafetyParameters, SafetyTimer
-from wsp_env.envs.observation import Measurement
 from wsp_env.parameters.quantity import quantity
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.port import Measurement
 
 _TUNED = "assumption: chosen on the test programme (wsp evaluate)"
 
@@ -50,8 +50,8 @@ class SlipController:
         shape = (n, vehicle.axles)
         self._brake = vehicle.brake
         self.wheels = ReferenceSpeed(self.parameters, n, vehicle)
-        self._pressure = np.zeros(shape)  # reckoned, share of full pressure
-        self._supply = np.zeros(n)  # reckoned pressure that the distributor offers, share of full pressure
+        self._pressure = np.zeros(shape)  # estimated, share of full pressure
+        self._distributor = np.zeros(n)  # estimated pressure of the distributor, share of full pressure
         self._integral = np.ones(shape)  # share of full pressure
         self._engaged = np.zeros(shape, dtype=bool)
         self._calm = np.full(n, np.inf)
@@ -63,7 +63,7 @@ class SlipController:
         """Return the commands (N, A): -1 vent, 0 hold, +1 apply."""
         p = self.parameters
         step = self.wheels.update(measurement, self._command, self._calm <= p.calm_s)[:, None]
-        self._reckon_pressure(step, measurement.demand)
+        self._estimate_pressure(step, measurement.demand)
         self._adapt(step)
         reference = self.wheels.reference[:, None]
         target = np.maximum(self._set_point * reference, p.least_slip_mps)
@@ -89,11 +89,11 @@ class SlipController:
         self._command = command
         return command
 
-    def _reckon_pressure(self, step: np.ndarray, demand: np.ndarray) -> None:
+    def _estimate_pressure(self, step: np.ndarray, demand: np.ndarray) -> None:
         """Follow the cylinder pressures by the brake's nominal time constants and the last commands."""
         brake = self._brake
-        self._supply = np.minimum(self._supply + step[:, 0] / brake.demand_rise_s, demand)
-        target = np.where(self._command > 0.5, self._supply[:, None], np.where(self._command < -0.5, 0.0, self._pressure))
+        self._distributor = np.minimum(self._distributor + step[:, 0] / brake.demand_rise_s, demand)
+        target = np.where(self._command > 0.5, self._distributor[:, None], np.where(self._command < -0.5, 0.0, self._pressure))
         constant = np.where(target > self._pressure, brake.fill_time_constant_s, brake.vent_time_constant_s)
         self._pressure += (1.0 - np.exp(-step / constant)) * (target - self._pressure)
 

@@ -5,9 +5,10 @@
 The machine may be busy with other work: times are the process's own, what is compared runs in turns, every figure is the
 median of the rounds and a ratio the median of the rounds' ratios. Everything runs on one core. CartPole is Gymnasium's
 `make_vec("CartPole-v1", vectorization_mode="sync")`; its cost is that of a step of all N environments, as is the plant's: one
-control interval of 20 ms with all its substeps.
+control interval of 20 ms with all its substeps. By `gym.make`, both are single environments in Gymnasium's wrappers.
 """
 
+import copy
 import dataclasses
 import json
 import math
@@ -33,14 +34,17 @@ from wsp_env.envs.vector import BrakingVectorEnv
 from wsp_env.evaluation.policy import load_policy
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.velim import CONTACT
-from wsp_env.plant.plant import SUBSTEP_S, Plant
-from wsp_env.scenario import TRACK_STEP_M, Scenario, draw
+from wsp_env.plant import make_plant
+from wsp_env.plant.longitudinal.state import SUBSTEP_S
+from wsp_env.plant.port import Setup
+from wsp_env.scenario import Scenario, draw
 
 SIZES = (1, 64, 1024, 8192)
 QUICK_SIZES = (1, 64)
 CONTACTS = 8192
 BY_ROOT_FINDER = 200
 TRACK_NODES = 801
+AT_MOST = (("Bogie-v0 by gym.make", 1, 12.0), ("Bogie-v0", 1, 4.0), ("Bogie-v0", 1024, 0.12))  # times CartPole, by batch size
 WARM_UP_S = 3.0  # of the stops before they are timed: brakes on, wheels sliding
 
 
@@ -147,19 +151,18 @@ def plant_run(name: str, n: int, steps: int) -> Callable[[], int]:
     """Step a batch of sliding stops under changing valve commands, from the same state every time."""
     vehicle = VEHICLES[name]
     rng = np.random.default_rng(1)
-    plant = Plant(vehicle, n, track_step_m=TRACK_STEP_M, track_nodes=TRACK_NODES)
+    plant = make_plant(vehicle, n, Setup(track_nodes=TRACK_NODES))
     scenario = Scenario(mu_cd=(0.02, 0.06), demand=(0.7, 1.0), initial_speed=(25.0, 44.5))
     stops = [draw(scenario, vehicle, rng, TRACK_NODES) for _ in range(min(n, 64))]
     for i in range(n):
         plant.start(i, stops[i % len(stops)])
-    for _ in range(round(WARM_UP_S / plant.control_interval_s)):
+    for _ in range(round(WARM_UP_S / plant.setup.control_interval_s)):
         plant.step(np.ones((n, vehicle.axles)))
-    begin = [array.copy() for array in plant.state]
+    begin = copy.deepcopy(plant)
     commands = [rng.choice([-1.0, 0.0, 1.0, 1.0], size=(n, vehicle.axles)) for _ in range(10)]
 
     def run() -> int:
-        for array, first in zip(plant.state, begin, strict=True):
-            array[...] = first
+        plant = copy.deepcopy(begin)
         for step in range(steps):
             plant.step(commands[step // 10 % 10])
         return steps
@@ -181,6 +184,23 @@ def env_run(env: gym.vector.VectorEnv[Any, Any, Any], steps: int) -> Callable[[]
     return run
 
 
+def single_run(env_id: str, steps: int) -> Callable[[], int]:
+    """Step an environment of `gym.make` under random actions, through the ends of its episodes."""
+    env = gym.make(env_id)
+    env.reset(seed=1)
+    env.action_space.seed(1)
+    actions = [env.action_space.sample() for _ in range(8)]
+
+    def run() -> int:
+        for step in range(steps):
+            _, _, terminated, truncated, _ = env.step(actions[step % 8])
+            if terminated or truncated:
+                env.reset()
+        return steps
+
+    return run
+
+
 def step_runs(n: int) -> dict[str, Callable[[], int]]:
     """Return steps of a batch of n: the plant of each vehicle, the bogie's environment, CartPole."""
     steps = max(3, min(50, 20_000 // n))
@@ -188,6 +208,11 @@ def step_runs(n: int) -> dict[str, Callable[[], int]]:
     runs["Bogie-v0"] = env_run(BrakingVectorEnv(n, IDS["wsp_env/Bogie-v0"]), steps)
     runs["CartPole"] = env_run(gym.make_vec("CartPole-v1", num_envs=n, vectorization_mode="sync"), steps)
     return runs
+
+
+def single_runs() -> dict[str, Callable[[], int]]:
+    """Return steps of single environments as `gym.make` makes them."""
+    return {"Bogie-v0 by gym.make": single_run("wsp_env/Bogie-v0", 50), "CartPole": single_run("CartPole-v1", 50)}
 
 
 def decision_run() -> Callable[[], int]:
@@ -218,17 +243,21 @@ def measure(quick: bool) -> dict[str, Any]:
     decision = 1e6 * float(np.median(in_turns({"decision": decision_run()}, rounds, seconds)["decision"]))
     goals.append(Goal("a decision of the bogie's ONNX policy for one vehicle [us]", decision, 50.0, False))
     rows = []
-    for n in QUICK_SIZES if quick else SIZES:
-        times = in_turns(step_runs(n), rounds, seconds)
+    sizes = QUICK_SIZES if quick else SIZES
+    for n, runs in ((1, single_runs()), *((n, step_runs(n)) for n in sizes)):
+        times = in_turns(runs, rounds, seconds)
         medians = {name: statistics.median(values.tolist()) for name, values in times.items()}
         shares = {name: ratio(values, times["CartPole"]) for name, values in times.items()}
         rows += [
             {"n": n, "what": name, "step_s": medians[name], "steps_per_s": n / medians[name], "to_cartpole": shares[name]}
             for name in times
         ]
+        for name, size, most in AT_MOST:
+            if n == size and name in shares:
+                goals.append(Goal(f"{name} / CartPole, N = {n}", shares[name], most, False))
         if n >= 64:
             goals.append(Goal(f"bogie step / CartPole step, N = {n}", shares["bogie"], 0.5, False))
-            interval = Plant(VEHICLES["coach"]).control_interval_s
+            interval = Setup().control_interval_s
             goals.append(Goal(f"coach, simulated seconds a second, N = {n}", n * interval / medians["coach"], 2000.0, True))
     return {
         "substep_s": SUBSTEP_S,

@@ -7,8 +7,8 @@ of 0.3 ms. Manoeuvres: a stop without slide; full braking whatever the wheels do
 rule-based controller worked them in the reference (replayed: in the loop it answers a change of rounding with another valve
 cycle); and random valves once more with every mechanism on.
 
-The longest substep with every stopping distance of the paper's model within 0.1 % is what `wsp_env.plant.plant.SUBSTEP_S` may
-be at most.
+The longest substep with every stopping distance of the paper's model within 0.1 % is what `SUBSTEP_S` of the
+longitudinal plant may be at most.
 """
 
 import dataclasses
@@ -22,13 +22,13 @@ from rich.console import Console
 from rich.table import Table
 
 from baselines.rule_based import RuleBasedWSP
-from wsp_env.envs.observation import Measurement
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant import make_plant
+from wsp_env.plant.longitudinal.state import SUBSTEP_S
 from wsp_env.plant.mechanisms import ALL
-from wsp_env.plant.plant import SUBSTEP_S, Plant
-from wsp_env.plant.state import Stop
-from wsp_env.scenario import TRACK_STEP_M, Scenario, draw
+from wsp_env.plant.port import Plant, Setup, Stop
+from wsp_env.scenario import Scenario, draw
 
 CONTROL_INTERVAL_S = 0.02
 SUBSTEPS = (1, 2, 4, 8, 16)  # per control interval
@@ -62,15 +62,8 @@ def brake(
     vehicle: Vehicle, stops: list[Stop], substeps: int, commands: Commands, mechanisms: dict[str, Any] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the stopping distances (N,) [m] and the heat in the contacts of each vehicle (N,) [J]."""
-    plant = Plant(
-        vehicle,
-        len(stops),
-        CONTROL_INTERVAL_S,
-        CONTROL_INTERVAL_S / substeps,
-        mechanisms,
-        track_step_m=TRACK_STEP_M,
-        track_nodes=TRACK_NODES,
-    )
+    setup = Setup(CONTROL_INTERVAL_S, CONTROL_INTERVAL_S / substeps, mechanisms or {}, track_nodes=TRACK_NODES)
+    plant = make_plant(vehicle, len(stops), setup)
     for i, stop in enumerate(stops):
         plant.start(i, stop)
     number = 0
@@ -79,7 +72,8 @@ def brake(
             raise RuntimeError(f"{vehicle.name}: a stop takes more than {LIMIT_S} s")
         plant.step(commands(number, plant))
         number += 1
-    return plant.state.position.copy(), plant.state.contact_work.sum(axis=1)
+    end = plant.truth()
+    return end.position.copy(), end.contact_work.sum(axis=1)
 
 
 def _applied(shape: tuple[int, int]) -> Commands:
@@ -106,8 +100,7 @@ def _replayed_rules(vehicle: Vehicle, stops: list[Stop]) -> Commands:
     record: list[np.ndarray] = []
 
     def act(number: int, plant: Plant) -> np.ndarray:
-        state = plant.state
-        record.append(controller.act(Measurement(state.time.copy(), state.measured.copy(), plant.conditions.demand.copy())))
+        record.append(controller.act(plant.reading()._replace(pressure=None)))
         return record[-1]
 
     brake(vehicle, stops, REFERENCE_SUBSTEPS, act)

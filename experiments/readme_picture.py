@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 from matplotlib.figure import Figure
 
+from wsp_env.envs.single import BrakingEnv
 from wsp_env.evaluation.controller import load
 
 #: The conditions of both stops: the recovery rate and the first initial speed of the seed paper (section 4.1, Table 3), on a
@@ -31,6 +32,7 @@ def brake(law: str) -> dict[str, np.ndarray]:
     """Return what happened along a stop of `wsp_env/Bogie-v0` under one law, arrays (T,) or (T, 2) by their names in `info`."""
     env = gym.make("wsp_env/Bogie-v0", adhesion=law)
     env.reset(seed=0, options=CONDITIONS)
+    assert isinstance(env.unwrapped, BrakingEnv)
     batch = env.unwrapped.batch
     controller = load("slip", {"creepage": CREEPAGE})
     controller.reset(1, batch.vehicle)

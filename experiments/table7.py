@@ -26,7 +26,7 @@ from wsp_env.evaluation.runner import run
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.parameters.velim import CONTACT, TAU_M_PER_J, TEST_SPEEDS_MPS
-from wsp_env.plant.state import Stop
+from wsp_env.plant.port import Stop
 from wsp_env.report import Table, terminal_table
 
 #: Table 7: mean and standard deviation of the first wheelset's sliding [m/s], the paper's model and the measurements.

@@ -14,6 +14,8 @@ import argparse
 import json
 import math
 import time
+from collections.abc import Callable
+from typing import TypeVar
 
 import numba
 import numpy as np
@@ -23,6 +25,7 @@ from wsp_env.contact.degraded import adhesion
 from wsp_env.contact.fastsim import ELEMENTS, STRIPS, fastsim
 from wsp_env.contact.kalker import Patch, kalker_coefficients, saturated_force
 from wsp_env.contact.polach import falling_friction, saturation
+from wsp_env.contact.traction import Surface
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.parameters.velim import CONTACT, TAU_M_PER_J, TEST_SPEEDS_MPS
 from wsp_env.report import Table, terminal_table
@@ -34,59 +37,75 @@ STEP_S = 1e-4  # Table 8
 STOP_S = 2.0  # simulated [s]; the cost of a step does not change along a stop
 TORQUE_NM = 6800.0  # per wheelset: some 1.4 m/s2, so that the wheels slide from the start
 
+#: A law: adhesion force of a wheel [N] of slip and running speed [m/s] and load [N].
+Law = Callable[[float, float, float], float]
+
+#: A stop: end speed [m/s] and the sum of all forces that the law gave [N].
+Stop = Callable[[int, float, float, float, float, float, float], tuple[float, float]]
+
+Function = TypeVar("Function", bound=Callable[..., object])
+
 _COEFFICIENTS = kalker_coefficients(CONTACT.semi_axis_a_m / CONTACT.semi_axis_b_m, 0.25)
 _PATCH = Patch(CONTACT.semi_axis_a_m, CONTACT.semi_axis_b_m, CONTACT.shear_modulus_pa, *map(float, _COEFFICIENTS))
 _LAW = CONTACT.law
 _MU = CONTACT.kinetic_friction_d
 
 
-@numba.njit
-def nothing(slip, speed, load):
+def compiled(function: Function) -> Function:
+    """Compile with numba's own defaults, uncached: a stop is compiled anew for every law."""
+    made: Function = numba.njit(function)
+    return made
+
+
+@compiled
+def nothing(slip: float, speed: float, load: float) -> float:
     """No contact law at all: what the stop itself costs."""
     return 0.0
 
 
-@numba.njit
-def kalker(slip, speed, load):
+@compiled
+def kalker(slip: float, speed: float, load: float) -> float:
     """Global Kalker saturated by Johnson and Vermeulen."""
     return saturated_force(slip / speed, 0.0, 0.0, load, _MU, _PATCH)[0]
 
 
-@numba.njit
-def polach(slip, speed, load):
+@compiled
+def polach(slip: float, speed: float, load: float) -> float:
     """Polach with falling friction."""
     friction = falling_friction(abs(slip), _MU, _LAW.ratio_d, _LAW.gamma_d)
     gradient = _LAW.stiffness * abs(slip) / (speed * friction * load)
     return math.copysign(friction * load * saturation(gradient, _LAW.k_ad, _LAW.k_sd), slip)
 
 
-@numba.njit
-def degraded(slip, speed, load):
+@compiled
+def degraded(slip: float, speed: float, load: float) -> float:
     """Evaluate this project's law, closed form."""
-    return load * adhesion(slip, speed, load, _MU, TAU_M_PER_J, 1.0, _LAW).f
+    return load * adhesion(slip, speed, load, Surface(_MU, _LAW.mu_cr, 1.0, 0.0), TAU_M_PER_J, _LAW).f
 
 
-@numba.njit
-def by_fastsim(slip, speed, load):
+@compiled
+def by_fastsim(slip: float, speed: float, load: float) -> float:
     """Evaluate FASTSIM on its default grid."""
     return fastsim(slip / speed, 0.0, 0.0, load, _MU, _PATCH, STRIPS, ELEMENTS)[0]
 
 
-LAWS = {"Kalker, saturated": kalker, "Polach": polach, "degraded adhesion": degraded, "FASTSIM": by_fastsim}
+LAWS: dict[str, Law] = {"Kalker, saturated": kalker, "Polach": polach, "degraded adhesion": degraded, "FASTSIM": by_fastsim}
 
 
-def make_stop(law):
+def make_stop(law: Law) -> Stop:
     """Return a compiled coach stop that also evaluates `law` at every contact and step."""
 
-    @numba.njit
-    def stop(steps, speed, mass, inertia, radius, load, torque):
+    @compiled
+    def stop(
+        steps: int, speed: float, mass: float, inertia: float, radius: float, load: float, torque: float
+    ) -> tuple[float, float]:
         wheels = np.full(4, speed / radius)
         felt = 0.0
         for _ in range(steps):
             total = 0.0
             for k in range(4):
                 slip = speed - radius * wheels[k]
-                moving = adhesion(slip, speed, load, _MU, TAU_M_PER_J, 1.0, _LAW)
+                moving = adhesion(slip, speed, load, Surface(_MU, _LAW.mu_cr, 1.0, 0.0), TAU_M_PER_J, _LAW)
                 force = 2.0 * load * moving.f * (1.0 if slip >= 0.0 else -1.0)
                 for side in (0.99, 1.01):  # two slips and loads, or the compiler would compute one wheel for both
                     felt += law(side * slip, speed, side * load)

@@ -6,8 +6,8 @@ import numpy as np
 
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Brake, Tachometer, Vehicle
-from wsp_env.plant.plant import Plant
-from wsp_env.plant.state import Stop
+from wsp_env.plant.longitudinal.plant import LongitudinalPlant
+from wsp_env.plant.port import Setup, Stop
 
 #: No dead time and a distributor that is always full: the torque follows the valve alone.
 DIRECT = Brake(demand_rise_s=1e-6, dead_time_s=0.0)
@@ -24,16 +24,29 @@ def a_stop(vehicle: Vehicle, **changes) -> Stop:
     return Stop(**(usual | changes))
 
 
-def a_plant(name: str = "bogie", interval: float = 0.02, substep: float = 0.005, vehicle=None, **changes) -> Plant:
+def plant_of(vehicle: Vehicle, n: int = 1, **setup) -> LongitudinalPlant:
+    """N vehicles at rest; `setup` are fields of `Setup`."""
+    return LongitudinalPlant(vehicle, n, Setup(**setup))
+
+
+def arrays(state, before="") -> dict[str, np.ndarray]:
+    """Every array of a state by name, those of its components too."""
+    found = {}
+    for name, value in state._asdict().items():
+        found |= arrays(value, f"{before}{name}.") if hasattr(value, "_asdict") else {before + name: value}
+    return found
+
+
+def a_plant(name: str = "bogie", interval: float = 0.02, substep: float = 0.005, vehicle=None, **changes) -> LongitudinalPlant:
     """One vehicle at the start of `a_stop(**changes)`."""
     vehicle = dataclasses.replace(VEHICLES[name], **(vehicle or {}))
-    plant = Plant(vehicle, 1, interval, substep)
+    plant = plant_of(vehicle, 1, control_interval_s=interval, substep_s=substep)
     plant.start(0, a_stop(vehicle, **changes))
     return plant
 
 
-def run(plant: Plant, seconds: float, command=1.0) -> None:
+def run(plant: LongitudinalPlant, seconds: float, command=1.0) -> None:
     """Keep one command for a time, or until the vehicles stand."""
     commands = np.broadcast_to(np.asarray(command, dtype=float), plant.state.wheel_speed.shape)
-    for _ in range(round(seconds / plant.control_interval_s)):
+    for _ in range(round(seconds / plant.setup.control_interval_s)):
         plant.step(commands)

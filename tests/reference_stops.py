@@ -17,8 +17,8 @@ from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import mechanisms
-from wsp_env.plant.plant import Plant
-from wsp_env.plant.state import Stop
+from wsp_env.plant.longitudinal.plant import LongitudinalPlant
+from wsp_env.plant.port import Setup, Stop
 
 #: An effect is of interest that moves a reference stop by this share of its distance, or a measured slip by this much [m/s].
 DISTANCE_SHARE = 0.01
@@ -65,10 +65,11 @@ def reference_stops(
     vehicle: Vehicle, choice: Mapping[str, Mapping[str, float]] | None = None, interval_s: float = 0.1
 ) -> ReferenceStops:
     """Brake a vehicle through the reference stops with the mechanisms of `choice`."""
-    plant = Plant(vehicle, len(NAMES), interval_s, mechanism_choice=choice, pressure_control=True)
+    plant = LongitudinalPlant(vehicle, len(NAMES), Setup(interval_s, mechanisms=choice or {}, pressure_control=True))
     for i in range(len(NAMES)):
         plant.start(i, _stop(vehicle, i))
     s, p = plant.state, plant.constants
+    per_bar = p.brake.torque_per_bar
     rows: list[tuple[np.ndarray, ...]] = []
     full = vehicle.full_brake_torque_nm
     command = np.ones(s.wheel_speed.shape)
@@ -76,14 +77,14 @@ def reference_stops(
         wanted = _CREEPAGE + _SWING * math.sin(2.0 * math.pi * len(rows) * interval_s / _PERIOD_S)
         load = plant.conditions.mass[0] * p.gravity / (2 * vehicle.axles)
         held = 2.0 * load * s.adhesion[0] * vehicle.wheel_radius_m / full
-        command[0] = np.clip(held + _GAIN * (wanted * s.speed[0] - plant.slip_speed[0]), 0.0, 1.0)
+        command[0] = np.clip(held + _GAIN * (wanted * s.speed[0] - s.slip_speed[0]), 0.0, 1.0)
         before = s.speed.copy()
         moving = plant.moving.copy()
         plant.step(command)
         rows.append(
             (
                 moving, s.speed.copy(), (s.speed - before) / interval_s, s.recorded_speed.copy(), s.position.copy(),
-                s.wheel_speed.copy(), s.filtered.copy(), p.torque_per_bar * s.pressure, s.adhesion.copy(),
+                s.wheel_speed.copy(), s.tachometer.filtered.copy(), per_bar * s.brake.pressure, s.adhesion.copy(),
             )
         )  # fmt: skip
     return ReferenceStops(interval_s * np.arange(1, len(rows) + 1), *(np.array(column) for column in zip(*rows, strict=True)))

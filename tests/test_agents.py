@@ -22,11 +22,11 @@ from agents.export import AGREEMENT, Actor, disagreement, export
 from agents.measure import HELD_OUT, WATCHED, Yardstick, low_adhesion
 from agents.train import LOOKS, Arguments, actor, begin_from, make_world, segment_seed, task_options, train
 from agents.worlds import CUT_OUT_MPS, REFERENCE, SPEEDS, TIME_PRICE_MPS, Joined, Shaped, rest_of_stop
-from wsp_env.envs.observation import Observer
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
 from wsp_env.evaluation.controller import load
-from wsp_env.evaluation.runner import Conduct, make_plant, measure
+from wsp_env.evaluation.runner import Conduct, measure, start_plant
+from wsp_env.observer.observation import Observer
 from wsp_env.parameters.uic_z1 import BOGIE, VEHICLES
 
 TINY = Arguments(
@@ -276,7 +276,7 @@ def test_shaping_adds_what_depends_on_the_start_and_the_slide_alone():
     rng = np.random.default_rng(0)
     while open_stops.any():
         action = rng.integers(0, 3, (3, 2))
-        action[plain.batch.observer.reckoning.speed < CUT_OUT_MPS] = 2
+        action[plain.batch.observer.estimate.speed < CUT_OUT_MPS] = 2
         outcome = {"plain": plain.step(action), "bare": bare.step(action), "priced": priced.step(action)}
         for name, (_, reward, _, _) in outcome.items():
             sums[name] += np.where(open_stops, reward, 0.0)
@@ -367,13 +367,13 @@ def test_shipped_policies_stop_without_locked_wheels(folder, law):
 def test_shipped_policies_know_the_running_speed(folder, law):
     """To the deviation that they claim, at any time of stops in which all wheels may slide at once."""
     vehicle, controller = VEHICLES[folder.name], load(str(folder))
-    plant = make_plant(vehicle, low_adhesion(vehicle, law, 12, 77), Conduct())
+    plant = start_plant(vehicle, low_adhesion(vehicle, law, 12, 77), Conduct())
     controller.reset(plant.n, vehicle)
     wrong = []
     while (fast := plant.state.speed > 3.0).any():
         plant.step(controller.act(measure(plant)))
-        reckoning = controller._observer.reckoning
-        wrong.append(np.where(fast, (reckoning.speed - plant.state.speed) / reckoning.uncertainty, 0.0))
+        estimate = controller._observer.estimate
+        wrong.append(np.where(fast, (estimate.speed - plant.state.speed) / estimate.uncertainty, 0.0))
     assert 0.2 < np.sqrt(np.mean(np.square(wrong))) < 1.0
     assert np.abs(wrong).max() < 4.0
 

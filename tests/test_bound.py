@@ -11,9 +11,9 @@ from wsp_env.contact.degraded import degraded_adhesion
 from wsp_env.evaluation.bound import SlideLimit, best_adhesion, ceiling
 from wsp_env.evaluation.figures import figures
 from wsp_env.evaluation.reference import perfect_knowledge
-from wsp_env.evaluation.runner import Conduct, make_plant, record, run
+from wsp_env.evaluation.runner import Conduct, record, run, start_plant
 from wsp_env.parameters.uic_z1 import BOGIE, COACH, WHEELSET
-from wsp_env.plant.state import Stop
+from wsp_env.plant.port import Stop
 from wsp_env.scenario import Scenario, draw
 
 LAW = WHEELSET.contact.law
@@ -145,7 +145,7 @@ def test_a_stop_beyond_the_limit_may_be_shorter_and_is_marked():
     """Under the recovering law a large slide dries the rail: shorter than the bound, but not within the limit."""
     conditions = [stop(COACH, mu_cd=0.02, tau=1.9e-4, initial_speed=44.4, nodes=1000)]
     top = ceiling(COACH, conditions)
-    plant = make_plant(COACH, conditions, Conduct())
+    plant = start_plant(COACH, conditions, Conduct())
     result = record(plant, lambda: np.ones((1, 4)), Conduct())
     assert result.distance[0] < top.shortest()[0][0]
     assert figures(result, top)["beyond_limit_s"][0] > 1.0

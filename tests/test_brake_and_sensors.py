@@ -8,13 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from plant_cases import DIRECT, a_plant, a_stop, run
+from plant_cases import DIRECT, a_plant, a_stop, arrays, plant_of, run
 
 from wsp_env.parameters.uic_z1 import BOGIE, WHEELSET
 from wsp_env.parameters.vehicle import Tachometer
-from wsp_env.plant.plant import Plant
-from wsp_env.plant.sensors import normal, uniform
-from wsp_env.plant.state import ATMOSPHERE_BAR
+from wsp_env.plant.components.brake import ATMOSPHERE_BAR
+from wsp_env.plant.components.tachometer import normal, uniform
 
 BRAKE = BOGIE.brake
 FULL = BRAKE.full_pressure_bar
@@ -25,31 +24,33 @@ def filled(interval):
     """A bogie that has braked for 6 s, its distributor and cylinders full; the rail grips."""
     plant = a_plant("bogie", interval, 0.01, mu_cd=0.28, initial_speed=50.0)
     run(plant, 6.0)
-    assert_allclose(plant.state.pressure, FULL, rtol=1e-3)
+    assert_allclose(plant.state.brake.pressure, FULL, rtol=1e-3)
     return plant
 
 
 @pytest.mark.parametrize("interval", INTERVALS)
 def test_valve_vents_after_its_dead_time_with_its_time_constant(interval):
     plant = filled(interval)
-    before, start = plant.state.pressure.copy(), plant.state.time[0]
+    before, start = plant.state.brake.pressure.copy(), plant.state.time[0]
     for _ in range(math.ceil(0.4 / interval)):
         plant.step([[-1.0, 1.0]])
         since = max(plant.state.time[0] - start - BRAKE.dead_time_s, 0.0)
-        assert_allclose(plant.state.pressure[0, 0], before[0, 0] * math.exp(-since / BRAKE.vent_time_constant_s), rtol=1e-3)
-    assert plant.state.pressure[0, 1] >= before[0, 1]
+        assert_allclose(
+            plant.state.brake.pressure[0, 0], before[0, 0] * math.exp(-since / BRAKE.vent_time_constant_s), rtol=1e-3
+        )
+    assert plant.state.brake.pressure[0, 1] >= before[0, 1]
 
 
 @pytest.mark.parametrize("interval", INTERVALS)
 def test_valve_fills_after_its_dead_time_with_its_time_constant(interval):
     plant = filled(interval)
     run(plant, 3.0, -1.0)
-    assert plant.state.pressure.max() < 1e-6 * FULL
+    assert plant.state.brake.pressure.max() < 1e-6 * FULL
     start = plant.state.time[0]
     for _ in range(math.ceil(0.5 / interval)):
         run(plant, interval)
         since = max(plant.state.time[0] - start - BRAKE.dead_time_s, 0.0)
-        assert_allclose(plant.state.pressure, FULL * (1.0 - math.exp(-since / BRAKE.fill_time_constant_s)), atol=1e-6)
+        assert_allclose(plant.state.brake.pressure, FULL * (1.0 - math.exp(-since / BRAKE.fill_time_constant_s)), atol=1e-6)
 
 
 @pytest.mark.parametrize("interval", INTERVALS)
@@ -57,43 +58,43 @@ def test_valve_holds(interval):
     plant = filled(interval)
     run(plant, 0.3, -1.0)
     run(plant, 0.3, 0.0)
-    held, air = plant.state.pressure.copy(), plant.state.air.copy()
+    held, air = plant.state.brake.pressure.copy(), plant.state.brake.air.copy()
     run(plant, 1.5, 0.0)
-    assert_array_equal(plant.state.pressure, held)
-    assert_array_equal(plant.state.air, air)
+    assert_array_equal(plant.state.brake.pressure, held)
+    assert_array_equal(plant.state.brake.air, air)
 
 
 def test_cylinders_follow_the_distributor_to_the_demand():
     plant = a_plant("bogie", demand=0.6, mu_cd=0.28, initial_speed=50.0)
     run(plant, 1.0)
-    assert_allclose(plant.state.supply, FULL / BRAKE.demand_rise_s, rtol=1e-9)
+    assert_allclose(plant.state.brake.distributor, FULL / BRAKE.demand_rise_s, rtol=1e-9)
     run(plant, 5.0)
-    assert_allclose(plant.state.supply, 0.6 * FULL, rtol=1e-12)
-    assert_allclose(plant.state.pressure, 0.6 * FULL, rtol=1e-4)
+    assert_allclose(plant.state.brake.distributor, 0.6 * FULL, rtol=1e-12)
+    assert_allclose(plant.state.brake.pressure, 0.6 * FULL, rtol=1e-4)
 
 
 def test_air_is_the_volume_times_the_pressure_that_was_let_in():
     plant = filled(0.02)
     run(plant, 0.1, 0.0)
-    risen = plant.state.pressure.copy()
+    risen = plant.state.brake.pressure.copy()
     for _ in range(5):
         run(plant, 0.4, -1.0)
-        low = plant.state.pressure.copy()
+        low = plant.state.brake.pressure.copy()
         run(plant, BRAKE.dead_time_s, 0.0)
-        low = np.minimum(low, plant.state.pressure)
+        low = np.minimum(low, plant.state.brake.pressure)
         run(plant, 0.5, 1.0)
         run(plant, BRAKE.dead_time_s, 0.0)
-        risen += plant.state.pressure - low
-    assert_allclose(plant.state.air, BRAKE.cylinder_volume_l * risen / ATMOSPHERE_BAR, rtol=1e-9)
+        risen += plant.state.brake.pressure - low
+    assert_allclose(plant.state.brake.air, BRAKE.cylinder_volume_l * risen / ATMOSPHERE_BAR, rtol=1e-9)
 
 
 @given(st.floats(0.0, 1.0), st.floats(0.2, 1.0))
 def test_pressure_command_is_a_share_of_the_demand(share, demand):
-    plant = Plant(BOGIE, 1, pressure_control=True)
+    plant = plant_of(BOGIE, 1, pressure_control=True)
     plant.start(0, a_stop(BOGIE, mu_cd=0.28, initial_speed=50.0, demand=demand))
     run(plant, 6.0, 1.0)
     run(plant, 3.0, [share, 0.0])
-    assert_allclose(plant.state.pressure[0], [share * demand * FULL, 0.0], atol=1e-4)
+    assert_allclose(plant.state.brake.pressure[0], [share * demand * FULL, 0.0], atol=1e-4)
 
 
 def test_interval_changes_when_commands_are_heard_and_nothing_else():
@@ -103,8 +104,8 @@ def test_interval_changes_when_commands_are_heard_and_nothing_else():
     for command in wave:
         run(coarse, 0.2, command)
         run(fine, 0.2, command)
-    for name in ("time", "position", "speed", "wheel_speed", "pressure", "air"):
-        assert_allclose(getattr(fine.state, name), getattr(coarse.state, name), rtol=1e-9, atol=1e-9, err_msg=name)
+    for name in ("time", "position", "speed", "wheel_speed", "brake.pressure", "brake.air"):
+        assert_allclose(arrays(fine.state)[name], arrays(coarse.state)[name], rtol=1e-9, atol=1e-9, err_msg=name)
 
 
 def test_tachometer_reads_a_steady_wheel_exactly():
@@ -115,7 +116,7 @@ def test_tachometer_reads_a_steady_wheel_exactly():
             )
             for _ in range(300):
                 run(plant, 0.02)
-                assert_allclose(plant.state.measured, plant.state.wheel_speed, rtol=1e-9)
+                assert_allclose(plant.state.tachometer.measured, plant.state.wheel_speed, rtol=1e-9)
 
 
 def test_tachometer_reads_the_mean_speed_between_its_edges():
@@ -134,7 +135,7 @@ def test_tachometer_reads_the_mean_speed_between_its_edges():
             history.append(now)
             age = 0.04 + 2.0 * (2.0 * math.pi / pulses) / now
             past = history[max(len(history) - 1 - math.ceil(age / 0.02), 0)]
-            assert now - 1e-9 <= plant.state.measured[0, 0] <= past + 1e-9
+            assert now - 1e-9 <= plant.state.tachometer.measured[0, 0] <= past + 1e-9
 
 
 def test_tachometer_of_a_locked_wheel_falls_to_nothing():
@@ -146,7 +147,7 @@ def test_tachometer_of_a_locked_wheel_falls_to_nothing():
     for _ in range(100):
         run(plant, 0.02)
         # No edge since: the speed can be at most one pulse over the time that has passed.
-        assert 0.0 <= plant.state.measured[0, 0] <= pulse / (plant.state.time[0] - locked) + 1e-9
+        assert 0.0 <= plant.state.tachometer.measured[0, 0] <= pulse / (plant.state.time[0] - locked) + 1e-9
 
 
 def test_noise_has_the_deviation_that_was_asked_for():
@@ -154,7 +155,7 @@ def test_noise_has_the_deviation_that_was_asked_for():
     errors = []
     for _ in range(3000):
         run(plant, 0.02)
-        errors.append(plant.state.measured[0] - plant.state.wheel_speed[0])
+        errors.append(plant.state.tachometer.measured[0] - plant.state.wheel_speed[0])
     errors = np.array(errors)
     assert_allclose(errors.std(axis=0), 0.3, rtol=0.06)  # four deviations of an estimate from 3000
     assert_allclose(errors.mean(axis=0), 0.0, atol=0.022)
@@ -174,11 +175,11 @@ def test_noise_generator_is_uniform_and_normal():
 def test_noise_differs_between_stops_and_not_between_batches():
     readings = []
     for batch in ((1, 2), (2,)):
-        plant = Plant(WHEELSET, len(batch))
+        plant = plant_of(WHEELSET, len(batch))
         for i, key in enumerate(batch):
             plant.start(i, a_stop(WHEELSET, key=key, noise=0.1))
         run(plant, 1.0)
-        readings.append(plant.state.measured[:, 0].copy())
+        readings.append(plant.state.tachometer.measured[:, 0].copy())
     assert readings[0][1] == readings[1][0]
     assert readings[0][0] != readings[0][1]
 
@@ -194,9 +195,9 @@ def test_dead_time_longer_than_many_intervals():
     slow = dataclasses.replace(BRAKE, dead_time_s=0.5)
     plant = a_plant("bogie", 0.02, 0.01, mu_cd=0.28, initial_speed=50.0, vehicle={"brake": slow})
     run(plant, 6.0)
-    before, start = plant.state.pressure[0, 0], plant.state.time[0]
+    before, start = plant.state.brake.pressure[0, 0], plant.state.time[0]
     run(plant, 0.5, -1.0)
-    assert plant.state.pressure[0, 0] >= before
+    assert plant.state.brake.pressure[0, 0] >= before
     run(plant, 0.1, -1.0)
     since = plant.state.time[0] - start - 0.5
-    assert_allclose(plant.state.pressure[0, 0], before * math.exp(-since / slow.vent_time_constant_s), rtol=1e-3)
+    assert_allclose(plant.state.brake.pressure[0, 0], before * math.exp(-since / slow.vent_time_constant_s), rtol=1e-3)

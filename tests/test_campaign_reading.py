@@ -70,6 +70,8 @@ def test_demo_campaign_is_complete():
         ("mass_kg = 43000.0", "", ["lacks mass_kg"]),
         ("mass_kg = 43000.0", "mass_kg = 43000.0\nweight = 1", [r"unknown key in \[vehicle\] weight", "valid: axles"]),
         ('set = "velim"', 'set = "mars"', ["'mars' is unknown", "valid: velim"]),
+        ('set = "velim"', 'set = ["velim"]', [r"\['velim'\] is unknown", "valid: velim"]),
+        ('[contact]\nset = "velim"', '[[contact]]\nset = "velim"', [r"\[contact\] must be a table"]),
         ('set = "velim"', 'set = "velim"\nkinetic_friction_d = 0.5', ["exceeds kinetic_friction_r"]),
         ('file = "A1.csv"', 'file = "A9.csv"', ["A9.csv does not exist", "file of run A1"]),
         ("[runs.A1]", "[runs.A1]\nkinetic_friction_d = 0.28", ["not below kinetic_friction_r"]),

@@ -4,19 +4,18 @@ import dataclasses
 
 import numpy as np
 import pytest
+from plant_cases import plant_of
 
 from baselines.extremum_seeking import ExtremumSeeker
 from baselines.none import NoWSP
 from baselines.reference_speed import ReferenceParameters, ReferenceSpeed
 from baselines.rule_based import RuleBasedWSP
 from baselines.slip_control import SlipController, SlipParameters
-from wsp_env.envs.batch import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
-from wsp_env.envs.observation import Measurement
+from wsp_env.envs.step import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
 from wsp_env.evaluation.controller import SHORT_NAMES, Controller, load
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import BOGIE, COACH, WHEELSET
-from wsp_env.plant.plant import Plant
-from wsp_env.plant.state import Stop
+from wsp_env.plant.port import Measurement, Stop
 
 INTERVAL_S = 0.02
 PROTECTING = [RuleBasedWSP, SlipController, ExtremumSeeker]
@@ -30,7 +29,7 @@ def make_stop(vehicle, mu_cd=0.03, tau=0.0, speed=30.0, noise=0.05, radius=None)
 
 def drive(controller, vehicle, stops, interval_s=INTERVAL_S, change=lambda measurement: measurement):
     """Brake to standstill; return the plant, the commands (T, N, A) and which wheels ever locked (N, A)."""
-    plant = Plant(vehicle, len(stops), interval_s)
+    plant = plant_of(vehicle, len(stops), control_interval_s=interval_s)
     for index, stop in enumerate(stops):
         plant.start(index, stop)
     controller.reset(len(stops), vehicle)
@@ -38,7 +37,7 @@ def drive(controller, vehicle, stops, interval_s=INTERVAL_S, change=lambda measu
     commands = []
     while plant.moving.any():
         state = plant.state
-        measurement = Measurement(state.time.copy(), state.measured.copy(), plant.conditions.demand.copy())
+        measurement = plant.reading()._replace(pressure=None)
         commands.append(controller.act(change(measurement)).copy())
         plant.step(commands[-1])
         standing = plant.conditions.radius * state.wheel_speed < LOCKED_WHEEL_MPS

@@ -23,7 +23,7 @@ from wsp_env.recordings.creep_curves import (
     holds_creep_curves,
     read_creep_curves,
 )
-from wsp_env.recordings.table import CampaignError
+from wsp_env.recordings.errors import CampaignError
 
 CONTACT = CreepContact(wheel_load_n=80e3, wheel_radius_m=0.46)
 TOML = """
@@ -39,18 +39,17 @@ speed_mps = 15.0
 """
 
 
-def synthetic(
-    seed=0, slope=1.0, static=0.3, kinetic=0.3, rate=0.5, speeds=(15.0,), extra=None, noise=0.01, points=120, low=5e-4
-):
-    """Points on Polach's law, written with its own formula, with white noise."""
+def synthetic(seed=0, slope=1.0, friction=(0.3, 0.3, 0.5), speeds=(15.0,), extra=None, noise=0.01, points=120, low=5e-4):
+    """Points on Polach's law, written with its own formula, with white noise; friction: static, kinetic, rate [s/m]."""
+    static, kinetic, rate = friction
     random = np.random.default_rng(seed)
     patch = CONTACT.patch()
     stiffness = slope * float(contact_stiffness(patch.semi_axis_a, patch.semi_axis_b, patch.shear_modulus, patch.c11))
     curves = {}
     for speed in speeds:
         e = np.sort(np.exp(random.uniform(np.log(low), np.log(0.25), points)))
-        friction = (kinetic, kinetic / static, rate, 1.0, 1.0)
-        f = polach_adhesion(e, e * speed, CONTACT.wheel_load_n, stiffness, *friction) + noise * random.standard_normal(points)
+        falling = (kinetic, kinetic / static, rate, 1.0, 1.0)
+        f = polach_adhesion(e, e * speed, CONTACT.wheel_load_n, stiffness, *falling) + noise * random.standard_normal(points)
         curves[f"{speed:g} m/s"] = CreepCurve(speed, e, f + (extra(e) if extra else 0.0))
     return CreepCurves("synthetic", CONTACT, curves)
 
@@ -139,7 +138,7 @@ def test_only_the_slope():
 
 @pytest.mark.slow
 def test_only_the_fall():
-    found = diagnose_creep_curves(synthetic(static=0.35, kinetic=0.15, rate=0.8))
+    found = diagnose_creep_curves(synthetic(friction=(0.35, 0.15, 0.8)))
     assert found.verdict in ("named", "ambiguous")
     assert names(found) == {"falling_friction"}
     assert found.law["static friction"].value == pytest.approx(0.35, rel=0.1)
@@ -149,7 +148,7 @@ def test_only_the_fall():
 
 @pytest.mark.slow
 def test_slope_and_fall_together():
-    found = diagnose_creep_curves(synthetic(slope=0.4, static=0.35, kinetic=0.15, rate=0.8))
+    found = diagnose_creep_curves(synthetic(slope=0.4, friction=(0.35, 0.15, 0.8)))
     assert len(found.mechanisms) == 2
     (fall,) = (one for one in found.mechanisms if one.name != "initial_slope")
     assert "falling_friction" in fall.alternatives  # at one speed heat may explain the fall as well
@@ -164,7 +163,7 @@ def test_slope_and_fall_together():
 
 @pytest.mark.slow
 def test_a_second_speed_tells_the_running_speed_apart():
-    slow, fast = synthetic(1, speeds=(10.0,)), synthetic(2, static=0.24, kinetic=0.24, speeds=(40.0,))
+    slow, fast = synthetic(1, speeds=(10.0,)), synthetic(2, friction=(0.24, 0.24, 0.5), speeds=(40.0,))
     found = diagnose_creep_curves(CreepCurves("two speeds", CONTACT, slow.curves | fast.curves))
     assert names(found) == {"speed_dependent_friction"}
     assert value(found, "speed_dependent_friction", "share").value > 0.0
@@ -186,7 +185,7 @@ def test_points_that_scatter_wildly_are_insufficient():
 
 @pytest.mark.slow
 def test_a_fall_that_never_levels_off_leaves_its_parameters_open():
-    found = diagnose_creep_curves(synthetic(static=0.35, kinetic=0.1, rate=0.15))
+    found = diagnose_creep_curves(synthetic(friction=(0.35, 0.1, 0.15)))
     assert "falling_friction" in names(found)
     tied = {parameter for one in found.inseparable for parameter in one.parameters}
     assert {"falling_friction.excess", "kinetic_friction"} <= tied

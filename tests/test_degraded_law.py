@@ -19,6 +19,7 @@ from wsp_env.contact.degraded import (
     exp_minus_lambert_w0,
 )
 from wsp_env.contact.polach import contact_stiffness, polach_adhesion, shear_stiffness
+from wsp_env.contact.traction import Surface
 from wsp_env.parameters.velim import CONTACT
 
 pytestmark = pytest.mark.plain
@@ -30,7 +31,7 @@ speeds = st.floats(0.1, 60.0)
 loads = st.floats(20e3, 120e3)
 frictions = st.floats(0.01, 0.15)
 rates = st.floats(0.0, 1e-3)
-films = st.floats(0.0, 1.0)
+layers = st.floats(0.0, 1.0)
 
 
 def limits(slip, speed, load, mu_cd):
@@ -98,39 +99,40 @@ def test_contaminant_with_more_friction_than_the_clean_rail(e, v, load, mu_cd, t
     assert_allclose(f, f_r - (f_r - f_d) * math.exp(-tau * load * e * f), atol=1e-12)
 
 
-@given(st.floats(1e-3, 1.0), st.floats(0.5, 60.0), loads, frictions, rates, films)
-def test_derivatives_are_the_slopes_of_the_law(e, v, load, mu_cd, tau, film):
+@given(st.floats(1e-3, 1.0), st.floats(0.5, 60.0), loads, frictions, rates, layers)
+def test_derivatives_are_the_slopes_of_the_law(e, v, load, mu_cd, tau, layer):
     slip = e * v
 
     def f(s, speed):
-        return float(degraded_adhesion(s, speed, load, mu_cd, tau, LAW, film))
+        return float(degraded_adhesion(s, speed, load, mu_cd, tau, LAW, layer))
 
-    state = adhesion(slip, v, load, mu_cd, tau, film, LAW)
+    state = adhesion(slip, v, load, Surface(mu_cd, LAW.mu_cr, layer, 0.0), tau, LAW)
     h, k = 1e-5 * slip, 1e-5 * v
     by_slip = (8.0 * (f(slip + h, v) - f(slip - h, v)) - f(slip + 2 * h, v) + f(slip - 2 * h, v)) / (12.0 * h)
     by_speed = (8.0 * (f(slip, v + k) - f(slip, v - k)) - f(slip, v + 2 * k) + f(slip, v - 2 * k)) / (12.0 * k)
     # The differences carry a rounding error of about 1e-15 / 1e-5, relative to f / slip and f / v.
     assert_allclose(state.df_ds, by_slip, rtol=1e-7, atol=1e-8 / slip)
     assert_allclose(state.df_dv, by_speed, rtol=1e-7, atol=1e-8 / v)
-    assert_allclose(adhesion_slope(slip, v, load, mu_cd, tau, LAW, film), state.df_ds, rtol=1e-13)
-    assert_allclose(adhesion_slope(-slip, v, load, mu_cd, tau, LAW, film), state.df_ds, rtol=1e-13)
+    assert_allclose(adhesion_slope(slip, v, load, mu_cd, tau, LAW, layer), state.df_ds, rtol=1e-13)
+    assert_allclose(adhesion_slope(-slip, v, load, mu_cd, tau, LAW, layer), state.df_ds, rtol=1e-13)
 
 
-@given(creepages, speeds, loads, frictions, rates, rates, films)
-def test_law_lies_between_its_limits_and_grows_with_tau(e, v, load, mu_cd, first, second, film):
+@given(creepages, speeds, loads, frictions, rates, rates, layers)
+def test_law_lies_between_its_limits_and_grows_with_tau(e, v, load, mu_cd, first, second, layer):
     low, high = sorted((first, second))
-    state = adhesion(e * v, v, load, mu_cd, low, film, LAW)
+    state = adhesion(e * v, v, load, Surface(mu_cd, LAW.mu_cr, layer, 0.0), low, LAW)
     assert state.f_d - 1e-13 <= state.f <= state.f_r + 1e-13
-    assert state.f <= degraded_adhesion(e * v, v, load, mu_cd, high, LAW, film) + 1e-13
-    assert state.f <= degraded_adhesion(e * v, v, load, mu_cd, low, LAW, 0.5 * film) + 1e-13  # less film, more adhesion
+    assert state.f <= degraded_adhesion(e * v, v, load, mu_cd, high, LAW, layer) + 1e-13
+    # Less of the layer, more adhesion.
+    assert state.f <= degraded_adhesion(e * v, v, load, mu_cd, low, LAW, 0.5 * layer) + 1e-13
 
 
 @given(creepages, speeds, loads, frictions, rates)
-def test_ends_of_recovery_and_film(e, v, load, mu_cd, tau):
+def test_ends_of_recovery_and_layer(e, v, load, mu_cd, tau):
     arguments = (e * v, v, load, mu_cd)
     f_d, f_r = limits(*arguments)
     assert_allclose(degraded_adhesion(*arguments, 0.0, LAW), f_d, rtol=1e-12, atol=1e-15)
-    assert_allclose(degraded_adhesion(*arguments, tau, LAW, film=0.0), f_r, rtol=1e-12, atol=1e-15)
+    assert_allclose(degraded_adhesion(*arguments, tau, LAW, layer=0.0), f_r, rtol=1e-12, atol=1e-15)
 
 
 @given(st.floats(-60.0, 60.0), speeds, loads, frictions, rates)
@@ -145,7 +147,7 @@ def test_force_opposes_the_slip(slip, v, load, mu_cd, tau):
 @pytest.mark.parametrize("speed", [0.0, 1e-9, 20.0])
 @pytest.mark.parametrize("load", [0.0, 53e3])
 def test_law_is_finite_at_standstill_without_load_and_without_slip(slip, speed, load):
-    state = adhesion(slip, speed, load, 0.06, 1.9e-4, 1.0, LAW)
+    state = adhesion(slip, speed, load, Surface(0.06, LAW.mu_cr, 1.0, 0.0), 1.9e-4, LAW)
     assert all(math.isfinite(x) for x in state)
     assert state.f == 0.0 if slip == 0.0 else 0.0 < state.f <= 0.28 / 0.4
 
@@ -155,7 +157,7 @@ def test_law_is_the_same_one_by_one_and_in_batches():
     batch = degraded_adhesion(slips, 30.0, 53e3, mu_cd, 1.9e-4, LAW)
     assert batch.shape == (7, 3)
     for i, j in np.ndindex(7, 3):
-        state = adhesion(slips[i, 0], 30.0, 53e3, mu_cd[j], 1.9e-4, 1.0, LAW)
+        state = adhesion(slips[i, 0], 30.0, 53e3, Surface(mu_cd[j], LAW.mu_cr, 1.0, 0.0), 1.9e-4, LAW)
         assert_allclose(abs(batch[i, j]), state.f, rtol=1e-14)
         assert_allclose(batch[i, j], degraded_adhesion(slips[i, 0], 30.0, 53e3, mu_cd[j], 1.9e-4, LAW), rtol=1e-14)
 

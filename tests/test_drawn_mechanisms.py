@@ -10,13 +10,13 @@ from gymnasium.envs.registration import EnvSpec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
+from plant_cases import arrays, plant_of
 
 import wsp_env  # noqa: F401  # registers the environments
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import BOGIE
 from wsp_env.plant.mechanisms import ALL
-from wsp_env.plant.plant import Plant
 from wsp_env.scenario import Scenario, draw, draw_mechanisms
 
 RANGES = {
@@ -36,45 +36,45 @@ def brake(plant, steps=150):
     commands = rng.integers(-1, 2, (steps, 5, 2))[:, : plant.n]
     for command in commands:
         plant.step(command)
-    return plant.state
+    return arrays(plant.state)
 
 
 def test_stops_of_different_physics_in_one_batch_brake_as_each_alone():
     """One stop has the batch's own physics, the others theirs; bit for bit."""
     rng = np.random.default_rng(2)
     choices = [None, *(draw_mechanisms(RANGES, rng) for _ in range(4))]
-    together = Plant(BOGIE, 5, track_nodes=801, mechanism_choice={"aerodynamic_drag": {}})
+    together = plant_of(BOGIE, 5, track_nodes=801, mechanisms={"aerodynamic_drag": {}})
     for i, (stop, choice) in enumerate(zip(stops(5), choices, strict=True)):
         together.start(i, stop, choice)
     state = brake(together)
     for i, (stop, choice) in enumerate(zip(stops(5), choices, strict=True)):
-        alone = Plant(BOGIE, 5, track_nodes=801, mechanism_choice=choice or {"aerodynamic_drag": {}})
+        alone = plant_of(BOGIE, 5, track_nodes=801, mechanisms=choice or {"aerodynamic_drag": {}})
         for row, other in enumerate(stops(5)):
             alone.start(row, other)
         expected = brake(alone)
-        for name in ("speed", "wheel_speed", "position", "measured", "contact_work"):
-            assert_array_equal(getattr(state, name)[i], getattr(expected, name)[i], err_msg=f"{name}, {stop.key}, {choice}")
-    assert len(np.unique(state.position)) == 5
+        for name in ("speed", "wheel_speed", "position", "tachometer.measured", "contact_work"):
+            assert_array_equal(state[name][i], expected[name][i], err_msg=f"{name}, {stop.key}, {choice}")
+    assert len(np.unique(state["position"])) == 5
 
 
 def test_a_vehicle_that_starts_anew_without_its_own_physics_has_the_batchs():
-    plant, plain = (Plant(BOGIE, 1, track_nodes=801) for _ in range(2))
+    plant, plain = (plant_of(BOGIE, 1, track_nodes=801) for _ in range(2))
     plant.start(0, stops(1)[0], {"vehicle_mass": {"extra": 0.2}})
     brake(plant, 10)
     for one in (plant, plain):
         one.start(0, stops(1)[0])
-    assert_array_equal(brake(plant).position, brake(plain).position)
+    assert_array_equal(brake(plant)["position"], brake(plain)["position"])
 
 
 @pytest.mark.parametrize("taken", [copy.deepcopy, lambda plant: pickle.loads(pickle.dumps(plant))])
 def test_a_copy_brakes_as_the_original(taken):
-    plant = Plant(BOGIE, 2, track_nodes=801)
+    plant = plant_of(BOGIE, 2, track_nodes=801)
     plant.start(0, stops(2)[0], {"vehicle_mass": {"extra": 0.2}})
     plant.start(1, stops(2)[1])
     brake(plant, 10)
     other = taken(plant)
     before = plant.state.position.copy()
-    assert_array_equal(brake(other).position, brake(plant).position)
+    assert_array_equal(brake(other)["position"], brake(plant)["position"])
     assert (plant.state.position > before).all()
 
 

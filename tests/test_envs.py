@@ -12,11 +12,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import wsp_env
 from wsp_env.envs import IDS
-from wsp_env.envs.observation import Measurement, Observer
-from wsp_env.envs.reckoning import full_brake
 from wsp_env.envs.task import RewardWeights
+from wsp_env.observer.estimator import full_brake
+from wsp_env.observer.observation import Observer
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.plant.mechanisms import ALL
+from wsp_env.plant.port import Measurement
 from wsp_env.scenario import PINS
 
 ids = pytest.mark.parametrize("env_id", sorted(IDS))
@@ -97,7 +98,7 @@ def test_no_observation_is_constant_and_all_lie_in_the_space(env_id, action, pre
     assert np.isfinite(seen).all()
     assert all(env.observation_space.contains(row) for row in seen)
     rail = 10 * VEHICLES[IDS[env_id]].axles + np.arange(9)  # only where wheels slide, see test_rail
-    in_doubt = env.observation_space.shape[0] - 4  # only where all axles slide for long, see test_reckoning
+    in_doubt = env.observation_space.shape[0] - 4  # only where all axles slide for long, see test_estimator
     assert (np.ptp(np.delete(seen, [*rail, in_doubt], axis=1), axis=0) > 1e-3).all()
     assert np.abs(seen).max() < env.observation_space.high[0]  # nothing is clipped in an ordinary episode
 
@@ -218,7 +219,7 @@ def test_pressures_are_seen_only_where_they_are_measured(env_id):
         blind, sighted = without.step(action)[0], with_.step(action)
         share = sighted[4]["pressure_bar"] / vehicle.brake.full_pressure_bar * full_brake(vehicle) / 0.1
         assert_allclose(sighted[0][3 * axles : 4 * axles], share, rtol=1e-6)
-        assert_allclose(blind[3 * axles : 4 * axles], share, atol=0.01)  # reckoned from the commands
+        assert_allclose(blind[3 * axles : 4 * axles], share, atol=0.01)  # estimated from the commands
 
 
 @ids

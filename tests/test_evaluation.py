@@ -23,15 +23,16 @@ from wsp_env.evaluation.figures import FIGURES, figures, losses
 from wsp_env.evaluation.programme import (
     STANDARD,
     Case,
+    Draws,
     Programme,
     Requirement,
-    draw_conditions,
+    draw_stops,
     friction_for,
     read_programme,
     select_cases,
 )
-from wsp_env.evaluation.report import write_report
-from wsp_env.evaluation.runner import Conduct, Run, run
+from wsp_env.evaluation.programme_report import write_report
+from wsp_env.evaluation.runner import Conduct, StopRecords, run
 from wsp_env.evaluation.sources import code_digest, imported_beside
 from wsp_env.evaluation.summary import interval, judge, summarise
 from wsp_env.parameters.quantity import ParameterError
@@ -114,9 +115,9 @@ def test_initial_adhesion_at_44_mps(mu_cd, adhesion):
 def test_drawn_stops_have_the_initial_adhesion_of_their_case():
     programme = read_programme()
     case = select_cases(programme, COACH, ["low-160-full"])[0]
-    conditions = draw_conditions(case, programme, COACH, 4, 1)
+    drawn = draw_stops(case, programme, COACH, Draws(4, 1))
     slip = np.linspace(1e-3, 44.0, 20000)
-    for stop in conditions.stops:
+    for stop in drawn.stops:
         load_n = stop.mass * COACH.gravity_mps2 / 8
         peak = adhesion_without_recovery(slip, stop.initial_speed, load_n, stop.mu_cd, 0.0, COACH.contact.law).max()
         assert 0.05 - 1e-5 <= peak <= 0.08 + 1e-5
@@ -126,7 +127,7 @@ def test_drawn_stops_have_the_initial_adhesion_of_their_case():
 def test_both_laws_see_the_same_stops_and_more_draws_keep_the_first():
     programme = read_programme()
     case = select_cases(programme, COACH, ["worn-wheelset-160"])[0]
-    few, many = (draw_conditions(case, programme, COACH, n, 7) for n in (2, 3))
+    few, many = (draw_stops(case, programme, COACH, Draws(n, 7)) for n in (2, 3))
     assert few.laws == ("classic", "recovering") * 2
     for classic, recovering in zip(few.stops[::2], few.stops[1::2], strict=True):
         assert classic.tau == 0.0 < recovering.tau
@@ -141,7 +142,7 @@ def test_contamination_lies_where_the_case_says():
     programme = read_programme()
     up, down = select_cases(programme, COACH, ["change-up-160", "change-down-160"])
     for case, before, after in ((up, 1.0, 0.0), (down, 0.0, 1.0)):
-        coverage = draw_conditions(case, programme, COACH, 1, 0).stops[0].coverage
+        coverage = draw_stops(case, programme, COACH, Draws(1, 0)).stops[0].coverage
         assert coverage[0] == before
         assert coverage[-1] == after
         assert np.abs(np.diff(coverage)).sum() == 1.0
@@ -175,7 +176,7 @@ def test_figures_of_a_made_up_stop():
     """Eqs. (20), (21) and the times, on a course that is known: 3 s in 1 s steps, one axle, the first stop shorter."""
     ones = np.ones((4, 2, 1))
     slip = np.stack([np.array([0.0, 1.0, 3.0, 9.0]), np.array([0.0, 4.0, 4.0, 10.0])], axis=1)[:, :, None]
-    result = Run(
+    result = StopRecords(
         time=np.arange(4.0),
         speed=np.full((4, 2), 10.0),
         position=10.0 * np.arange(4.0)[:, None] * np.ones(2),
@@ -191,7 +192,7 @@ def test_figures_of_a_made_up_stop():
         contact_work=np.array([[2e6], [4e6]]),
     )
     programme = dataclasses.replace(SMALL, cases=(Case("a", "", 36.0, (0.05, 0.05)),))
-    top = ceiling(WHEELSET, draw_conditions(programme.cases[0], programme, WHEELSET, 1, 0).stops)
+    top = ceiling(WHEELSET, draw_stops(programme.cases[0], programme, WHEELSET, Draws(1, 0)).stops)
     found = figures(result, top)
     np.testing.assert_allclose(found["mean_slip_mps"], [2.0, 6.0])
     np.testing.assert_allclose(found["slip_deviation_mps"], [1.0, math.sqrt(8.0)])
@@ -207,9 +208,9 @@ def test_figures_of_a_made_up_stop():
 def test_the_causes_account_for_all_metres_beyond_the_bound(name):
     programme = read_programme()
     case = dataclasses.replace(select_cases(programme, COACH, ["low-120"])[0], initial_speed_kmh=70.0)
-    conditions = draw_conditions(case, programme, COACH, 2, 0)
-    top = ceiling(COACH, conditions.stops, programme.limit)
-    result = run(load(name), COACH, conditions.stops)
+    drawn = draw_stops(case, programme, COACH, Draws(2, 0))
+    top = ceiling(COACH, drawn.stops, programme.limit)
+    result = run(load(name), COACH, drawn.stops)
     beyond = result.distance - top.shortest()[0]
     np.testing.assert_allclose(sum(losses(result, top).values()), beyond, atol=0.01 * result.distance.max())
 
@@ -226,7 +227,7 @@ def test_the_interval_is_students():
 
 
 def run_small(controllers, folder, **options) -> module.Evaluation:
-    return evaluate(controllers, SMALL, SMALL.cases, WHEELSET, folder, draws=2, **options)
+    return evaluate(controllers, SMALL, SMALL.cases, WHEELSET, folder, draws=Draws(2), **options)
 
 
 def test_every_controller_has_every_stop_and_is_never_better_than_the_bound_within_the_limit(tmp_path, own):
@@ -263,7 +264,7 @@ def test_every_controller_has_every_stop_and_is_never_better_than_the_bound_with
         assert (trace.time[0], trace.speed[-1]) == (0.0, 0.0)
         assert trace.position[-1] == pytest.approx(distance)
         assert (np.diff(trace.time) >= 0.0).all()
-        assert trace.rim.shape == trace.pressure.shape == (*trace.time.shape, 1)
+        assert trace.wheel.shape == trace.pressure.shape == (*trace.time.shape, 1)
 
 
 def test_what_is_there_is_not_computed_again_and_nothing_half_written_counts(tmp_path, own, monkeypatch):
@@ -374,7 +375,9 @@ def test_a_controller_that_ends_its_process_is_reported_and_the_others_evaluated
 
 
 def test_a_stop_that_ran_on_meets_no_requirement(tmp_path):
-    result = evaluate({"none": {}}, SMALL, SMALL.cases[:1], WHEELSET, tmp_path, draws=1, conduct=Conduct(time_limit_s=2.0))
+    result = evaluate(
+        {"none": {}}, SMALL, SMALL.cases[:1], WHEELSET, tmp_path, draws=Draws(1), conduct=Conduct(time_limit_s=2.0)
+    )
     verdicts = judge(result.stops, SMALL.requirements)
     assert [verdict.passed for verdict in verdicts if verdict.controller == "none"] == [False, False]
     assert all("ran on" in verdict.where for verdict in verdicts)

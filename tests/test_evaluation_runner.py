@@ -5,7 +5,7 @@ import pytest
 
 from wsp_env.evaluation.runner import Conduct, ControllerFailure, run
 from wsp_env.parameters.uic_z1 import BOGIE, COACH
-from wsp_env.plant.state import Stop
+from wsp_env.plant.port import Stop
 from wsp_env.scenario import Scenario, draw
 
 

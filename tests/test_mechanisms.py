@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from plant_cases import a_stop
+from plant_cases import a_stop, plant_of
 from reference_stops import NAMES, effect, reference_stops, smallest_effect
 from scipy.optimize import least_squares
 from scipy.special import lambertw
@@ -17,9 +17,9 @@ from wsp_env.contact.degraded import degraded_adhesion
 from wsp_env.contact.recovery import _WORK_FLOOR, kept_by_shape
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import BOGIE, COACH
-from wsp_env.plant.along import Run, Trajectory, along, model
+from wsp_env.plant.card import Passage
+from wsp_env.plant.longitudinal.along import Run, Trajectory, along, model
 from wsp_env.plant.mechanisms import ALL, NULL, leading_axle_cleaning, make, wheel_speed_lag
-from wsp_env.plant.plant import Plant
 
 every = pytest.mark.parametrize("name", ALL)
 STEP_S = 0.01
@@ -54,7 +54,7 @@ def recorded(name=None):
         p = wheel_speed_lag.Parameters(**choice[name])
         read = wheel.copy()
         for j in range(1, len(read)):
-            read[j] = [wheel_speed_lag.reading(p, read[j - 1, k], wheel[j - 1, k], wheel[j, k], STEP_S) for k in range(4)]
+            read[j] = [wheel_speed_lag.reading(p, wheel[j, k], read[j - 1, k], wheel[j - 1, k], STEP_S) for k in range(4)]
         wheel = read
     speed = stops.recorded_speed_mps[:, i]
     trajectory = Trajectory(
@@ -82,7 +82,8 @@ def test_says_what_it_is(name):
     mechanism = ALL[name]
     assert mechanism.record._fields == tuple(one.name for one in mechanism.parameters)
     assert mechanism.sizes
-    assert mechanism.trace.startswith(BALANCES)
+    assert mechanism.signature.balances
+    assert mechanism.signature.balances <= set(BALANCES)
     for one in mechanism.parameters:
         assert one.low <= one.null <= one.high
         assert one.low <= one.typical <= one.high
@@ -159,7 +160,10 @@ def test_forward_and_along_agree(name):
     error = np.sqrt(np.mean((predicted - adhesion) ** 2) / np.mean(adhesion**2))
     without = along(measured, RUN, model(COACH)).adhesion
     assert error < 0.005
-    if "adhesion" in ALL[name].trace and name not in ("pad_friction", "brake_gain_imbalance"):  # they act on the torque only
+    if "adhesion" in ALL[name].signature.balances and name not in (
+        "pad_friction",
+        "brake_gain_imbalance",
+    ):  # they act on the torque only
         assert error < 0.2 * np.sqrt(np.mean((without - adhesion) ** 2) / np.mean(adhesion**2))
 
 
@@ -207,7 +211,7 @@ def test_recovers_its_own_parameters(name):
 @every
 def test_energy_is_conserved(name):
     vehicle = COACH
-    plant = Plant(vehicle, 2, 0.02, mechanism_choice={name: typical(name)})
+    plant = plant_of(vehicle, 2, mechanisms={name: typical(name)})
     for i, mu_cd in enumerate((0.03, 0.1)):
         plant.start(i, a_stop(vehicle, mu_cd=mu_cd, gradient=0.002))
     rng = np.random.default_rng(1)
@@ -231,7 +235,7 @@ def test_refuses_impossible_values(name):
             with pytest.raises(ParameterError, match="whole number"):
                 make({name: {one.name: 1.5}})
             with pytest.raises(ParameterError, match="the vehicle has 2"):
-                Plant(BOGIE, mechanism_choice={name: {one.name: 3.0}})
+                plant_of(BOGIE, mechanisms={name: {one.name: 3.0}})
     with pytest.raises(ParameterError, match="no parameter colour"):
         make({name: {"colour": 1.0}})
 
@@ -336,11 +340,11 @@ def test_recovery_of_the_papers_shape(rest, share, a):
 def test_energy_on_the_rail_does_not_depend_on_the_steps(steps, start):
     """However its way is cut, an axle that spends 1 J/m leaves 1 J/m in every cell that it has passed wholly."""
     p = leading_axle_cleaning.Parameters(1.0)
-    ring, pending = np.zeros((1, 400)), np.zeros((1, 1))
+    spent = leading_axle_cleaning.Spent(np.zeros((1, 400)), np.zeros((1, 1)))
     place = float(start)
     for step in steps:
-        leading_axle_cleaning.remember(p, 0, place, place + step, step, 0, ring, pending)
+        leading_axle_cleaning.remember(p, spent, 0, 0, Passage(place, place + step, step, 0.0, 0.0, 0.0, 1.0))
         place += step
     passed = [cell % 400 for cell in range(start, math.floor(place))]
-    assert_allclose(ring[0, passed], 1.0, rtol=1e-9)
-    assert_allclose(ring.sum() + pending.sum(), place - start, rtol=1e-9)
+    assert_allclose(spent.ring[0, passed], 1.0, rtol=1e-9)
+    assert_allclose(spent.ring.sum() + spent.pending.sum(), place - start, rtol=1e-9)

@@ -26,7 +26,7 @@ def write(tmp_path, document):
 def test_the_environment_brakes_with_the_tuned_law_and_the_found_mechanisms(tmp_path):
     env = gym.make("wsp_env/Bogie-v0", model=write(tmp_path, MODEL))
     plant = env.unwrapped.batch.plant
-    assert plant.constants.mechanisms.leading_axle_cleaning.removal_m_per_j == 1.5e-5
+    assert plant.setup.mechanisms == {"leading_axle_cleaning": {"removal_m_per_j": 1.5e-5}}
     assert plant.constants.law.mu_cr == 0.3
     for seed in range(5):
         _, info = env.reset(seed=seed)
@@ -38,7 +38,7 @@ def test_the_environment_brakes_with_the_tuned_law_and_the_found_mechanisms(tmp_
 
 def test_options_given_by_hand_go_before_the_model(tmp_path):
     env = gym.make("wsp_env/Bogie-v0", model=write(tmp_path, MODEL), mechanisms={"leading_axle_cleaning": {}})
-    assert env.unwrapped.batch.plant.constants.mechanisms.leading_axle_cleaning.removal_m_per_j != 1.5e-5
+    assert env.unwrapped.batch.plant.setup.mechanisms == {"leading_axle_cleaning": {}}
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from plant_cases import DIRECT, a_plant, a_stop, run
+from plant_cases import DIRECT, a_plant, a_stop, arrays, plant_of, run
 from scipy.integrate import solve_ivp
 from scipy.special import lambertw
 
 from wsp_env.parameters.uic_z1 import VEHICLES, WHEELSET
-from wsp_env.plant.plant import Plant
 from wsp_env.scenario import Scenario, draw
 
 names = st.sampled_from(sorted(VEHICLES))
@@ -25,7 +24,7 @@ def random_batch(name, seed, substep=0.01, n=6, pressure=False, scenario=None, *
     """Random stops of a vehicle and a function that gives their random commands, some kept for a while."""
     rng = np.random.default_rng(seed)
     vehicle = dataclasses.replace(VEHICLES[name], **vehicle)
-    plant = Plant(vehicle, n, 0.02, substep, pressure_control=pressure, track_step_m=5.0, track_nodes=NODES)
+    plant = plant_of(vehicle, n, substep_s=substep, pressure_control=pressure, track_nodes=NODES)
     stops = [draw(scenario or Scenario(mu_cd=(0.005, 0.25)), vehicle, rng, NODES) for _ in range(n)]
     for i, stop in enumerate(stops):
         plant.start(i, stop)
@@ -111,7 +110,7 @@ def test_slip_does_not_chatter_down_to_standstill(name, mu_cd, tau, substep):
     slips = []
     while plant.moving.any():
         run(plant, substep)
-        slips.append(plant.slip_speed[0])
+        slips.append(plant.state.slip_speed[0].copy())
     slips = np.array(slips[:-1])
     assert (slips > 0.0).all()
     # Nor does it swing without changing sign: once the distributor is full the slip turns at most when wheels lock.
@@ -158,7 +157,9 @@ def test_second_order_against_an_independent_solver(demand, mu_cd, tau):
         plant = a_plant("wheelset", 0.02, substep, demand=demand, mu_cd=mu_cd, tau=tau, initial_speed=v0)
         run(plant, t_end)
         s = plant.state
-        errors.append([abs(s.speed[0] - v), abs(s.wheel_speed[0, 0] - w), abs(s.position[0] - x), abs(s.pressure[0, 0] - p)])
+        errors.append(
+            [abs(s.speed[0] - v), abs(s.wheel_speed[0, 0] - w), abs(s.position[0] - x), abs(s.brake.pressure[0, 0] - p)]
+        )
     errors = np.array(errors)
     assert_allclose(errors[-1] / [v, w, x, p], 0.0, atol=1e-5)
     orders = np.log2(errors[:-1] / errors[1:])
@@ -188,7 +189,7 @@ def test_locked_wheel_regains_grip_when_vented():
     run(plant, 12.0, [-1.0, 1.0])
     assert plant.state.speed[0] > 20.0
     assert plant.state.wheel_speed[0, 1] == 0.0
-    assert_allclose(plant.slip_speed[0, 0], 0.0, atol=1e-3)
+    assert_allclose(plant.state.slip_speed[0, 0], 0.0, atol=1e-3)
     # The rolling wheel takes from the rail only what slows its own rotation.
     inertia = WHEELSET.wheelset_inertia_kgm2 / WHEELSET.wheel_radius_m**2
     force = -inertia * plant.state.deceleration[0]
@@ -231,25 +232,25 @@ def test_free_rolling_is_exact():
     run(plant, 20.0)
     assert_allclose(plant.state.speed[0], 33.0, rtol=1e-12)
     assert_allclose(plant.state.position[0], 660.0, rtol=1e-12)
-    assert_allclose(plant.slip_speed, 0.0, atol=1e-9)
-    assert_array_equal(plant.state.air, 0.0)
+    assert_allclose(plant.state.slip_speed, 0.0, atol=1e-9)
+    assert_array_equal(plant.state.brake.air, 0.0)
 
 
 def test_vehicle_that_stands_stays_as_it_is():
     plant = a_plant("bogie", initial_speed=2.0, demand=1.0, mu_cd=0.2)
     run(plant, 20.0)
     assert not plant.moving[0]
-    before = [array.copy() for array in plant.state]
+    before = {name: array.copy() for name, array in arrays(plant.state).items()}
     run(plant, 1.0, -1.0)
-    for array, then in zip(plant.state, before, strict=True):
-        assert_array_equal(array, then)
+    for name, array in arrays(plant.state).items():
+        assert_array_equal(array, before[name], err_msg=name)
 
 
 def test_contamination_switched_on_and_off_by_place():
     """On the clean stretch the wheel has dry adhesion, on the contaminated one the degraded law's limit."""
     coverage = np.repeat([1.0, 0.0, 1.0], 40)  # 200 m each
     vehicle = VEHICLES["wheelset"]
-    plant = Plant(vehicle, 1, track_step_m=5.0, track_nodes=120)
+    plant = plant_of(vehicle, 1, track_nodes=120)
     plant.start(0, a_stop(vehicle, mu_cd=0.03, coverage=coverage, profile=np.ones(120), initial_speed=40.0))
     seen = {}
     while plant.state.position[0] < 590.0:
@@ -267,8 +268,8 @@ def test_contamination_switched_on_and_off_by_place():
 def test_numbers_do_not_depend_on_the_batch(name, seed):
     plant, commands, stops = random_batch(name, seed, n=5)
     order = np.random.default_rng(seed).permutation(5)
-    other = Plant(plant.vehicle, 5, 0.02, 0.01, track_step_m=5.0, track_nodes=NODES)
-    single = Plant(plant.vehicle, 1, 0.02, 0.01, track_step_m=5.0, track_nodes=NODES)
+    other = plant_of(plant.vehicle, 5, substep_s=0.01, track_nodes=NODES)
+    single = plant_of(plant.vehicle, 1, substep_s=0.01, track_nodes=NODES)
     for place, i in enumerate(order):
         other.start(place, stops[i])
     single.start(0, stops[3])
@@ -277,9 +278,10 @@ def test_numbers_do_not_depend_on_the_batch(name, seed):
         plant.step(command)
         other.step(command[order])
         single.step(command[3:4])
-    for name_, array in plant.state._asdict().items():
-        assert_array_equal(array[order], getattr(other.state, name_), err_msg=name_)
-        assert_array_equal(array[3:4], getattr(single.state, name_), err_msg=name_)
+    others, alone = arrays(other.state), arrays(single.state)
+    for name_, array in arrays(plant.state).items():
+        assert_array_equal(array[order], others[name_], err_msg=name_)
+        assert_array_equal(array[3:4], alone[name_], err_msg=name_)
 
 
 def test_start_leaves_nothing_of_the_stop_before():
@@ -292,5 +294,6 @@ def test_start_leaves_nothing_of_the_stop_before():
     for _ in range(100):
         run(plant, 0.02)
         run(fresh, 0.02)
-    for array, other in zip(plant.state, fresh.state, strict=True):
-        assert_array_equal(array, other)
+    others = arrays(fresh.state)
+    for name, array in arrays(plant.state).items():
+        assert_array_equal(array, others[name], err_msg=name)

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from onnx import TensorProto, helper
 
-from wsp_env.envs.observation import Measurement
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.evaluate import evaluate
 from wsp_env.evaluation.policy import (
@@ -30,7 +29,7 @@ from wsp_env.evaluation.programme import read_programme
 from wsp_env.evaluation.runner import Conduct, run
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import BOGIE, COACH, WHEELSET
-from wsp_env.plant.state import Stop
+from wsp_env.plant.port import Measurement, Stop
 
 
 def contract(**changes):

@@ -8,23 +8,37 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from agents.measure import low_adhesion
 from wsp_env.contact.degraded import degraded_adhesion
-from wsp_env.envs.observation import Observer
-from wsp_env.envs.rail import MEMORY_S, RECOVERY_M_PER_J, Rail
 from wsp_env.evaluation.controller import load
-from wsp_env.evaluation.runner import Conduct, make_plant, measure
+from wsp_env.evaluation.runner import Conduct, measure, start_plant
+from wsp_env.observer import rail as rails
+from wsp_env.observer.observation import Observer
+from wsp_env.observer.rail import MEMORY_S, RECOVERY_M_PER_J
 from wsp_env.parameters.uic_z1 import BOGIE
 
 INTERVAL = 0.02
 LOAD = (BOGIE.mass_kg + 0.5 * BOGIE.payload_kg) * BOGIE.gravity_mps2 / (2.0 * BOGIE.axles)
 
 
+def see(rail, slip, adhesion, speed):
+    """Show slips (N, A) and adhesions (N, A) at the running speeds (N,) to the estimates of N rails."""
+    for i in range(len(slip)):
+        rails.update(i, slip, adhesion, speed[i], rail, rails.constants(BOGIE, INTERVAL))
+
+
+def fresh(n):
+    """Return the estimates of n rails of which nothing was seen yet."""
+    rail = rails.allocate(n)
+    for i in range(n):
+        rails.begin(i, rail)
+    return rail
+
+
 def shown(mu_cd, tau, slips, speed=30.0):
-    """Return a `Rail` that was shown the law's own adhesion at these slips [m/s], on both axles."""
-    rail = Rail(BOGIE, INTERVAL)
-    rail.reset(1)
+    """Return the estimate of a rail that was shown the law's own adhesion at these slips [m/s], on both axles."""
+    rail = fresh(1)
     slips = np.asarray(slips)
     for slip, adhesion in zip(slips, degraded_adhesion(slips, speed, LOAD, mu_cd, tau, BOGIE.contact.law), strict=True):
-        rail.update(np.full((1, 2), slip), np.full((1, 2), adhesion), np.array([speed]))
+        see(rail, np.full((1, 2), slip), np.full((1, 2), adhesion), np.array([speed]))
     return rail
 
 
@@ -43,6 +57,7 @@ def test_only_the_true_law_is_without_contradiction(mu_cd, which, highest):
     assert rail.deviation[0, which] < 0.06  # what is left of the beginning
 
 
+@pytest.mark.plain
 def test_a_constant_slip_tells_nothing_of_the_law():
     """Every tau then has a mu_cd of its own that explains everything: the more recovery, the less friction."""
     rail = shown(0.03, 2e-4, np.full(2000, 3.0))
@@ -50,12 +65,11 @@ def test_a_constant_slip_tells_nothing_of_the_law():
     assert_allclose(rail.deviation[0], rail.deviation[0, 0], atol=0.02)
 
 
+@pytest.mark.plain
 def test_rolling_wheels_say_nothing():
     rail = shown(0.03, 2e-4, [0.0, 0.1, 0.2])
-    fresh = Rail(BOGIE, INTERVAL)
-    fresh.reset(1)
-    assert_array_equal(rail.friction, fresh.friction)
-    assert_array_equal(rail.seen, fresh.seen)
+    assert_array_equal(rail.friction, fresh(1).friction)
+    assert_array_equal(rail.seen, fresh(1).seen)
 
 
 def test_memory_fades():
@@ -63,37 +77,34 @@ def test_memory_fades():
     slips = 3.0 + 2.0 * np.sin(np.arange(int(4.0 * MEMORY_S / 2.0 / INTERVAL)) * 0.05)
     rail = shown(0.02, 0.0, slips)
     for slip, adhesion in zip(slips, degraded_adhesion(slips, 30.0, LOAD, 0.05, 0.0, BOGIE.contact.law), strict=True):
-        rail.update(np.full((1, 2), slip), np.full((1, 2), adhesion), np.array([30.0]))
+        see(rail, np.full((1, 2), slip), np.full((1, 2), adhesion), np.array([30.0]))
     assert_allclose(rail.friction[0, 0], 0.05, rtol=0.03)
     assert rail.seen[0] <= MEMORY_S * 1.01
 
 
-@pytest.mark.parametrize("rows", [np.array([True, False, True]), slice(None)])
-def test_each_vehicle_is_for_itself(rows):
+@pytest.mark.plain
+@pytest.mark.parametrize("begun", [[True, False, True], [True, True, True]])
+def test_each_vehicle_is_for_itself(begun):
     """Vehicles in a batch are as alone, and a reset leaves the others."""
     rng = np.random.default_rng(4)
     slip, adhesion, speed = rng.uniform(0.5, 5.0, (3, 2)), rng.uniform(0.03, 0.09, (3, 2)), np.array([40.0, 20.0, 2.0])
-    many, alone = Rail(BOGIE, INTERVAL), [Rail(BOGIE, INTERVAL) for _ in range(3)]
-    many.reset(3)
-    many.update(slip, adhesion, speed)
+    many, alone = fresh(3), [fresh(1) for _ in range(3)]
+    see(many, slip, adhesion, speed)
     for i, one in enumerate(alone):
-        one.reset(1)
-        one.update(slip[i : i + 1], adhesion[i : i + 1], speed[i : i + 1])
+        see(one, slip[i : i + 1], adhesion[i : i + 1], speed[i : i + 1])
         assert_array_equal(many.friction[i], one.friction[0])
-    before, start = many.friction.copy(), Rail(BOGIE, INTERVAL)
-    start.reset(3)
-    many.reset(3, rows)
-    begun = np.zeros(3, dtype=bool)
-    begun[rows] = True
+    before, start = many.friction.copy(), fresh(3)
+    for i in np.flatnonzero(begun):
+        rails.begin(i, many)
     assert_array_equal(many.friction[begun], start.friction[begun])
-    assert_array_equal(many.friction[~begun], before[~begun])
+    assert_array_equal(many.friction[~np.array(begun)], before[~np.array(begun)])
 
 
 @pytest.mark.parametrize("law", ["recovering", "classic"])
 def test_the_observation_tells_which_law_a_sliding_vehicle_brakes_under(law):
     """After 15 s of a slip controller: the true law shows its friction, the other one contradicts itself more."""
     stops = low_adhesion(BOGIE, law, 6, 5)
-    plant = make_plant(BOGIE, stops, Conduct())
+    plant = start_plant(BOGIE, stops, Conduct())
     controller, observer = load("slip"), Observer(BOGIE, INTERVAL)
     controller.reset(plant.n, BOGIE)
     seen = observer.reset(measure(plant))

@@ -1,4 +1,7 @@
-"""The same stop in every format and in a stranger's units: the same numbers."""
+"""The same stop in every format and in third-party units: the same numbers."""
+
+import importlib.util
+import sys
 
 import numpy as np
 import polars as pl
@@ -6,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 from synthetic_stops import AXLES, RADIUS_M, stop, write_campaign
 
-from wsp_env.recordings import CampaignError, CampaignWarning, read_campaign, tune
+from wsp_env.recordings import CampaignError, CampaignWarning, read_campaign, readers, tune
 
 NM_PER_BAR = 2500.0
 
@@ -27,7 +30,7 @@ def columns():
 
 @pytest.fixture(scope="module")
 def strange(columns):
-    """The same recording with a stranger's names and units; pressures instead of torques."""
+    """The same recording with third-party names and units; pressures instead of torques."""
     table = {"T_MS": 1e3 * columns["time_s"], "FS_SPEED_KPH": 3.6 * columns["vehicle_speed_mps"]}
     for k in range(1, AXLES + 1):
         table[f"W{k}_RPM"] = columns[f"axle{k}_wheel_speed_radps"] * 60.0 / (2.0 * np.pi)
@@ -62,7 +65,7 @@ def save(file, table):
 
 
 def campaign_of(folder, file_name, table, channels=CHANNELS):
-    """A campaign of one run whose file has a stranger's columns."""
+    """A campaign of one run whose file has third-party columns."""
     folder.mkdir()
     save(folder / file_name, table)
     lines = write_campaign(folder, {}, tune=["A1"]).joinpath("campaign.toml").read_text()
@@ -82,6 +85,42 @@ def test_every_format_gives_the_same_numbers(tmp_path, columns, strange, file_na
     for k in range(AXLES):
         assert_allclose(run.wheel_speed_radps[:, k], columns[f"axle{k + 1}_wheel_speed_radps"], rtol=1e-9)
         assert_allclose(run.brake_torque_nm[:, k], columns[f"axle{k + 1}_brake_torque_nm"], rtol=1e-9)
+
+
+#: A reader as somebody would add it.
+NPZ = '''"""NumPy archives."""
+
+import numpy as np
+
+from wsp_env.recordings.readers.channel_file import ChannelFile, Samples
+
+
+class Npz(ChannelFile):
+    def read(self, names):
+        with np.load(self.file) as archive:
+            return {name: Samples(archive[name]) for name in names}
+
+
+def open_file(file):
+    with np.load(file) as archive:
+        return Npz(file, dict.fromkeys(archive.files, ""))
+'''
+
+
+def test_a_new_format_is_one_module_and_one_line(tmp_path, columns, monkeypatch):
+    """The module stands beside the test, so that the package stays as it is."""
+    name = f"{readers.__name__}.npz"
+    (tmp_path / "npz.py").write_text(NPZ)
+    spec = importlib.util.spec_from_file_location(name, tmp_path / "npz.py")
+    monkeypatch.setitem(sys.modules, name, importlib.util.module_from_spec(spec))
+    spec.loader.exec_module(sys.modules[name])
+    monkeypatch.setitem(readers.FORMATS, (".npz",), "npz")  # the line
+    folder = write_campaign(tmp_path / "campaign", {"A1": columns})
+    np.savez(folder / "A1.npz", **columns)
+    (folder / "campaign.toml").write_text((folder / "campaign.toml").read_text().replace("A1.csv", "A1.npz"))
+    run = read_campaign(folder).runs["A1"]
+    assert run.warnings == ()
+    assert_allclose(run.brake_torque_nm[:, 3], columns["axle4_brake_torque_nm"])
 
 
 def test_european_text_is_read(tmp_path, columns):

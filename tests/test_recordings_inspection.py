@@ -1,4 +1,4 @@
-"""From a stranger's file to a tuned law without writing code: inspect, edit the draft, tune."""
+"""From a third-party file to a tuned law without writing code: inspect, edit the draft, tune."""
 
 import tomllib
 
@@ -9,27 +9,27 @@ from synthetic_stops import AXLES, INERTIA_KGM2, MASS_KG, RADIUS_M, stop
 
 from wsp_env.cli import main
 from wsp_env.recordings import CampaignError, inspection, read_campaign, tune
-from wsp_env.recordings.table import open_table
+from wsp_env.recordings.readers import open_file
 
 TAU, MU_CD, NM_PER_BAR = 2e-4, 0.06, 2000.0
 
 
 @pytest.fixture(scope="module")
-def stranger(tmp_path_factory):
+def third_party(tmp_path_factory):
     columns = stop(TAU, MU_CD, noise=1.0)
     table = {"Time [ms]": 1e3 * columns["time_s"], "FS_SPEED_KPH": 3.6 * columns["vehicle_speed_mps"]}
     for k in range(1, AXLES + 1):
         table[f"WHEEL{k}_SPEED_KPH"] = 3.6 * RADIUS_M * columns[f"axle{k}_wheel_speed_radps"]
         table[f"BCP_M_AXLE{k}_IN_BAR"] = columns[f"axle{k}_brake_torque_nm"] / NM_PER_BAR
     table["Ambient Temp [degC]"] = np.full_like(columns["time_s"], 12.0)
-    file = tmp_path_factory.mktemp("stranger") / "stop 1.csv"
+    file = tmp_path_factory.mktemp("third_party") / "stop 1.csv"
     pl.DataFrame(table).write_csv(file)
     return file
 
 
-def test_channels_are_described(stranger):
-    found = {channel.name: channel for channel in inspection.inspect(stranger)}
-    assert set(found) == set(open_table(stranger).units)
+def test_channels_are_described(third_party):
+    found = {channel.name: channel for channel in inspection.inspect(third_party)}
+    assert set(found) == set(open_file(third_party).units)
     speed = found["FS_SPEED_KPH"]
     assert (speed.guess, speed.guessed_unit, speed.samples, speed.missing) == ("vehicle_speed", "km/h", 1200, 0)
     assert speed.rate_hz == pytest.approx(100.0)
@@ -64,7 +64,7 @@ def test_units_and_numbers_speak_where_names_do_not(tmp_path):
     for k in (1, 2):
         table |= {f"n_{k} [1/min]": [9.0, 8.0, 7.0], f"p_C{k} [bar]": [0.0, 1.0, 2.0], f"T{k} [degC]": [7.0, 7.0, 7.0]}
     pl.DataFrame(table).write_csv(tmp_path / "1.csv")
-    found = inspection.guess(open_table(tmp_path / "1.csv"), dict.fromkeys(table, 9.0))
+    found = inspection.guess(open_file(tmp_path / "1.csv"), dict.fromkeys(table, 9.0))
     assert {name: (source.column, source.unit) for name, source in found.items()} == {
         "time": ("t [s]", "s"),
         "vehicle_speed": ("V_Zug [km/h]", "km/h"),
@@ -75,9 +75,9 @@ def test_units_and_numbers_speak_where_names_do_not(tmp_path):
     }
 
 
-def test_files_of_the_same_columns_are_runs_of_the_draft(stranger, tmp_path):
+def test_files_of_the_same_columns_are_runs_of_the_draft(third_party, tmp_path):
     for name in ("b.csv", "a.csv"):
-        (tmp_path / name).write_bytes(stranger.read_bytes())
+        (tmp_path / name).write_bytes(third_party.read_bytes())
     (tmp_path / "other.csv").write_text("x,y\n1,2\n")
     (tmp_path / "empty.csv").write_text("")
     drafted = tomllib.loads(inspection.draft(tmp_path / "b.csv", inspection.inspect(tmp_path / "b.csv")))
@@ -85,22 +85,22 @@ def test_files_of_the_same_columns_are_runs_of_the_draft(stranger, tmp_path):
     assert drafted["vehicle"]["brake_torque_source"] == "cylinder pressure times the nominal gain"
 
 
-def test_a_draft_asks_for_what_only_a_person_knows(stranger, tmp_path, capsys):
+def test_a_draft_asks_for_what_only_a_person_knows(third_party, tmp_path, capsys):
     out = tmp_path / "campaign.toml"
-    assert main(["inspect", str(stranger), "--out", str(out)]) == 0
+    assert main(["inspect", str(third_party), "--out", str(out)]) == 0
     assert "FS_SPEED_KPH" in capsys.readouterr().out
     drafted = tomllib.loads(out.read_text(encoding="utf-8"))
     assert "mass_kg" not in drafted["vehicle"]
     assert drafted["channels"]["axle4_cylinder_pressure"] == {"column": "BCP_M_AXLE4_IN_BAR", "unit": "bar"}
-    assert main(["inspect", str(stranger), "--out", str(out)]) == 2
+    assert main(["inspect", str(third_party), "--out", str(out)]) == 2
     assert "exists already" in capsys.readouterr().err
 
 
-def test_from_a_strangers_file_to_a_tuned_law(stranger, tmp_path):
+def test_from_a_third_party_file_to_a_tuned_law(third_party, tmp_path):
     folder = tmp_path / "campaign"
     folder.mkdir()
-    (folder / stranger.name).write_bytes(stranger.read_bytes())
-    assert main(["inspect", str(folder / stranger.name), "--out", str(folder / "campaign.toml")]) == 0
+    (folder / third_party.name).write_bytes(third_party.read_bytes())
+    assert main(["inspect", str(folder / third_party.name), "--out", str(folder / "campaign.toml")]) == 0
     with pytest.raises(CampaignError, match="lacks mass_kg, wheelset_inertia_kgm2, wheel_radius_m"):
         read_campaign(folder)
     text = (folder / "campaign.toml").read_text()

@@ -1,4 +1,4 @@
-"""Clocks and faults of recordings: what is mended is said and marked, what cannot be is refused, and nothing else changes."""
+"""Clocks and faults of recordings: what is repaired is said and marked, what cannot be is refused, and nothing else changes."""
 
 import re
 import shutil
@@ -22,17 +22,17 @@ def sines(time):
 
 
 def even(n=500):
-    return clock.mend(STEP * np.arange(n), "here")[0]
+    return clock.repair(STEP * np.arange(n), "here")[0]
 
 
 def test_a_good_clock_is_left_alone():
     time = STEP * np.arange(500)
-    mended, notes = clock.mend(time, "here")
+    repaired, notes = clock.repair(time, "here")
     assert notes == []
-    assert mended.time_s is not None
-    assert_array_equal(mended.grid_s, time)
-    assert mended.step_s == pytest.approx(STEP)
-    assert not mended.absent.any()
+    assert repaired.time_s is not None
+    assert_array_equal(repaired.grid_s, time)
+    assert repaired.step_s == pytest.approx(STEP)
+    assert not repaired.absent.any()
 
 
 @pytest.mark.parametrize(
@@ -45,14 +45,14 @@ def test_a_good_clock_is_left_alone():
         (lambda t: t[np.r_[0:100, 101, 100, 102 : len(t)]], "2 rows, the first row 101 .*wrong order"),
     ],
 )
-def test_a_clock_is_mended_and_said(damage, said):
+def test_a_clock_is_repaired_and_said(damage, said):
     time = damage(STEP * np.arange(500))
-    mended, notes = clock.mend(time, "here")
+    repaired, notes = clock.repair(time, "here")
     assert any(re.search(said, note) for note in notes), notes
-    assert_allclose(np.diff(mended.grid_s), STEP, rtol=1e-6)
-    laid = mended.lay(time)
+    assert_allclose(np.diff(repaired.grid_s), STEP, rtol=1e-6)
+    laid = repaired.lay(time)
     known = np.isfinite(laid)
-    assert_allclose(laid[known], mended.grid_s[known])
+    assert_allclose(laid[known], repaired.grid_s[known])
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_a_clock_is_mended_and_said(damage, said):
 )
 def test_a_clock_beyond_repair_is_refused(damage, said):
     with pytest.raises(CampaignError, match=said):
-        clock.mend(damage(STEP * np.arange(500)), "here")
+        clock.repair(damage(STEP * np.arange(500)), "here")
 
 
 def test_resampling_to_the_same_clock_is_exact():
@@ -134,9 +134,9 @@ def test_a_lost_sample_and_a_drop_out_are_bridged_and_marked():
     values[100] = np.nan
     values[200] = 900.0
     values[300:340] = 0.0
-    mended, bad, notes = quality.mend(values, "axle1_wheel_speed", even(), "here")
+    repaired, bad, notes = quality.repair(values, "axle1_wheel_speed", even(), "here")
     assert_array_equal(np.flatnonzero(bad), np.r_[100, 200, 300:340])
-    assert_allclose(mended, true, atol=0.15)
+    assert_allclose(repaired, true, atol=0.15)
     assert len(notes) == 2
 
 
@@ -145,7 +145,7 @@ def test_a_frozen_sensor_is_marked_and_a_locked_wheel_is_not():
     values = 80.0 - 10.0 * STEP * np.arange(900) + 0.05 * rng.standard_normal(900)
     values[200:300] = values[200]
     values[780:] = 0.0
-    _, bad, notes = quality.mend(values, "axle1_wheel_speed", even(900), "here")
+    _, bad, notes = quality.repair(values, "axle1_wheel_speed", even(900), "here")
     assert_array_equal(np.flatnonzero(bad), np.arange(200, 300))
     assert any("saturated or frozen, from row 201" in note for note in notes)
 
@@ -154,23 +154,23 @@ def test_a_channel_that_jumps_and_stays_is_not_trusted():
     rng = np.random.default_rng(1)
     values = 80.0 - 10.0 * STEP * np.arange(500) + 0.05 * rng.standard_normal(500)
     values[200:] *= 0.5
-    mended, bad, notes = quality.mend(values, "axle1_wheel_speed", even(), "here")
+    repaired, bad, notes = quality.repair(values, "axle1_wheel_speed", even(), "here")
     assert bad.all()
-    assert_array_equal(mended, values)
+    assert_array_equal(repaired, values)
     assert "row 201" in notes[0]
     assert "not compared with the law" in notes[0]
     values = np.maximum(40.0 - 8.0 * STEP * np.arange(500), 0.0)
     values[values < 2.0] = 0.0  # a sensor that reads nothing at low speed
-    assert not quality.mend(values, "vehicle_speed", even(), "here")[1].any()
+    assert not quality.repair(values, "vehicle_speed", even(), "here")[1].any()
 
 
 def test_too_long_a_gap_is_refused():
     values = np.linspace(80.0, 0.0, 500)
     values[100:250] = np.nan
     with pytest.raises(CampaignError, match=r"here, row 101 .*150 samples in a row"):
-        quality.mend(values, "axle1_wheel_speed", even(), "here")
+        quality.repair(values, "axle1_wheel_speed", even(), "here")
     with pytest.raises(CampaignError, match="no sample is a number"):
-        quality.mend(np.full(500, np.nan), "axle1_wheel_speed", even(), "here")
+        quality.repair(np.full(500, np.nan), "axle1_wheel_speed", even(), "here")
 
 
 # --- one stop, whole -------------------------------------------------------------------------------------------------
@@ -266,7 +266,7 @@ def test_absurd_numbers_are_bridged_or_refused(tmp_path, columns, name, absurd):
                 read_campaign(folder)
 
 
-def test_mended_samples_are_never_compared_with_the_law(tmp_path, columns):
+def test_repaired_samples_are_never_compared_with_the_law(tmp_path, columns):
     wrong = {name: values.copy() for name, values in columns.items()}
     wrong["axle2_wheel_speed_radps"][400:480] = np.nan  # the bridge is far from the truth
     with pytest.warns(CampaignWarning, match="80 samples without a number"):

@@ -8,10 +8,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from agents.measure import Yardstick, mixed
-from agents.rules import RANGES, SEARCHED, Search, Trials, main, read_best, search, show
+from agents.rules import RANGES, SEARCHED, RuleSearch, Trials, main, read_best, search, show
 from baselines.rule_based import RuleBasedParameters, RuleBasedWSP
 
-TINY = Search(vehicle="wheelset", stops=16, each=2, trials=4, elite=2, classic_share=0.5)
+TINY = RuleSearch(vehicle="wheelset", stops=16, each=2, trials=4, elite=2, classic_share=0.5)
 
 
 @pytest.fixture(scope="module")

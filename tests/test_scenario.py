@@ -11,7 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import BOGIE
-from wsp_env.scenario import PINS, TRACK_STEP_M, Scenario, draw
+from wsp_env.plant.port import TRACK_STEP_M
+from wsp_env.scenario import PINS, Scenario, draw
 
 NODES = 801
 QUANTITIES = ("mu_cd", "tau", "initial_speed", "demand", "gradient", "noise")

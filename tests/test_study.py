@@ -10,7 +10,7 @@ import pytest
 from agents import behaviour, front, replayed, study
 from agents import tune as tune_agents
 from agents.measure import HELD_OUT, Yardstick, low_adhesion
-from agents.seeds import TOLD, at_slip
+from agents.seeds import REPORTED, at_slip
 from agents.study import OUTSIDE, SIZES, Arguments, compare, table, worlds
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.policy import load_policy
@@ -72,7 +72,7 @@ def test_the_front_is_drawn(tmp_path):
 
 
 def test_a_front_is_linear_between_its_points_and_keeps_its_ends():
-    front = [{name: float(value) for name in TOLD} | {"mean_slip_mps": slip} for value, slip in ((700, 2.0), (800, 1.0))]
+    front = [{name: float(value) for name in REPORTED} | {"mean_slip_mps": slip} for value, slip in ((700, 2.0), (800, 1.0))]
     assert at_slip(front, 1.25)["distance_m"] == pytest.approx(775.0)
     assert at_slip(front, 1.25)["mean_slip_mps"] == pytest.approx(1.25)
     assert [at_slip(front, slip)["distance_m"] for slip in (0.5, 3.0)] == [800.0, 700.0]
@@ -149,7 +149,7 @@ def test_a_search_goes_on_where_it_was_and_prints_the_best(tmp_path, monkeypatch
         return float(arguments.hidden[0])
 
     monkeypatch.setattr(tune_agents, "score", score)
-    search = tune_agents.Search(trials=4, out=tmp_path, steps=1000)
+    search = tune_agents.HyperparameterSearch(trials=4, out=tmp_path, steps=1000)
     for _ in range(2):
         tune_agents.main(search)
     assert len({arguments.out for arguments in seen}) == 8

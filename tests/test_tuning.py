@@ -131,6 +131,18 @@ def test_any_truth_is_found_through_sensor_noise(tmp_path_factory, tau, mu_cd, n
     assert tuning.interval95[0] < tuning.tau_m_per_J < tuning.interval95[1]
 
 
+def test_a_torque_computed_from_pressures_widens_the_interval_however_the_campaign_says_so(exact):
+    """The gain of the brake is uncertain where `torque_per_bar_nm` made the torque, whatever `brake_torque_source` says."""
+
+    def interval(**changes):
+        return tune(dataclasses.replace(exact, vehicle=dataclasses.replace(exact.vehicle, **changes))).interval95
+
+    measured = interval()
+    modelled = interval(brake_torque_source="cylinder pressure times the nominal gain")
+    assert interval(torque_per_bar_nm=2500.0) == modelled
+    assert modelled[0] < measured[0] < measured[1] < modelled[1]
+
+
 def test_interval_of_tau_covers_the_truth_as_often_as_it_says(tmp_path):
     """On rails whose mu_cd varies along the track; 95 % of 40 leaves at least 33 with a probability of 0.999."""
     made = stops(TRUE_TAU, [0.055, 0.066] * 40, noise=1.0, seeds=range(80), uneven=0.02)
@@ -237,7 +249,7 @@ def test_command_prints_json(demo, capsys):
 
 
 def test_a_tau_that_the_runs_leave_open_is_said(demo):
-    """Where wheels hardly slide, recovery cannot be told from a rail with more friction."""
+    """Where wheels hardly slide, recovery cannot be distinguished from a rail with more friction."""
     weak = dataclasses.replace(demo[0], tune=("A1", "A3"))
     with pytest.warns(CampaignWarning, match="the runs to tune on do not determine it"):
         tuning = tune(weak)

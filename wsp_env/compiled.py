@@ -6,9 +6,12 @@ and arrays of any shape are computed by one source. With `NUMBA_DISABLE_JIT=1` b
 """
 
 import hashlib
+import linecache
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib.metadata import entry_points
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -24,6 +27,15 @@ _numba: Any = numba
 # nogil: kernels touch no Python object, threads may run them side by side.
 _OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
 
+#: Folders that hold kernels, or what kernels are made of.
+_KERNELS = ("contact", "observer", "plant")
+
+
+def third_party_mechanisms() -> list[Path]:
+    """Return the files of mechanisms that other packages bring along (entry points of group "wsp_env.mechanisms")."""
+    found = (find_spec(point.value) for point in entry_points(group="wsp_env.mechanisms"))
+    return sorted(Path(spec.origin) for spec in found if spec is not None and spec.origin)
+
 
 def _cache_folder() -> str:
     """Folder of the compiled code, another for every state of the sources.
@@ -33,7 +45,8 @@ def _cache_folder() -> str:
     """
     package = Path(__file__).parent
     digest = hashlib.sha256()
-    for source in sorted([Path(__file__), *package.glob("contact/**/*.py"), *package.glob("plant/**/*.py")]):
+    own = [source for folder in _KERNELS for source in sorted(package.glob(f"{folder}/**/*.py"))]
+    for source in [Path(__file__), *own, *third_party_mechanisms()]:
         digest.update(source.read_bytes())
     beside = package / "__pycache__"
     parent = beside if os.access(beside if beside.exists() else package, os.W_OK) else Path.home() / ".cache" / "wsp-env"
@@ -83,3 +96,45 @@ def elementwise(function: Callable[..., float]) -> np.ufunc:
     signature = f"float64({', '.join(['float64'] * arguments)})"
     with _own_cache():
         return cast(np.ufunc, _numba.vectorize([signature], cache=True)(function))
+
+
+def generated(name: str, source: str, names: Mapping[str, Any]) -> Callable[..., Any]:
+    """Compile Python source that defines the function `name` from other kernels, given in `names`; seen through like `inlined`.
+
+    It has no cache of its own: it lives inside the kernels that call it.
+    """
+    file = f"<generated {name}>"
+    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)  # for tracebacks
+    namespace = dict(names)
+    exec(compile(source, file, "exec"), namespace)
+    return cast(Callable[..., Any], _numba.njit(inline="always", error_model="numpy", nogil=True)(namespace[name]))
+
+
+def record_reader(record: type[Any]) -> Callable[..., Any]:
+    """Return the kernel (rows, i) -> `record`, a NamedTuple of floats whose values stand in row i of `rows` (N, fields)."""
+    values = ", ".join(f"rows[i, {column}]" for column in range(len(record._fields)))
+    return generated("read", f"def read(rows, i):\n    return record({values})\n", {"record": record})
+
+
+def by_type(
+    function: Callable[..., Any],
+    chooser: str,
+    kernels: Mapping[type[Any], Callable[..., Any]],
+    passed: Sequence[str] | None = None,
+) -> None:
+    """Let compiled code that calls `function` call the kernel for the type of its argument `chooser`, a NamedTuple.
+
+    `passed` names the arguments that the kernel takes, all by default. The type is known when the caller is compiled.
+    """
+    if _numba.config.DISABLE_JIT:
+        return
+    from numba.extending import overload
+
+    arguments = function.__code__.co_varnames[: function.__code__.co_argcount]
+    inside = ", ".join(passed or arguments)
+    source = f"def choose({', '.join(arguments)}):\n    kernel = kernels.get({chooser}.instance_class)\n" + (
+        f"    if kernel is None:\n        return None\n    return lambda {', '.join(arguments)}: kernel({inside})\n"
+    )
+    namespace: dict[str, Any] = {"kernels": kernels}
+    exec(source, namespace)
+    overload(function, jit_options={"forceinline": True, "error_model": "numpy", "nogil": True})(namespace["choose"])

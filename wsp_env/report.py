@@ -6,7 +6,10 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    import rich.table
 
 #: One colour for the same thing on every page (Okabe and Ito's palette, told apart by colour-blind readers too).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442")
@@ -31,13 +34,20 @@ class Table:
     caption: str = ""
 
 
+class Figure(Protocol):
+    """What a page can draw: plotly's figures, and whatever makes its own HTML."""
+
+    def to_html(self, **options: object) -> str:
+        """Return the element."""
+
+
 @dataclass(frozen=True)
 class Section:
     """A heading, paragraphs, and then tables and plotly figures in their order."""
 
     title: str
     text: Sequence[str] = ()
-    shows: Sequence[Any] = field(default_factory=tuple)
+    shows: Sequence[Table | Figure] = field(default_factory=tuple)
 
 
 def plotly() -> tuple[Any, Any]:
@@ -90,9 +100,8 @@ def write_text(path: Path, text: str) -> None:
         raise
 
 
-def _figure(figure: Any) -> str:
-    text: str = figure.to_html(full_html=False, include_plotlyjs=False, config={"displaylogo": False, "responsive": True})
-    return text
+def _figure(figure: Figure) -> str:
+    return figure.to_html(full_html=False, include_plotlyjs=False, config={"displaylogo": False, "responsive": True})
 
 
 def _table(table: Table) -> str:
@@ -104,7 +113,7 @@ def _table(table: Table) -> str:
     return f'<div class="scroll"><table>{caption}{row(table.header, "th")}{rows}</table></div>'
 
 
-def terminal_table(table: Table) -> Any:
+def terminal_table(table: Table) -> "rich.table.Table":
     """Return the same table for the terminal (a `rich` table)."""
     from rich.markup import escape  # a unit in brackets is no markup
     from rich.table import Table as Rich

@@ -14,11 +14,7 @@ import numpy as np
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import mechanisms
-from wsp_env.plant.plant import LIMITS
-from wsp_env.plant.state import Stop
-
-#: Distance of the nodes that describe the track [m].
-TRACK_STEP_M = 5.0
+from wsp_env.plant.port import LIMITS, TRACK_STEP_M, Stop
 
 #: Kinds of track: the same mu_cd everywhere; small variation along it; contaminated patches on a clean rail.
 TRACKS = ("constant", "varying", "patches")

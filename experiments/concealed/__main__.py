@@ -132,7 +132,7 @@ def _write(file: Path, figures: dict[str, Any]) -> None:
 
 
 def main() -> int:
-    """Run the command line; 1 after an error that the user can mend."""
+    """Run the command line; 1 after an error that the user can repair."""
     named = {"bank": Bank, "diagnose": Diagnose, "rivals": Rivals, "score": Score, "page": Page, "interest": Interest}
     try:
         if len(sys.argv) > 1 and sys.argv[1] in named:

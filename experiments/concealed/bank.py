@@ -23,7 +23,7 @@ DRAWS, ROUNDS = 8, 2
 
 
 class BankError(ValueError):
-    """A bank that cannot be made or scored; the message says how to mend it."""
+    """A bank that cannot be made or scored; the message says how to repair it."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -37,18 +37,18 @@ def features(balances: Balances, model: Model, weights: Weights, gains: dict[str
     base = balances.raw(model)
     found = nuisances(balances, model, base)
     rest = Projector(found.columns / weights.deviation[:, None], found.prior).rest(weights(base))
-    told = {
+    reported = {
         "axles": float(balances.axles),
         "measured torque": float(balances.campaign.vehicle.brake_torque_source == "measured"),
         "log tau": float(np.log(model.tau)),
     }
     drift = np.log([mu / stop.believed_mu_cd for mu, stop in zip(model.mu_cd, balances.stops, strict=True)])
-    told |= {"mu_cd over believed": float(drift.mean()), "spread of mu_cd": float(drift.std())}
+    reported |= {"mu_cd over believed": float(drift.mean()), "spread of mu_cd": float(drift.std())}
 
     def describe(name: str, mine: np.ndarray) -> None:
         if mine.any():
-            told[f"mean of {name}"] = float(rest[mine].mean())
-            told[f"squares of {name}"] = float(np.log(np.mean(rest[mine] ** 2) + 1e-6))
+            reported[f"mean of {name}"] = float(rest[mine].mean())
+            reported[f"squares of {name}"] = float(np.log(np.mean(rest[mine] ** 2) + 1e-6))
 
     for balance, name in enumerate(BALANCES):
         mine = rows.balance == balance
@@ -64,7 +64,7 @@ def features(balances: Balances, model: Model, weights: Weights, gains: dict[str
             edges = np.quantile(values[mine], np.linspace(0.0, 1.0, _LEVELS + 1)) if mine.any() else []
             for level in range(len(edges) - 1):
                 describe(f"{name} at {what} {level}", mine & (values >= edges[level]) & (values <= edges[level + 1]))
-    return told | {f"gain of {name}": float(np.log1p(max(gain, 0.0))) for name, gain in gains.items()}
+    return reported | {f"gain of {name}": float(np.log1p(max(gain, 0.0))) for name, gain in gains.items()}
 
 
 def target(label: dict[str, Any]) -> str:

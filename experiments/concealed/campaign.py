@@ -12,7 +12,7 @@ from experiments.concealed import setup as believed
 from experiments.concealed.effects import ALL, LIBRARY, SENSOR_FAULTS, Place
 from experiments.concealed.interest import drive, key
 from experiments.concealed.plan import CONFOUNDED, Case
-from experiments.concealed.records import Run
+from experiments.concealed.records import PlannedStop
 from experiments.concealed.sensors import SAMPLE_S
 from experiments.concealed.setup import TUNE, VALIDATE, Setup, draw, torque_for
 
@@ -61,7 +61,7 @@ def _place(setup: Setup, case: Case, rng: np.random.Generator) -> Place:
 def _arranged(setup: Setup, case: Case) -> Setup:
     recipe = CONFOUNDED[case.recipe]
 
-    def arrange(run: Run) -> Run:
+    def arrange(run: PlannedStop) -> PlannedStop:
         changes: dict[str, Any] = {}
         if recipe.coast_s is not None:
             changes["coast"] = recipe.coast_s

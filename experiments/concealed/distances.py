@@ -1,8 +1,8 @@
 """What the mechanisms of an answer do to the stopping distances: comparable whatever the form of an effect."""
 
+import math
 import warnings
 from collections.abc import Mapping
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,12 @@ from wsp_env.evaluation.controller import Controller, load
 from wsp_env.evaluation.replay import braked
 from wsp_env.evaluation.runner import Conduct, run
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.state import Stop
+from wsp_env.plant.port import Stop
 from wsp_env.recordings import Campaign, Smoothing, conditions, derive, rolling_radii
 from wsp_env.recordings.derive import braking
+from wsp_env.recordings.tuning import RunScore, Tuning
 
-#: Protections under which the stops are driven: nobody told which one the vehicle has.
+#: Protections under which the stops are driven: it is not known which one the vehicle has.
 PROTECTIONS = ("rule-based", "slip", "extremum")
 _LEVEL = 0.95  # one-sided, of an interval of 90 %
 _LEAST = 1e-4  # change at the recorded slip [-] that a share of can be taken
@@ -43,10 +44,9 @@ def distance_change(campaign: Campaign, answer: Mapping[str, Any]) -> dict[str, 
 
 def _driven(campaign: Campaign, model: Mapping[str, Any], chosen: Choice, protection: Controller) -> float:
     """Return the mean relative change of the distances [-], driven from the call of the brake to standstill."""
-    tuned = SimpleNamespace(
-        tau_m_per_J=model["tau_m_per_J"], runs={name: SimpleNamespace(mu_cd=mu) for name, mu in model["mu_cd"].items()}
-    )
-    vehicle, stops, names = braked(campaign, conditions(campaign, tuned))  # type: ignore[arg-type]  # all that it reads of it
+    runs = {name: RunScore("tune", mu_cd, True, ()) for name, mu_cd in model["mu_cd"].items()}
+    tuned = Tuning(model["tau_m_per_J"], (0.0, math.inf), runs)  # the diagnosed law; its interval and errors play no part
+    vehicle, stops, names = braked(campaign, conditions(campaign, tuned))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         without = run(protection, vehicle, stops).position[-1]
@@ -82,13 +82,15 @@ def _parameter_share(campaign: Campaign, answer: Mapping[str, Any], chosen: Choi
 
     Each parameter is moved alone between the ends of its interval, their shares are added as squares.
     """
-    told = answer["model"]
+    reported = answer["model"]
     stops = [
-        (Balances(campaign, [stop]), told["mu_cd"][stop.name]) for stop in prepare(campaign)[0] if stop.name in told["mu_cd"]
+        (Balances(campaign, [stop]), reported["mu_cd"][stop.name])
+        for stop in prepare(campaign)[0]
+        if stop.name in reported["mu_cd"]
     ]
 
     def change(choice: Choice) -> float:
-        return float(np.mean([effect(one, Model(told["tau_m_per_J"], (mu,)), choice).distance for one, mu in stops]))
+        return float(np.mean([effect(one, Model(reported["tau_m_per_J"], (mu,)), choice).distance for one, mu in stops]))
 
     value, squares = change(chosen), 0.0
     for one in answer["mechanisms"]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from experiments.concealed.records import Run
+from experiments.concealed.records import PlannedStop
 from experiments.concealed.setup import Sensors, Setup
 
 
@@ -24,8 +24,8 @@ class Place(NamedTuple):
     variant: int = 0
 
 
-class Effect(NamedTuple):
-    """One effect."""
+class ConcealedEffect(NamedTuple):
+    """One effect that can be concealed."""
 
     name: str
     quantity: str  # what the size is
@@ -48,7 +48,7 @@ def _sensors(setup: Setup, **changes: float) -> Setup:
     return dataclasses.replace(setup, sensors=sensors)
 
 
-def _in_every_run(setup: Setup, change: Callable[[Run], Run]) -> Setup:
+def _in_every_run(setup: Setup, change: Callable[[PlannedStop], PlannedStop]) -> Setup:
     return dataclasses.replace(setup, runs={name: change(run) for name, run in setup.runs.items()})
 
 
@@ -94,46 +94,46 @@ def _slope(setup: Setup, size: float, _: Place) -> Setup:
     return _in_every_run(setup, lambda run: run._replace(slope=run.slope + size))
 
 
-LIBRARY: dict[str, Effect] = {
+LIBRARY: dict[str, ConcealedEffect] = {
     effect.name: effect
     for effect in (
-        Effect("leading_axle_cleaning", "removal", "m/J", 1e-3, False,
+        ConcealedEffect("leading_axle_cleaning", "removal", "m/J", 1e-3, False,
                lambda s, z, _: _effects(s, removal=z), least_axles=2),
-        Effect("contaminant_memory", "length", "m", 100.0, False, lambda s, z, _: _effects(s, memory=z)),
-        Effect("adhesion_patch", "depth", "-", 0.9, True, _patch),
-        Effect("speed_dependent_friction", "exponent", "-", 3.0, True, lambda s, z, _: _effects(s, running=z)),
-        Effect("recovery_shape", "threshold", "J/m", 5e3, False, lambda s, z, _: _effects(s, threshold=z)),
-        Effect("flash_temperature", "softening", "1/K", 0.05, False, lambda s, z, _: _effects(s, flash=z)),
-        Effect("load_transfer", "body height", "m", 8.0, False,
+        ConcealedEffect("contaminant_memory", "length", "m", 100.0, False, lambda s, z, _: _effects(s, memory=z)),
+        ConcealedEffect("adhesion_patch", "depth", "-", 0.9, True, _patch),
+        ConcealedEffect("speed_dependent_friction", "exponent", "-", 3.0, True, lambda s, z, _: _effects(s, running=z)),
+        ConcealedEffect("recovery_shape", "threshold", "J/m", 5e3, False, lambda s, z, _: _effects(s, threshold=z)),
+        ConcealedEffect("flash_temperature", "softening", "1/K", 0.05, False, lambda s, z, _: _effects(s, flash=z)),
+        ConcealedEffect("load_transfer", "body height", "m", 8.0, False,
                lambda s, z, _: _effects(s, body_height=z, pivot_height=0.3 * z), least_axles=2),
-        Effect("pad_friction", "speed coefficient", "-", 0.8, True, _pad, pressure_only=True,
+        ConcealedEffect("pad_friction", "speed coefficient", "-", 0.8, True, _pad, pressure_only=True,
                variants=("falls with speed", "falls with heat")),
-        Effect("brake_gain_imbalance", "relative gain", "-", 0.6, True, _gain, pressure_only=True, least_axles=2),
-        Effect("track_gradient", "gradient", "-", 0.05, True, _slope),
-        Effect("aerodynamic_drag", "c", "N s2/m2", 60.0, False, _drag, variants=("c only", "with a and b")),
-        Effect("vehicle_mass", "relative mass", "-", 0.4, True, _mass),
-        Effect("non_adhesive_brake", "largest force", "N", 4e4, False, lambda s, z, _: _effects(s, eddy=z)),
-        Effect("initial_slope", "compliance", "-", 0.5, False, lambda s, z, _: _effects(s, layer=z)),
-        Effect("falling_friction", "drop", "-", 0.8, True, lambda s, z, _: _effects(s, drop=z)),
-        Effect("wheel_radius", "relative radius", "-", 0.05, True, _radius),
-        Effect("wheel_speed_lag", "lag", "s", 1.0, False, lambda s, z, _: _sensors(s, lag_s=z)),
-        Effect("clock_offset", "offset", "s", 1.0, True, lambda s, z, _: _sensors(s, clock_s=z)),
+        ConcealedEffect("brake_gain_imbalance", "relative gain", "-", 0.6, True, _gain, pressure_only=True, least_axles=2),
+        ConcealedEffect("track_gradient", "gradient", "-", 0.05, True, _slope),
+        ConcealedEffect("aerodynamic_drag", "c", "N s2/m2", 60.0, False, _drag, variants=("c only", "with a and b")),
+        ConcealedEffect("vehicle_mass", "relative mass", "-", 0.4, True, _mass),
+        ConcealedEffect("non_adhesive_brake", "largest force", "N", 4e4, False, lambda s, z, _: _effects(s, eddy=z)),
+        ConcealedEffect("initial_slope", "compliance", "-", 0.5, False, lambda s, z, _: _effects(s, layer=z)),
+        ConcealedEffect("falling_friction", "drop", "-", 0.8, True, lambda s, z, _: _effects(s, drop=z)),
+        ConcealedEffect("wheel_radius", "relative radius", "-", 0.05, True, _radius),
+        ConcealedEffect("wheel_speed_lag", "lag", "s", 1.0, False, lambda s, z, _: _sensors(s, lag_s=z)),
+        ConcealedEffect("clock_offset", "offset", "s", 1.0, True, lambda s, z, _: _sensors(s, clock_s=z)),
     )
 }  # fmt: skip
 
 #: In no library: what a diagnosis has to call unknown.
-FOREIGN: dict[str, Effect] = {
+FOREIGN: dict[str, ConcealedEffect] = {
     effect.name: effect
     for effect in (
-        Effect("sanding", "gain of friction", "-", 3.0, False, lambda s, z, _: _effects(s, sand=z)),
-        Effect("slack_action", "swinging force", "N", 3e4, False, lambda s, z, _: _effects(s, slack=z),
+        ConcealedEffect("sanding", "gain of friction", "-", 3.0, False, lambda s, z, _: _effects(s, sand=z)),
+        ConcealedEffect("slack_action", "swinging force", "N", 3e4, False, lambda s, z, _: _effects(s, slack=z),
                assumed=500.0),  # about 1 % of the braking force
-        Effect("hunting", "share of adhesion", "-", 0.9, False, lambda s, z, _: _effects(s, hunting=z)),
-        Effect("wind_gusts", "force at 30 m/s", "N", 3e4, False, lambda s, z, _: _effects(s, gusts=z)),
-        Effect("dragging_brake", "torque", "N m", 3e3, False,
+        ConcealedEffect("hunting", "share of adhesion", "-", 0.9, False, lambda s, z, _: _effects(s, hunting=z)),
+        ConcealedEffect("wind_gusts", "force at 30 m/s", "N", 3e4, False, lambda s, z, _: _effects(s, gusts=z)),
+        ConcealedEffect("dragging_brake", "torque", "N m", 3e3, False,
                lambda s, z, p: _effects(s, dragging=z, dragging_axle=float(p.axle % s.axles)), pressure_only=True),
-        Effect("radar_pitch", "error per deceleration", "s2/m", 0.1, False, lambda s, z, _: _sensors(s, pitch_s2pm=z)),
-        Effect("torque_drift", "drift", "N m/s", 300.0, True,
+        ConcealedEffect("radar_pitch", "error per deceleration", "s2/m", 0.1, False, lambda s, z, _: _sensors(s, pitch_s2pm=z)),
+        ConcealedEffect("torque_drift", "drift", "N m/s", 300.0, True,
                lambda s, z, p: _sensors(s, drift_nmps=z, drift_axle=p.axle % s.axles),
                assumed=2.5),  # about 1 % of the torque in half a minute
     )

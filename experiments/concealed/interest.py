@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.concealed.effects import ALL, Effect, Place
+from experiments.concealed.effects import ALL, ConcealedEffect, Place
 from experiments.concealed.sensors import record
 from experiments.concealed.setup import RADIUS_M, Setup, reference
 from experiments.concealed.truth import simulate
@@ -56,7 +56,7 @@ def _mean_slip(columns: dict[str, np.ndarray]) -> np.ndarray:
     return np.stack([slip[fast].mean(axis=0), slip[~fast & (speed > _LEAST_SPEED_MPS)].mean(axis=0)])
 
 
-def change(effect: Effect, size: float, place: Place = ANYWHERE) -> tuple[float, float]:
+def change(effect: ConcealedEffect, size: float, place: Place = ANYWHERE) -> tuple[float, float]:
     """Return the effect's change of the reference stops, of the kind that it changes most.
 
     The relative change of the distance [-], signed, and the change of an axle's mean slip [m/s]; the sliding stops are

@@ -159,11 +159,11 @@ def fill(out: Path, docs: Path) -> None:
 
 def _identity(out: Path) -> dict[str, str]:
     head = json.loads((out / "bank.json").read_text(encoding="utf-8"))
-    told = {
+    reported = {
         "command": f"`python -m experiments.concealed bank --cases {head['cases']} --seed {head['seed']}`",
         "SHA-256 of the labels": f"`{(out / 'labels.sha256').read_text(encoding='utf-8').split()[0]}`",
     }
     version = out / "diagnoses" / "version.json"
     if version.is_file():
-        told["SHA-256 of the code diagnosed with"] = f"`{json.loads(version.read_text(encoding='utf-8'))['sha256']}`"
-    return told
+        reported["SHA-256 of the code diagnosed with"] = f"`{json.loads(version.read_text(encoding='utf-8'))['sha256']}`"
+    return reported

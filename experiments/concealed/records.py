@@ -46,7 +46,7 @@ class Brake(NamedTuple):
     wsp: float  # 1: acts, 0: switched off
 
 
-class Run(NamedTuple):
+class PlannedStop(NamedTuple):
     """One stop."""
 
     speed: float  # [m/s] at its start

@@ -97,7 +97,7 @@ def _columns(data: Scan, chosen: list[int]) -> np.ndarray:
 
 def _parameters(data: Scan, chosen: list[int]) -> list[dict[str, Any]]:
     """Parameters of the mechanisms chosen, fitted together, linear about the baseline."""
-    together, first, told = _fit(data.whole, _columns(data, chosen))[0], 0, []
+    together, first, reported = _fit(data.whole, _columns(data, chosen))[0], 0, []
     for i in chosen:
         variant = data.candidates[i].variant
         if variant is None:
@@ -110,8 +110,8 @@ def _parameters(data: Scan, chosen: list[int]) -> list[dict[str, Any]]:
             half = _Z90 * abs(change) * float(np.sqrt(together.covariance[first, first]))
             found[name] = {"value": value, "unit": units[name], "interval90": [value - half, value + half]}
             first += 1
-        told.append(found)
-    return told
+        reported.append(found)
+    return reported
 
 
 def examine(campaign: Path) -> tuple[dict[str, dict[str, Any]], dict[str, float]]:

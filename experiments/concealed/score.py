@@ -197,12 +197,12 @@ def _parameters(cases: Cases) -> dict[str, Any]:
     for label, answer in cases:
         effects = {one["name"]: one for one in label["effects"] if one["name"] in COMPARABLE}
         for one in answer.get("mechanisms", ()):
-            name, told = one["name"], one.get("parameters", {})
-            if name not in effects or COMPARABLE[name][0] not in told:
+            name, reported = one["name"], one.get("parameters", {})
+            if name not in effects or COMPARABLE[name][0] not in reported:
                 continue
-            effect, parameter = effects[name], told[COMPARABLE[name][0]]
+            effect, parameter = effects[name], reported[COMPARABLE[name][0]]
             axle = effect["axle"] % label["axles"] + 1
-            placed = "axle" not in told or round(told["axle"]["value"]) == axle
+            placed = "axle" not in reported or round(reported["axle"]["value"]) == axle
             truth, (low, high) = true_value(effect), parameter["interval90"]
             errors.setdefault(name, []).append(abs(parameter["value"] / truth - 1.0) if placed else 1.0)
             covered.setdefault(name, []).append(placed and low <= truth <= high)
@@ -219,15 +219,15 @@ def _parameters(cases: Cases) -> dict[str, Any]:
 
 def _distances(singles: Cases) -> dict[str, Any]:
     """Compare the change of stopping distance [-] of effects whose parameters mean other things in other forms."""
-    told = [
+    reported = [
         (t["distance_change"], a["distance_change"])
         for t, a in singles
         if t["mechanisms"][0] not in COMPARABLE and _first(a) == t["mechanisms"][0] and "distance_change" in a
     ]
     return {
-        "truth": _spread([abs(truth) for truth, _ in told]),
-        "error": _spread([abs(claim["value"] - truth) for truth, claim in told]),
-        "interval90_covers": rate(claim["interval90"][0] <= truth <= claim["interval90"][1] for truth, claim in told),
+        "truth": _spread([abs(truth) for truth, _ in reported]),
+        "error": _spread([abs(claim["value"] - truth) for truth, claim in reported]),
+        "interval90_covers": rate(claim["interval90"][0] <= truth <= claim["interval90"][1] for truth, claim in reported),
     }
 
 

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from experiments.concealed.records import Brake, Effects, Law, Run, Vehicle
+from experiments.concealed.records import Brake, Effects, Law, PlannedStop, Vehicle
 
 #: Coach UIC-Z1 (seed paper, Tables 1, 2 and 5; its bogie and wheelset are a half and a quarter of it).
 AXLE_POSITIONS_M = {1: (0.0,), 2: (0.0, 2.56), 4: (0.0, 2.56, 19.0, 21.56)}
@@ -46,7 +46,7 @@ class Setup:
     vehicle: Vehicle
     law: Law
     brake: Brake
-    runs: dict[str, Run]
+    runs: dict[str, PlannedStop]
     profile: np.ndarray  # factor on mu_cd at every metre of track
     effects: Effects
     sensors: Sensors
@@ -96,8 +96,8 @@ def reference() -> Setup:
     vehicle = make_vehicle(4)
     gust = _gust(np.random.default_rng(1))
 
-    def run(speed: float, adhesion: float, position: float) -> Run:
-        return Run(speed, 1.5, 3.0, torque_for(adhesion, vehicle), position, 0.055, 0.0, 0.3, gust)
+    def run(speed: float, adhesion: float, position: float) -> PlannedStop:
+        return PlannedStop(speed, 1.5, 3.0, torque_for(adhesion, vehicle), position, 0.055, 0.0, 0.3, gust)
 
     sliding = {f"sliding {v:.0f}": run(v, 0.19, 50.0) for v in (34.0, 37.0, 40.0, 43.0)}
     runs = {"gentle": run(38.0, 0.07, 50.0), **sliding}
@@ -129,7 +129,7 @@ def draw(rng: np.random.Generator, axles: int, noise: float, measured_torque: bo
         mu_cd = believed * float(within(FRICTION_SPREAD, 1)[0])
         # One stop of each group brakes too gently to slide; the others ask for more than the contaminated rail gives.
         demand = rng.uniform(1.1, 1.4) if name in ("A4", "B3") else rng.uniform(2.4, 3.6)
-        runs[name] = Run(
+        runs[name] = PlannedStop(
             speed=float(rng.uniform(24.0, 44.0)),
             end_speed=1.5,
             coast=float(rng.uniform(2.0, 4.0)),

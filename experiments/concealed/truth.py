@@ -17,7 +17,7 @@ from typing import Any, TypeVar, cast
 import numba
 import numpy as np
 
-from experiments.concealed.records import Brake, Effects, History, Law, Run, State, Vehicle
+from experiments.concealed.records import Brake, Effects, History, Law, PlannedStop, State, Vehicle
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -184,7 +184,7 @@ def rail_friction(mu_cd: float, mu_cr: float, film: float, sand: float, gain: fl
 
 
 @kernel
-def external(t: float, v: float, braking: float, run: Run, x: Effects) -> float:
+def external(t: float, v: float, braking: float, run: PlannedStop, x: Effects) -> float:
     """Force against the motion beside wheels and gradient [N]."""
     force = x.drag_a + v * (x.drag_b + v * x.drag_c)
     if x.eddy != 0.0 and braking > 0.0:
@@ -226,7 +226,7 @@ def braked(k: int, n: int, v: float, supply: float, brake: Brake, state: State, 
 
 
 @part
-def friction_scale(k: int, v: float, here: float, run: Run, state: State, x: Effects) -> float:
+def friction_scale(k: int, v: float, here: float, run: PlannedStop, state: State, x: Effects) -> float:
     """Factor on both friction coefficients."""
     scale = 1.0 / (1.0 + x.flash * state.flash[k])
     if x.running != 0.0:  # Kother: 0.116 + 9 / (42 + V), V in km/h; relative to 25 m/s
@@ -284,7 +284,7 @@ def remember(
 
 
 @kernel
-def fresh(run: Run, vehicle: Vehicle, cells: int, x: Effects) -> State:
+def fresh(run: PlannedStop, vehicle: Vehicle, cells: int, x: Effects) -> State:
     """State of a vehicle that rolls freely."""
     n = vehicle.radius.shape[0]
     w = run.speed / vehicle.radius
@@ -297,7 +297,7 @@ def fresh(run: Run, vehicle: Vehicle, cells: int, x: Effects) -> State:
 
 
 @kernel
-def simulate(vehicle: Vehicle, law: Law, brake: Brake, run: Run, profile: np.ndarray, x: Effects) -> History:
+def simulate(vehicle: Vehicle, law: Law, brake: Brake, run: PlannedStop, profile: np.ndarray, x: Effects) -> History:
     """Brake from the run's speed to its end speed; `profile` is the factor on mu_cd every metre of track."""
     axles, most, h = vehicle.radius.shape[0], int(LONGEST_S / STEP_S), STEP_S
     speeds, positions = np.empty(most), np.empty(most)

@@ -3,7 +3,7 @@
 import importlib
 import sys
 import warnings
-from typing import Any
+from typing import TextIO
 
 #: Subcommand -> what it does; the module of that name has the function `main`, whose arguments are the command line's.
 COMMANDS = {
@@ -14,6 +14,7 @@ COMMANDS = {
     "replay": "let controllers brake under the conditions of recorded stops, beside the stops as recorded",
     "diagnose": "say which physics the tuned law lacks on recorded stops, where it shows and how sure that is",
     "tune": "tune tau and mu_cd on a campaign of recorded stops, score the held-out ones",
+    "vehicle": "describe vehicles as data: check a vehicle file, print one to start from, list those with names",
     "validate": "tune, score and simulate recorded stops as the seed paper does; a page with its figures and tables",
 }
 
@@ -40,7 +41,7 @@ def main(arguments: list[str] | None = None) -> int:
     import tyro
 
     from wsp_env.parameters.quantity import ParameterError
-    from wsp_env.recordings.table import CampaignError, CampaignWarning
+    from wsp_env.recordings.errors import CampaignError, CampaignWarning
 
     command = importlib.import_module(f"wsp_env.cli.{name}").main
     try:
@@ -57,7 +58,12 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _warned(
-    message: Warning | str, category: type[Warning], filename: str, lineno: int, file: Any = None, line: str | None = None
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
 ) -> None:
     print(f"wsp: warning: {message}", file=sys.stderr)
 

@@ -14,19 +14,37 @@ from wsp_env.evaluation.controller import load as load_controller
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.runner import ControllerFailure
 from wsp_env.parameters.quantity import ParameterError
-from wsp_env.parameters.uic_z1 import VEHICLES
+from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.parameters.velim import TAU_M_PER_J, TEST_SPEEDS_MPS
 from wsp_env.report import COLOURS, Section, Table, axes, plotly, terminal_table, write_page
 
 
+@dataclasses.dataclass(frozen=True)
+class StopOptions:
+    """The stop.
+
+    Parameters
+    ----------
+    speed
+        Initial speed [m/s].
+    demand
+        Share of full brake pressure.
+    load
+        Share of the payload.
+
+    """
+
+    speed: float = TEST_SPEEDS_MPS["A1"]
+    demand: float = 1.0
+    load: float = 0.0
+
+
 def main(
     controller: str = "rule-based",
-    vehicle: str = "coach",
+    vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "coach",
     mu_cd: tuple[float, ...] = (0.02, 0.03, 0.04, 0.06),
     tau: tuple[float, ...] = (0.95e-4, TAU_M_PER_J, 3.8e-4),
-    speed: float = TEST_SPEEDS_MPS["A1"],
-    demand: float = 1.0,
-    load: float = 0.0,
+    stop: Annotated[StopOptions, tyro.conf.arg(name="")] = StopOptions(),
     set: tuple[str, ...] = (),
     out: Path = Path("out/compare.html"),
     json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
@@ -40,17 +58,13 @@ def main(
     controller
         As for `wsp evaluate`.
     vehicle
-        Wheelset, bogie or coach.
+        A name (wsp vehicle list) or a vehicle file (wsp vehicle show coach > mine.toml).
     mu_cd
         Kinetic friction coefficients of the contaminated rail [-].
     tau
         Recovery rates [m/J], above 0.
-    speed
-        Initial speed [m/s].
-    demand
-        Share of full brake pressure.
-    load
-        Share of the payload.
+    stop
+        The stop.
     set
         Parameters of the controller, as rule-based.slip_base_mps=0.4.
     out
@@ -59,16 +73,15 @@ def main(
         Print the table as JSON.
 
     """
-    if vehicle not in VEHICLES:
-        raise ParameterError(f"unknown vehicle {vehicle!r}; valid: {', '.join(VEHICLES)}")
+    braked = find_vehicle(vehicle)
     if not mu_cd or not tau or min(tau) <= 0.0:
         raise ParameterError("give at least one --mu-cd and one --tau, each tau above 0: the classic law is run anyway")
     chosen = load_controller(controller, read_settings((controller,), set)[controller])
     try:
-        result = compare(chosen, VEHICLES[vehicle], mu_cd, tau, speed, demand, load)
+        result = compare(chosen, braked, mu_cd, tau, stop.speed, stop.demand, stop.load)
     except ControllerFailure as failure:
         raise ParameterError(str(failure)) from None
-    title = f"{controller} on the {vehicle} from {speed:g} m/s, demand {demand:g}"
+    title = f"{controller} on the {braked.name} from {stop.speed:g} m/s, demand {stop.demand:g}"
     table = _table(result)
     written = True
     try:

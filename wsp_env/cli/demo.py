@@ -8,13 +8,18 @@ import gymnasium as gym
 import numpy as np
 import tyro
 from rich.console import Console
+from rich.markup import escape
 from scipy.optimize import least_squares
 
 from wsp_env.contact.kalker import kalker_force
 from wsp_env.contact.polach import contact_stiffness, polach_adhesion
+from wsp_env.envs.single import BrakingEnv
 from wsp_env.evaluation.controller import load
 from wsp_env.parameters import eurosprinter
+from wsp_env.parameters.campaign_vehicle import plant_vehicle
 from wsp_env.parameters.uic_z1 import BOGIE
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.recordings import (
     Campaign,
     Smoothing,
@@ -31,21 +36,28 @@ from wsp_env.report import COLOURS, Section, Table, axes, plotly, terminal_table
 _LAWS = {"recovering": "sliding cleans the rail (lambda by tau)", "classic": "no recovery (lambda = 0)"}
 
 
-def main(out: Annotated[Path, tyro.conf.arg(metavar="FILE")] = Path("out/demo.html")) -> None:
+def main(
+    out: Annotated[Path, tyro.conf.arg(metavar="FILE")] = Path("out/demo.html"),
+    vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "bogie",
+) -> None:
     """Read recorded stops, tune the law on them, brake a bogie under it; half a minute at the very first run, then seconds.
 
     Parameters
     ----------
     out
         The page with interactive plots to write.
+    vehicle
+        What brakes: a name (wsp vehicle list) or a vehicle file (wsp vehicle show coach > mine.toml). It brakes as hard for its
+        weight as the recorded one.
 
     """
+    braked = find_vehicle(vehicle)
     plotly()
     console = Console(highlight=False)
     with console.status("reading recorded stops and tuning tau ..."):
         campaign = read_campaign(demo_campaign())
         tuning = tune(campaign)
-    with console.status("braking a bogie with a rule-based WSP under both laws ..."):
+    with console.status("braking with a rule-based WSP under both laws ..."):
         run = campaign.tune[-1]
         pins = {
             "mu_cd": tuning.runs[run].mu_cd,
@@ -56,35 +68,39 @@ def main(out: Annotated[Path, tyro.conf.arg(metavar="FILE")] = Path("out/demo.ht
             "gradient": 0.0,
             "track": "constant",
         }
-        full_torque_nm = float(np.quantile(campaign.runs[run].brake_torque_nm, 0.99))
-        stops = {law: brake(law, pins, full_torque_nm) for law in _LAWS}
+        own = plant_vehicle(campaign.vehicle, campaign.contact, campaign.name)
+        share = braked.static_wheel_load_n * braked.wheel_radius_m / (own.static_wheel_load_n * own.wheel_radius_m)
+        full_torque_nm = share * float(np.quantile(campaign.runs[run].brake_torque_nm, 0.99))
+        stops = {law: brake(law, pins, full_torque_nm, braked) for law in _LAWS}
     with console.status("fitting the measured creep curve ..."):
         curves = creep_curves()
     sections = [
         recorded_section(campaign, tuning),
-        stops_section(stops, run),
+        stops_section(stops, run, braked),
         creep_section(curves),
     ]
     for section in sections:
-        console.print(f"\n[bold]{section.title}[/bold]")
-        console.print("\n".join(section.text))
+        console.print(f"\n[bold]{escape(section.title)}[/bold]")
+        console.print("\n".join(section.text), markup=False)
         for shown in section.shows:
             if isinstance(shown, Table):
                 console.print(terminal_table(shown))
-    lead = "Recorded stops are read, the recovery rate tau is tuned on them, and a bogie brakes under the tuned law."
+    lead = "Recorded stops are read, the recovery rate tau is tuned on them, and a vehicle brakes under the tuned law."
     write_page(out, "wsp-env: what it does, in three pictures", lead, sections, "Written by: wsp demo")
     console.print(f"\nInteractive plots: [bold]{out}[/bold]")
 
 
-def brake(law: str, pins: dict[str, Any], full_torque_nm: float) -> dict[str, np.ndarray]:
-    """Brake `wsp_env/Bogie-v0` to standstill with the rule-based WSP, full demand giving a torque per axle [N m].
+def brake(law: str, pins: dict[str, Any], full_torque_nm: float, vehicle: Vehicle = BOGIE) -> dict[str, np.ndarray]:
+    """Brake a vehicle to standstill with the rule-based WSP, full demand giving a torque per axle [N m].
 
-    Returns the truth of `info` along the stop by name, (T,) or (T, 2).
+    Returns the truth of `info` along the stop by name, (T,) or (T, axles).
     """
-    per_bar = full_torque_nm / BOGIE.brake.full_pressure_bar
-    env = gym.make("wsp_env/Bogie-v0", adhesion=law, vehicle={"brake": {"torque_per_bar_nm": per_bar}})
+    stronger = dataclasses.replace(vehicle.brake, torque_per_bar_nm=full_torque_nm / vehicle.brake.full_pressure_bar)
+    values = dataclasses.asdict(dataclasses.replace(vehicle, brake=stronger))
+    env = gym.make("wsp_env/Bogie-v0", adhesion=law, vehicle=values)
     _, info = env.reset(seed=0, options=pins)
-    batch = env.unwrapped.batch  # type: ignore[attr-defined]  # BrakingEnv's
+    assert isinstance(env.unwrapped, BrakingEnv)
+    batch = env.unwrapped.batch
     protection = load("rule-based")
     protection.reset(1, batch.vehicle)
     truth = []
@@ -98,7 +114,7 @@ def brake(law: str, pins: dict[str, Any], full_torque_nm: float) -> dict[str, np
 
 
 @dataclasses.dataclass(frozen=True)
-class Curve:
+class FittedCurve:
     """A creep curve beside the measured points."""
 
     name: str
@@ -107,7 +123,7 @@ class Curve:
     error: float  # root mean square over the points [-]
 
 
-def creep_curves() -> list[Curve]:
+def creep_curves() -> list[FittedCurve]:
     """Kalker, Polach with constant friction and Polach with falling friction against the Eurosprinter's points.
 
     The friction of each and, for the last, A, gamma, k_A and k_S are fitted to the points by least squares.
@@ -134,7 +150,7 @@ def creep_curves() -> list[Curve]:
     curves = []
     for name, model, start, low, high in models:
         fit = least_squares(lambda p, model=model: model(creepage, p) - adhesion, start, bounds=(low, high))
-        curves.append(Curve(name, grid, model(grid, fit.x), float(np.sqrt(np.mean(fit.fun**2)))))
+        curves.append(FittedCurve(name, grid, model(grid, fit.x), float(np.sqrt(np.mean(fit.fun**2)))))
     return curves
 
 
@@ -173,7 +189,7 @@ def recorded_section(campaign: Campaign, tuning: Tuning) -> Section:
     return Section("Recorded stops, and the law tuned on them", text, (table, figure))
 
 
-def stops_section(stops: dict[str, dict[str, np.ndarray]], run: str) -> Section:
+def stops_section(stops: dict[str, dict[str, np.ndarray]], run: str, vehicle: Vehicle) -> Section:
     """Compare the two laws over one stop: speeds, adhesion of the leading axle with its limits."""
     objects, subplots = plotly()
     figure = subplots.make_subplots(
@@ -183,7 +199,7 @@ def stops_section(stops: dict[str, dict[str, np.ndarray]], run: str) -> Section:
         wheel = stop["speed_mps"][:, None] - stop["slip_speed_mps"]
         lines = (
             (1, "leading wheelset", wheel[:, 0], COLOURS[5]),
-            (1, "trailing wheelset", wheel[:, 1], COLOURS[4]),
+            *([(1, "trailing wheelset", wheel[:, -1], COLOURS[4])] if vehicle.axles > 1 else []),
             (1, "vehicle", stop["speed_mps"], COLOURS[6]),
             (2, "f_r, fully recovered", stop["adhesion_r"][:, 0], COLOURS[2]),
             (2, "f_d, degraded", stop["adhesion_d"][:, 0], COLOURS[1]),
@@ -217,13 +233,15 @@ def stops_section(stops: dict[str, dict[str, np.ndarray]], run: str) -> Section:
     distance = {law: stop["position_m"][-1] for law, stop in stops.items()}
     saved = 1.0 - distance["recovering"] / distance["classic"]
     text = (
-        f"The conditions and the brake of run {run} in the environment wsp_env/Bogie-v0, with the rule-based WSP. "
+        f"The {vehicle.name} under the conditions of run {run} and as hard a brake, with the rule-based WSP. "
         f"Recovery by sliding makes this stop {100 * saved:.1f} % shorter.",
     )
-    return Section("A bogie brakes under the tuned law, with and without recovery", text, (Table(header, rows), figure))
+    return Section(
+        f"The {vehicle.name} brakes under the tuned law, with and without recovery", text, (Table(header, rows), figure)
+    )
 
 
-def creep_section(curves: list[Curve]) -> Section:
+def creep_section(curves: list[FittedCurve]) -> Section:
     """Show the measured points of the Eurosprinter and what three laws make of them."""
     objects, _ = plotly()
     creepage, adhesion = eurosprinter.measured()
@@ -239,6 +257,6 @@ def creep_section(curves: list[Curve]) -> Section:
     text = (
         "Points measured on a Siemens Eurosprinter locomotive at 10 m/s. With Kalker's slope and a constant friction "
         "coefficient a law rises too steeply and does not fall with the slip speed; reduction factors and falling friction "
-        "mend both.",
+        "correct both.",
     )
     return Section("A measured creep curve, and three laws", text, (table, figure))

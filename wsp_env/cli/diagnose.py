@@ -36,7 +36,7 @@ STEPS = {
     "judging": 0.8,
 }
 _COUNTED = re.compile(r"(?P<name>.*?)s? (?P<done>\d+) of (?P<of>\d+)")
-_TELL = 0.1  # share of the whole after which a log is told of progress again
+_REPORT_EVERY = 0.1  # share of the whole after which progress is reported to a log again
 
 
 def main(
@@ -71,12 +71,12 @@ def main(
     found: Diagnosis | CreepDiagnosis
     if holds_creep_curves(campaign):
         curves = read_creep_curves(campaign)
-        with _progress() as told:
-            found = diagnose_creep_curves(curves, effort, seed, told)
+        with _progress() as report:
+            found = diagnose_creep_curves(curves, effort, seed, report)
     else:
         recorded = read_campaign(campaign)
-        with _progress() as told:
-            found = diagnose(recorded, effort, seed, told, workers)
+        with _progress() as report:
+            found = diagnose(recorded, effort, seed, report, workers)
     text = json.dumps(found.to_json(), indent=1, allow_nan=False)
     write_text(out / "diagnosis.json", text + "\n")
     write_text(out / "model.json", json.dumps(found.model, indent=1) + "\n")
@@ -108,7 +108,7 @@ def _progress() -> Iterator[Callable[[str], None]]:
     """Show what step the diagnosis is at and how far it is: a bar on a terminal, lines in a log."""
     console, course = Console(stderr=True), Advance()
     if not console.is_terminal:
-        yield lambda step: _tell(course, step)
+        yield lambda step: _report(course, step)
         return
     columns = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
     with Progress(*columns, console=console, transient=True) as bar:
@@ -116,9 +116,9 @@ def _progress() -> Iterator[Callable[[str], None]]:
         yield lambda step: bar.update(task, description=step, completed=course.reach(step))
 
 
-def _tell(course: "Advance", step: str) -> None:
+def _report(course: "Advance", step: str) -> None:
     before = course.share
-    if course.enters(step) or int(course.reach(step) / _TELL) > int(before / _TELL):
+    if course.enters(step) or int(course.reach(step) / _REPORT_EVERY) > int(before / _REPORT_EVERY):
         print(f"wsp: {course.reach(step):.0%}: {step}", file=sys.stderr, flush=True)
 
 
@@ -135,7 +135,7 @@ class Advance:
         return _parsed(step)[0] != self._name
 
     def reach(self, step: str) -> float:
-        """Return the share of the whole [-] that is done when a step, "name" or "name 3 of 10", is told of."""
+        """Return the share of the whole [-] that is done when a step, "name" or "name 3 of 10", is reported."""
         name, inside = _parsed(step)
         if name != self._name:
             self._name = name

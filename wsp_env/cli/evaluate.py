@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import polars
 import tyro
@@ -17,14 +17,15 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from wsp_env.evaluation.controller import read_settings
-from wsp_env.evaluation.evaluate import BOUND, Evaluation, evaluate
+from wsp_env.evaluation.evaluate import BOUND, Evaluation, Failure, Trace, evaluate
 from wsp_env.evaluation.figures import FIGURES
-from wsp_env.evaluation.programme import STANDARD, read_programme, select_cases
-from wsp_env.evaluation.report import LEFT_LIMIT, write_report
+from wsp_env.evaluation.programme import STANDARD, Draws, read_programme, select_cases
+from wsp_env.evaluation.programme_report import LEFT_LIMIT, write_report
 from wsp_env.evaluation.runner import Conduct
 from wsp_env.evaluation.summary import Verdict, judge, summarise
 from wsp_env.parameters.quantity import ParameterError
-from wsp_env.parameters.uic_z1 import VEHICLES
+from wsp_env.parameters.vehicle_file import find_vehicle
+from wsp_env.plant import make_plant
 
 #: Columns of the printed table: figure, heading, digits.
 _COLUMNS = (
@@ -40,18 +41,42 @@ _COLUMNS = (
     ("air_nl", "air\n[Nl]", 0),
     ("contact_energy_mj", "energy\n[MJ]", 2),
 )
+#: What names a controller.
+Named = TypeVar("Named", Trace, Verdict, Failure)
+
 _RATIO = [figure for figure, _, _ in _COLUMNS].index("ratio_bound")
+
+
+@dataclasses.dataclass(frozen=True)
+class ProgrammeOptions:
+    """Which stops are braked.
+
+    Parameters
+    ----------
+    programme
+        File with cases and requirements in place of the standard one.
+    cases
+        Names of the programme's cases; none: all that the vehicle is fast enough for.
+    draws
+        Stops of each case under each law.
+    seed
+        Of the draws.
+
+    """
+
+    programme: Path = STANDARD
+    cases: tuple[str, ...] = ()
+    draws: int = Draws.number
+    seed: int = Draws.seed
 
 
 def main(
     controllers: tuple[str, ...] = ("none", "rule-based"),
-    vehicle: str = "coach",
-    cases: tuple[str, ...] = (),
-    draws: int = 5,
-    seed: int = 0,
-    jobs: int = 0,
+    vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "coach",
     set: tuple[str, ...] = (),
-    programme: Path = STANDARD,
+    stops: Annotated[ProgrammeOptions, tyro.conf.arg(name="")] = ProgrammeOptions(),
+    jobs: int = 0,
+    plant: Annotated[str, tyro.conf.arg(metavar="NAME|PACKAGE.MODULE:CLASS")] = "longitudinal",
     pressure_sensors: bool = False,
     out: Path = Path("out/evaluate"),
     json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
@@ -67,19 +92,15 @@ def main(
         Short names (none, rule-based, slip, extremum), folders of policies, package.module:Class, path.py:Class;
         such code is run.
     vehicle
-        Wheelset, bogie or coach.
-    cases
-        Names of the programme's cases; none: all that the vehicle is fast enough for.
-    draws
-        Stops of each case under each law.
-    seed
-        Of the draws.
-    jobs
-        Processes; 0: one per processor. The results do not depend on it.
+        A name (wsp vehicle list) or a vehicle file (wsp vehicle show coach > mine.toml).
     set
         Parameters of controllers, as rule-based.slip_base_mps=0.4.
-    programme
-        File with cases and requirements in place of the standard one.
+    stops
+        Which stops are braked.
+    jobs
+        Processes; 0: one per processor. The results do not depend on it.
+    plant
+        What computes the vehicle's motion; a class of your own is run as Python (PYTHONPATH=. finds one in this folder).
     pressure_sensors
         The vehicle measures its cylinder pressures.
     out
@@ -88,15 +109,16 @@ def main(
         Print stops, summary, verdicts and failures as JSON.
 
     """
-    if vehicle not in VEHICLES:
-        raise ParameterError(f"unknown vehicle {vehicle!r}; valid: {', '.join(VEHICLES)}")
-    if draws < 1 or jobs < 0 or seed < 0:
-        raise ParameterError(f"draws = {draws}, jobs = {jobs}, seed = {seed}: at least 1, 0 and 0")
+    braked = find_vehicle(vehicle)
+    make_plant(braked, name=plant)  # refuses one that cannot be had before anything is computed
+    draws = Draws(stops.draws, stops.seed)
+    if jobs < 0:
+        raise ParameterError(f"jobs = {jobs}: at least 0")
     if repeated := {name for name in controllers if controllers.count(name) > 1}:
         raise ParameterError(f"controller {', '.join(sorted(repeated))} is named twice")
     chosen = read_settings(controllers, set)
-    table = read_programme(programme)
-    wanted = select_cases(table, VEHICLES[vehicle], cases)
+    table = read_programme(stops.programme)
+    wanted = select_cases(table, braked, stops.cases)
     out.mkdir(parents=True, exist_ok=True)
     errors = Console(stderr=True)
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
@@ -106,12 +128,11 @@ def main(
             chosen,
             table,
             wanted,
-            VEHICLES[vehicle],
+            braked,
             out / "cases",
             draws=draws,
-            seed=seed,
             jobs=jobs or os.cpu_count() or 1,
-            conduct=Conduct(pressure_sensors=pressure_sensors),
+            conduct=Conduct(pressure_sensors=pressure_sensors, plant=plant),
             done=lambda what: progress.update(bar, advance=1, description=what),
         )
     for failure in result.failures:
@@ -124,7 +145,7 @@ def main(
         _labelled(result.stops, labels), _relabelled(result.traces, labels), _relabelled(result.failures, labels)
     )
     try:
-        write_report(out / "report.html", pictured, shown, judged, f"{table.name}, {vehicle}, {_counted(draws)}")
+        write_report(out / "report.html", pictured, shown, judged, f"{table.name}, {braked.name}, {_counted(draws.number)}")
         written = ", report.html"
     except ModuleNotFoundError as missing:  # the tables do without
         errors.print(f"no report.html: {missing}")
@@ -132,7 +153,7 @@ def main(
     if json_:
         print(json.dumps(_plain(result, summary, verdicts), indent=2))
     else:
-        _print(shown, judged, draws)
+        _print(shown, judged, draws.number)
         print(f"\n{out}/: stops.csv, stops.parquet, summary.csv" + written)
     if result.failures:
         sys.exit(1)
@@ -152,7 +173,7 @@ def _labelled(table: polars.DataFrame, labels: Mapping[str, str]) -> polars.Data
     return table.with_columns(polars.col("controller").replace(labels))
 
 
-def _relabelled(items: Iterable[Any], labels: Mapping[str, str]) -> tuple[Any, ...]:
+def _relabelled(items: Iterable[Named], labels: Mapping[str, str]) -> tuple[Named, ...]:
     return tuple(dataclasses.replace(item, controller=labels.get(item.controller, item.controller)) for item in items)
 
 
@@ -162,19 +183,19 @@ def _write(out: Path, result: Evaluation, summary: polars.DataFrame) -> None:
     summary.write_csv(out / "summary.csv")
 
 
-def _plain(result: Evaluation, summary: polars.DataFrame, verdicts: tuple[Verdict, ...]) -> dict[str, Any]:
+def _plain(result: Evaluation, summary: polars.DataFrame, verdicts: tuple[Verdict, ...]) -> object:
     """Return what `--json` prints; a number that is not finite becomes null."""
-    document = {
+    document: dict[str, object] = {
         "figures": {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in FIGURES.items()},
         "stops": result.stops.to_dicts(),
         "summary": summary.to_dicts(),
         "verdicts": [vars(verdict) for verdict in verdicts],
         "failures": [vars(failure) for failure in result.failures],
     }
-    return dict(_finite(document))
+    return _finite(document)
 
 
-def _finite(value: Any) -> Any:
+def _finite(value: object) -> object:
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list):

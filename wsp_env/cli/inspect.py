@@ -1,4 +1,4 @@
-"""`wsp inspect`: what is in a stranger's file, and a campaign.toml to start from."""
+"""`wsp inspect`: what is in a third-party file, and a campaign.toml to start from."""
 
 import sys
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 
 from wsp_env.recordings import CampaignError
-from wsp_env.recordings.inspection import Found, draft, inspect
+from wsp_env.recordings.inspection import InspectedChannel, draft, inspect
 
 _WIDTH = 160  # of the table in a file or a pipe
 
@@ -49,7 +49,7 @@ def main(
     console.print(f"Draft written: [bold]{out}[/bold]")
 
 
-def _row(channel: Found) -> tuple[str, ...]:
+def _row(channel: InspectedChannel) -> tuple[str, ...]:
     q = channel.quality
     rate = "?" if channel.rate_hz is None else f"{channel.rate_hz:.4g}"
     guessed = f"{channel.guess} [{channel.guessed_unit}]" if channel.guess else ""

@@ -3,7 +3,7 @@
 import json
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import tyro
 from rich.console import Console
@@ -12,8 +12,9 @@ from rich.progress import Progress
 from wsp_env.envs.model import read_model
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.replay import FIGURES, RECORDED, SIMULATED, Course, Replay, replay
+from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.recordings import Campaign, read_campaign
-from wsp_env.report import COLOURS, Section, Table, axes, plotly, terminal_table, write_page
+from wsp_env.report import COLOURS, Figure, Section, Table, axes, plotly, terminal_table, write_page
 
 _DIGITS = {"distance_m": 0, "time_s": 1, "mean_slip_mps": 2, "slip_deviation_mps": 2, "largest_creepage": 2}
 _HEADS = {
@@ -34,6 +35,7 @@ def main(
     set: tuple[str, ...] = (),
     track: Annotated[str, tyro.conf.arg(metavar="constant|recorded")] = "constant",
     model: Path | None = None,
+    vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "",
     out: Path = Path("out/replay"),
     json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
 ) -> None:
@@ -55,6 +57,9 @@ def main(
         Adhesion along the track: one mu_cd per stop, or as estimated from the recording.
     model
         A model.json of `wsp diagnose`, whose mechanisms are switched on.
+    vehicle
+        Gives what campaign.toml does not tell: valve times, sensors, which axles form a bogie. A name (wsp vehicle list) or a
+        vehicle file, with the campaign's number of axles; none: the coach's.
     out
         Folder of the page.
     json_
@@ -66,7 +71,8 @@ def main(
     if track not in ("constant", "recorded"):
         raise ParameterError(f"track {track!r} is unknown; valid: constant, recorded")
     chosen = read_settings(controllers, set)
-    mechanisms = read_model(str(model))["mechanisms"] if model else {}
+    mechanisms = read_model(str(model)).mechanisms if model else {}
+    base = find_vehicle(vehicle) if vehicle else None
     console = Console(stderr=json_, highlight=False)
     if not console.is_terminal:
         console = Console(stderr=json_, highlight=False, width=160)
@@ -79,6 +85,7 @@ def main(
             chosen,
             along_track=track == "recorded",
             mechanisms=mechanisms,
+            base=base,
             done=lambda what: progress.update(bar, advance=1, description=what),
         )
     for name, message in result.failures.items():
@@ -136,7 +143,7 @@ def _write_page(path: Path, result: Replay, campaign: Campaign) -> None:
     for stop in dict.fromkeys(course.stop for course in result.courses):
         sections.append(Section(f"Stop {stop}", (), (_speeds([c for c in result.courses if c.stop == stop], colour),)))
     if said := [sentence for stop in recorded for sentence in campaign.runs[stop].warnings]:
-        sections.append(Section("What was mended in the recordings, or looks wrong", said))
+        sections.append(Section("What was repaired in the recordings, or looks wrong", said))
     lead = f"Controllers under the conditions of campaign {result.campaign}, beside the stops as they were recorded."
     write_page(path, "Replayed stops", lead, sections, "Written by: wsp replay")
 
@@ -149,13 +156,13 @@ def _trust(courses: tuple[Course, ...]) -> tuple[str, ...]:
     worst = max(abs(pairs[SIMULATED][stop] / way - 1.0) for stop, way in pairs[RECORDED].items())
     return (
         f"Simulated with the recorded brake torque, the stops are at most {100 * worst:.1f} % longer or shorter than recorded: "
-        "so far the law and the vehicle can be trusted. Brakes are replayed as hard and as early as recorded, all axles alike.",
+        "the law and the vehicle hold to this extent. Brakes are replayed as hard and as early as recorded, all axles alike.",
         "A controller's own stop cannot be compared sample by sample with the recorded one: tiny causes make two stops under a "
         "controller with thresholds part. Compare distances, and the statistics of the slide.",
     )
 
 
-def _speeds(courses: list[Course], colour: dict[str, str]) -> Any:
+def _speeds(courses: list[Course], colour: dict[str, str]) -> Figure:
     objects, subplots = plotly()
     figure = subplots.make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06)
     for course in courses:

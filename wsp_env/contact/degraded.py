@@ -10,7 +10,7 @@ with Lambert's W on its principal branch, written here as f_r - (f_r - f_d) exp(
 division and holds at a = 0. The classic law (no recovery, lambda = 0) is tau = 0.
 
 Two generalisations stand ready for physics beyond the paper, both absent by default: lambda = 1 - exp(-u^n) with
-u = tau max(W_sp - W_0, 0), solved by a safeguarded Newton method (the closed form is n = 1, W_0 = 0), and a share of the film
+u = tau max(W_sp - W_0, 0), solved by a safeguarded Newton method (the closed form is n = 1, W_0 = 0), and a share of the layer
 that is held by what came before, whatever this wheel's work.
 
 Conventions: one contact is one wheel; slip speed s = v - r w [m/s] and creepage e = s / v [-] are positive in braking.
@@ -18,7 +18,7 @@ Conventions: one contact is one wheel; slip speed s = v - r w [m/s] and creepage
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,14 +26,12 @@ from numpy.typing import ArrayLike
 from wsp_env.compiled import inlined, kernel
 from wsp_env.contact.polach import falling_friction, saturation, saturation_slope
 from wsp_env.contact.recovery import kept_by_shape
+from wsp_env.contact.traction import SPEED_FLOOR, Adhesion, Surface, TractionLaw
 
-#: Running speed [m/s] below which the creepage is taken as s / SPEED_FLOOR: keeps e finite at standstill, where it is
-#: undefined. The contact then acts as a stiff damper, so that the friction vanishes with the slip.
-SPEED_FLOOR = 1e-3
 _LOAD_FLOOR = 1e-6  # [N]; a lifted wheel transmits nothing, its adhesion coefficient stays finite
 
 
-class AdhesionLaw(NamedTuple):
+class DegradedLaw(NamedTuple):
     """Parameters of the law that do not change along the track (mu_cd and tau do, and are arguments)."""
 
     stiffness: float  # pi G a b c11 / 4 [N], eq. (6)
@@ -51,23 +49,12 @@ class AdhesionLaw(NamedTuple):
 
 
 @kernel
-def paper_recovery(law: AdhesionLaw) -> AdhesionLaw:
+def paper_recovery(law: DegradedLaw) -> DegradedLaw:
     """Return the law with the paper's eq. (4) of recovery."""
-    return AdhesionLaw(
+    return DegradedLaw(
         law.stiffness, law.k_ad, law.k_sd, law.k_ar, law.k_sr, law.mu_cr, law.ratio_d, law.ratio_r, law.gamma_d, law.gamma_r,
         1.0, 0.0,
     )  # fmt: skip
-
-
-class Adhesion(NamedTuple):
-    """The law at one state, with its derivatives; all for |s|, the caller puts the sign back."""
-
-    f: float  # adhesion coefficient T / N [-]
-    f_d: float  # its limit without recovery [-]
-    f_r: float  # its limit after full recovery [-]
-    df_ds: float  # derivative with respect to the slip speed at constant speed [s/m]
-    df_dv: float  # derivative with respect to the running speed at constant slip speed [s/m]
-    kept: float  # share of the film that this wheel's own work leaves, 1 - lambda(W_sp) [-]
 
 
 # exp(-W0(z)) is analytic in p = sqrt(2 (1 + e z)): the square root takes away the branch point at z = -1/e. These are the
@@ -102,7 +89,7 @@ def exp_minus_lambert_w0(z: float) -> float:
 
 
 @inlined
-def _limit(
+def limit(
     slip: float, per_speed: float, load: float, law_stiffness: float, mu_c: float, ratio: float, gamma: float,
     k_a: float, k_s: float,
 ) -> tuple[float, float, float]:  # fmt: skip
@@ -118,26 +105,16 @@ def _limit(
 
 
 @inlined
-def adhesion(
-    slip_speed: float,
-    speed: float,
-    normal_load: float,
-    mu_cd: float,
-    tau: float,
-    film: float,
-    law: AdhesionLaw,
-    held: float = 0.0,
-) -> Adhesion:
+def adhesion(slip_speed: float, speed: float, normal_load: float, on: Surface, tau: float, law: DegradedLaw) -> Adhesion:
     """Evaluate the law at |slip_speed| [m/s], running speed [m/s] and normal load of one wheel [N].
 
     Parameters
     ----------
-    mu_cd : kinetic friction coefficient of the contaminated rail [-]
+    on : friction coefficients and contaminant layer; a layer of 1 and nothing held is the paper's law. Below 1 the wheel's
+        limit without recovery is f_r - layer (f_r - f_d), as earlier wheels have removed the rest. `on.mu_cr` stands for that
+        of the law, which a mechanism may have changed with the running speed
     tau : recovery rate [m/J]; 0 is the classic law
-    film : share of the contaminant still there before this wheel comes [-]: 1 is the paper's law; below 1 the wheel's
-        limit without recovery is f_r - film (f_r - f_d), as earlier wheels or the past have removed the rest
     law : the constant parameters
-    held : share of a further film that this wheel's work does not remove [-], as it lags behind; 0 is the paper's law
 
     """
     slip = abs(slip_speed)
@@ -145,12 +122,10 @@ def adhesion(
     rolling = abs(speed)
     per_speed = 1.0 / max(rolling, SPEED_FLOOR)
     dper_dv = -per_speed * per_speed if rolling > SPEED_FLOOR else 0.0
-    f_d, df_d_ds, df_d_dp = _limit(slip, per_speed, load, law.stiffness, mu_cd, law.ratio_d, law.gamma_d, law.k_ad, law.k_sd)
-    f_r, df_r_ds, df_r_dp = _limit(
-        slip, per_speed, load, law.stiffness, law.mu_cr, law.ratio_r, law.gamma_r, law.k_ar, law.k_sr
-    )
-    gap = film * (f_r - f_d)
-    rest = f_r - held * (f_r - f_d)
+    f_d, df_d_ds, df_d_dp = limit(slip, per_speed, load, law.stiffness, on.mu_cd, law.ratio_d, law.gamma_d, law.k_ad, law.k_sd)
+    f_r, df_r_ds, df_r_dp = limit(slip, per_speed, load, law.stiffness, on.mu_cr, law.ratio_r, law.gamma_r, law.k_ar, law.k_sr)
+    gap = on.layer * (f_r - f_d)
+    rest = f_r - on.held * (f_r - f_d)
     a = tau * load * slip * per_speed
     rate = 1.0
     if law.recovery_exponent == 1.0 and law.recovery_threshold == 0.0:
@@ -160,7 +135,7 @@ def adhesion(
         kept, rate = kept_by_shape(rest, gap, a, tau * law.recovery_threshold, law.recovery_exponent)
     f = rest - gap * kept
     # Implicit differentiation of f = rest - gap exp(-u^n), u = a f - offset; rate is d(u^n)/du.
-    share = held + film * kept
+    share = on.held + on.layer * kept
     growth = gap * kept * rate * f * tau * load
     inverse = 1.0 / max(1.0 - a * gap * kept * rate, 1e-12)
     df_ds = (df_r_ds * (1.0 - share) + df_d_ds * share + growth * per_speed) * inverse
@@ -176,11 +151,12 @@ def _loop(output: int, paper: bool) -> Callable[..., None]:
     """
 
     @kernel
-    def loop(states: tuple[np.ndarray, ...], given: AdhesionLaw, result: np.ndarray) -> None:
+    def loop(states: tuple[np.ndarray, ...], given: DegradedLaw, result: np.ndarray) -> None:
         law = paper_recovery(given) if paper else given
-        slip_speed, speed, load, mu_cd, tau, film = states
+        slip_speed, speed, load, mu_cd, tau, layer = states
         for i in range(result.size):
-            state = adhesion(slip_speed[i], speed[i], load[i], mu_cd[i], tau[i], film[i], law)
+            on = Surface(mu_cd[i], law.mu_cr, layer[i], 0.0)
+            state = adhesion(slip_speed[i], speed[i], load[i], on, tau[i], law)
             result[i] = state[output] if slip_speed[i] >= 0.0 or output == 3 else -state[output]
 
     return loop
@@ -200,12 +176,12 @@ def _public(name: str, output: int, what: str) -> Callable[..., np.ndarray]:
         normal_load: ArrayLike,
         mu_cd: ArrayLike,
         tau: ArrayLike,
-        law: AdhesionLaw,
-        film: ArrayLike = 1.0,
+        law: DegradedLaw,
+        layer: ArrayLike = 1.0,
     ) -> np.ndarray:
-        inputs = [np.asarray(x, dtype=np.float64) for x in (slip_speed, speed, normal_load, mu_cd, tau, film)]
+        inputs = [np.asarray(x, dtype=np.float64) for x in (slip_speed, speed, normal_load, mu_cd, tau, layer)]
         result: np.ndarray = np.empty(np.broadcast_shapes(*(x.shape for x in inputs)))
-        law = AdhesionLaw(*map(float, law))
+        law = DegradedLaw(*map(float, law))
         loop = by_paper if law == paper_recovery(law) else general
         loop(tuple(_flat(x, result.shape) for x in inputs), law, result.reshape(-1))
         return result[()]
@@ -218,8 +194,10 @@ def _public(name: str, output: int, what: str) -> Callable[..., np.ndarray]:
     slip_speed : s = v - r w [m/s], positive in braking; the result carries its sign (derivatives by s do not)
     speed : running speed v [m/s]
     normal_load : load of one wheel N [N]
-    mu_cd, tau, film : see `adhesion`; tau = 0 is the classic law
+    mu_cd : kinetic friction coefficient of the contaminated rail [-]
+    tau : recovery rate [m/J]; 0 is the classic law
     law : the constant parameters
+    layer : share of the contaminant layer that earlier wheels left [-]
 
     Scalars or arrays that broadcast; returns an array of the common shape (a numpy scalar for scalars).
 
@@ -231,3 +209,21 @@ degraded_adhesion = _public("degraded_adhesion", 0, "Adhesion coefficient f = T 
 adhesion_without_recovery = _public("adhesion_without_recovery", 1, "Limit f_d [-] without recovery, eq. (5): the classic law.")
 adhesion_recovered = _public("adhesion_recovered", 2, "Limit f_r [-] after full recovery, eq. (5).")
 adhesion_slope = _public("adhesion_slope", 3, "Derivative of f by the slip speed [s/m], at constant running speed.")
+
+
+def _make(contact: Any) -> DegradedLaw:
+    return DegradedLaw(
+        contact.stiffness_n,
+        contact.polach_k_ad,
+        contact.polach_k_sd,
+        contact.polach_k_ar,
+        contact.polach_k_sr,
+        contact.kinetic_friction_r,
+        contact.friction_ratio_d,
+        contact.friction_ratio_r,
+        contact.friction_decrease_d_spm,
+        contact.friction_decrease_r_spm,
+    )
+
+
+LAW = TractionLaw("degraded", "the seed paper's law: friction work recovers adhesion", DegradedLaw, adhesion, _make)

@@ -1,4 +1,4 @@
-"""The share of film that friction work leaves when the recovery has another shape than the paper's eq. (4)."""
+"""The share of the contaminant layer that friction work leaves when the recovery has another shape than the paper's eq. (4)."""
 
 import math
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, Balances
 from wsp_env.diagnosis.evaluate import Choice, Model
-from wsp_env.plant.mechanisms import ALL, Mechanism
+from wsp_env.plant.card import Card
+from wsp_env.plant.mechanisms import ALL
 
 #: Lengths of a patch that are tried [m]; half of one apart along the track.
 _PATCH_LENGTHS_M = (30.0, 60.0, 120.0)
@@ -60,7 +61,9 @@ def unavailable(balances: Balances) -> dict[str, str]:
         if balances.axles < axles:
             reasons[name] = f"needs {axles} axles"
     if not (balances.rows.balance == ADHESION).any():
-        reasons |= {name: "no wheel slides" for name, one in ALL.items() if "adhesion" in one.trace and name not in reasons}
+        reasons |= {
+            name: "no wheel slides" for name, one in ALL.items() if "adhesion" in one.signature.balances and name not in reasons
+        }
     return reasons
 
 
@@ -80,7 +83,7 @@ def _separate(mechanism: str, parameter: str) -> bool:
     return (mechanism, parameter) not in _LEFT_OUT
 
 
-def _fixed(mechanism: Mechanism, balances: Balances) -> list[dict[str, float]]:
+def _fixed(mechanism: Card, balances: Balances) -> list[dict[str, float]]:
     if any(parameter.kind == "axle" for parameter in mechanism.parameters):
         return [{"axle": float(k + 1)} for k in range(balances.axles)]
     if mechanism.name == "adhesion_patch":

@@ -6,7 +6,7 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from wsp_env.diagnosis.balances import BALANCES, Balances
+from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import Variant, choice_of, refined
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
@@ -207,7 +207,7 @@ def _least(search: Search, one: Found, listed: Variant, accepted: Sequence[Accep
 def _floor(one: str, other: str) -> float:
     if other in EXACT:
         return LEAST_SHARE_EXACT
-    mine, its = ({balance for balance in BALANCES if balance in ALL[name].trace} for name in (one, other))
+    mine, its = (ALL[name].signature.balances for name in (one, other))
     # No wrong form of a contact's mechanism looks like a force on the vehicle.
     return LEAST_SHARE_APART if not mine & its or "vehicle" in mine - its else LEAST_SHARE_ANY
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from wsp_env.diagnosis.stops import Stop, torque_per_bar
-from wsp_env.parameters.uic_z1 import COACH
+from wsp_env.parameters.campaign_vehicle import plant_vehicle
 from wsp_env.parameters.vehicle import Brake, Vehicle
-from wsp_env.plant import along
-from wsp_env.recordings import Campaign, CampaignError
+from wsp_env.plant.longitudinal import along
+from wsp_env.recordings import Campaign
 
 #: Mechanism -> its parameters.
 Choice = Mapping[str, Mapping[str, float]]
@@ -44,34 +44,8 @@ class Evaluation:
 
 
 def vehicle_of(campaign: Campaign) -> Vehicle:
-    """Return the campaign's vehicle as the plant takes it.
-
-    Raises
-    ------
-    CampaignError
-        for a number of axles that the plant does not know
-
-    """
-    v = campaign.vehicle
-    known = {1: (0.0,), 2: COACH.axle_positions_m[:2], 4: COACH.axle_positions_m}
-    if v.axles not in known:
-        raise CampaignError(f"campaign {campaign.name}: {v.axles} axles; the diagnosis knows vehicles of 1, 2 and 4")
-    a, b, c = v.resistance_n
-    positions = v.axle_positions_m or known[v.axles]
-    return Vehicle(
-        name=campaign.name,
-        axle_positions_m=tuple(x - positions[0] for x in positions),
-        mass_kg=v.mass_kg,
-        payload_kg=0.0,
-        wheelset_inertia_kgm2=v.wheelset_inertia_kgm2,
-        wheel_radius_m=v.wheel_radius_m,
-        gravity_mps2=v.gravity_mps2,
-        resistance_a_n=a,
-        resistance_b_ns_per_m=b,
-        resistance_c_ns2_per_m2=c,
-        contact=campaign.contact,
-        brake=_brake(campaign),
-    )
+    """Return the campaign's vehicle as the plant takes it, with a brake whose pressures fit the recorded torques."""
+    return plant_vehicle(campaign.vehicle, campaign.contact, campaign.name, payload_kg=0.0, brake=_brake(campaign))
 
 
 def _brake(campaign: Campaign) -> Brake:

@@ -11,7 +11,8 @@ import dataclasses
 import numpy as np
 
 from wsp_env.compiled import inlined, kernel
-from wsp_env.contact.degraded import AdhesionLaw, adhesion, adhesion_slope, degraded_adhesion
+from wsp_env.contact.degraded import DegradedLaw, adhesion, adhesion_slope, degraded_adhesion
+from wsp_env.contact.traction import Surface
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
 from wsp_env.diagnosis.stops import LEAST_SPEED_MPS, Stop, smooth_speed, smooth_torque, smooth_wheels
@@ -96,8 +97,8 @@ class Maker:
 
 
 @inlined
-def _stiffer(law: AdhesionLaw, factor: float) -> AdhesionLaw:
-    return AdhesionLaw(
+def _stiffer(law: DegradedLaw, factor: float) -> DegradedLaw:
+    return DegradedLaw(
         law.stiffness * factor, law.k_ad, law.k_sd, law.k_ar, law.k_sr, law.mu_cr, law.ratio_d, law.ratio_r,
         law.gamma_d, law.gamma_r, law.recovery_exponent, law.recovery_threshold,
     )  # fmt: skip
@@ -111,7 +112,7 @@ def _brake(
     stiffness: np.ndarray,
     resisted: np.ndarray,
     run: tuple[float, float, float, float, float],
-    law: AdhesionLaw,
+    law: DegradedLaw,
     speed: np.ndarray,
     force: np.ndarray,
 ) -> None:
@@ -125,7 +126,8 @@ def _brake(
             for k in range(creepage.shape[1]):
                 own = _stiffer(law, 1.0 + stiffness[r, k])
                 e = creepage[j, k]
-                f = adhesion(e * v, v, load, mu_cd * (1.0 + track[r, nodes[j, k]]), tau, 1.0, own).f
+                on = Surface(mu_cd * (1.0 + track[r, nodes[j, k]]), own.mu_cr, 1.0, 0.0)
+                f = adhesion(e * v, v, load, on, tau, own).f
                 force[r, j, k] = 2.0 * load * (f if e >= 0.0 else -f)
                 total += force[r, j, k]
             mean = total if j == 0 else 1.5 * total - 0.5 * last

@@ -111,7 +111,7 @@ def _fitted(found: Diagnosis) -> list[Section]:
         ]
         others = ", ".join(name.replace("_", " ") for name in one.alternatives[1:])
         text = [
-            f"{_capital(said(one.name, one.parameters))}. What it leaves: {ALL[one.name].trace}.",
+            f"{_capital(said(one.name, one.parameters))}. What it leaves: {ALL[one.name].signature.trace}.",
             f"Confidence {one.confidence:.2f}; {one.multiple:.1f} times the smallest effect of interest; gain {one.gain:.0f} "
             f"against at most {one.null_gain:.0f} in null recordings; held-out gain {one.held_out_gain:.0f}.",
             f"These data cannot tell it from: {others}." if others else "No other mechanism of the library comes near.",

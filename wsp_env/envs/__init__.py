@@ -3,7 +3,15 @@
 import gymnasium as gym
 
 #: The ids with the vehicle of each.
-IDS = {"wsp_env/Wheelset-v0": "wheelset", "wsp_env/Bogie-v0": "bogie", "wsp_env/Coach-v0": "coach"}
+IDS = {
+    "wsp_env/Wheelset-v0": "wheelset",
+    "wsp_env/Bogie-v0": "bogie",
+    "wsp_env/Coach-v0": "coach",
+    "wsp_env/Train-v0": "train",
+}
+
+# A train is so many coaches, whose first wheels clean the rail for the last.
+_OPTIONS = {"train": {"vehicle_name": "coach", "coaches": 10, "mechanisms": {"leading_axle_cleaning": {}}}}
 
 for _id, _vehicle in IDS.items():
     if _id not in gym.registry:
@@ -11,5 +19,5 @@ for _id, _vehicle in IDS.items():
             _id,
             entry_point="wsp_env.envs.single:BrakingEnv",
             vector_entry_point="wsp_env.envs.vector:BrakingVectorEnv",
-            kwargs={"vehicle_name": _vehicle},
+            kwargs=_OPTIONS.get(_vehicle, {"vehicle_name": _vehicle}),
         )

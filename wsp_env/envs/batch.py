@@ -6,16 +6,14 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from wsp_env.envs.observation import Measurement, Observer
+from wsp_env.envs import step
 from wsp_env.envs.task import Task
+from wsp_env.observer.observation import Observer
 from wsp_env.parameters.quantity import ParameterError
-from wsp_env.plant.plant import Plant
-from wsp_env.scenario import PINS, TRACK_STEP_M, check_mechanisms, draw, draw_mechanisms, ends_of
-
-#: A wheelset counts as locked below this wheel speed [m/s] while the vehicle runs above `LOCKED_RUNNING_MPS` (assumption: the
-#: cut-out speed of a WSP, 5 km/h).
-LOCKED_WHEEL_MPS = 0.3
-LOCKED_RUNNING_MPS = 5.0 / 3.6
+from wsp_env.plant import make_plant
+from wsp_env.plant.command import pressure_commands, share_of_pressure, valve_commands
+from wsp_env.plant.port import Measurement, Setup
+from wsp_env.scenario import PINS, check_mechanisms, draw, draw_mechanisms, ends_of
 
 
 class BrakingBatch:
@@ -40,25 +38,23 @@ class BrakingBatch:
                 f"{self.vehicle.contact.kinetic_friction_r:g} of the vehicle's contact; lower the one or raise the other"
             )
         self.weights = task.weights
+        self._prices = step.prices(task)
+        self._by_pressure = task.action == "pressure"
         self._drawn = check_mechanisms(task.mechanisms)
-        self.plant = Plant(
-            self.vehicle,
-            n,
+        setup = Setup(
             task.control_interval_s,
             task.substep_s,
             ends_of(task.mechanisms, 1),  # refuses an axle that the vehicle does not have
-            pressure_control=task.action == "pressure",
-            track_step_m=TRACK_STEP_M,
+            pressure_control=self._by_pressure,
             track_nodes=task.track_nodes,
         )
-        self.observer = Observer(
-            self.vehicle, task.control_interval_s, task.pressure_sensors, by_pressure=task.action == "pressure"
-        )
+        self.plant = make_plant(self.vehicle, n, setup, task.plant)
+        self.observer = Observer(self.vehicle, task.control_interval_s, task.pressure_sensors, self._by_pressure)
         bound = Observer.BOUND
         self.observation_space = spaces.Box(-bound, bound, (self.observer.size,), np.float32)
         axles = self.vehicle.axles
         self.action_space: spaces.Space[Any] = (
-            spaces.Box(-1.0, 1.0, (axles,), np.float32) if task.action == "pressure" else spaces.MultiDiscrete([3] * axles)
+            spaces.Box(-1.0, 1.0, (axles,), np.float32) if self._by_pressure else spaces.MultiDiscrete([3] * axles)
         )
         self._fresh = True
 
@@ -113,79 +109,78 @@ class BrakingBatch:
         if self._fresh:
             raise RuntimeError("step before reset: call reset() first, it draws the conditions of the stop")
         try:
-            array = np.asarray(actions, dtype=np.float64)
+            command = np.array(actions, dtype=np.float64, order="C")
         except (TypeError, ValueError):
             raise ValueError(f"actions must be numbers, got {actions!r}") from None
         axles = self.vehicle.axles
-        if array.shape != (self.n, axles):
+        if command.shape != (self.n, axles):
             got, want = (
-                (array.shape[1:], (axles,)) if self.n == 1 and array.shape[:1] == (1,) else (array.shape, (self.n, axles))
+                (command.shape[1:], (axles,)) if self.n == 1 and command.shape[:1] == (1,) else (command.shape, (self.n, axles))
             )
             raise ValueError(f"the action has shape {got}, expected {want}: one entry per axle of the {self.vehicle.name}")
-        if not np.isfinite(array).all():
-            raise ValueError(f"the action {array.tolist()} is not finite: give numbers from {self.action_space}")
-        if self.task.action == "pressure":
-            return np.clip(array, -1.0, 1.0)
-        if not np.isin(array, (0.0, 1.0, 2.0)).all():
+        valid = pressure_commands(command) if self._by_pressure else valve_commands(command)
+        if not valid:
+            array = np.asarray(actions, dtype=np.float64)
+            if not np.isfinite(array).all():
+                raise ValueError(f"the action {array.tolist()} is not finite: give numbers from {self.action_space}")
             raise ValueError(f"the action {array.tolist()} is not valid: 0 vents, 1 holds, 2 applies, per axle")
-        return array - 1.0
+        return command
 
-    def step(self, actions: Any) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray, np.ndarray]:
+    def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray], np.ndarray, np.ndarray]:
         """Advance by one control interval.
 
-        Returns the observations (N, size), the reward's terms by name, each (N,), and who terminated and who was truncated,
-        both (N,) bool.
+        Returns the observations (N, size), the rewards (N,), the reward's terms by name, each (N,), and who terminated and who
+        was truncated, both (N,) bool.
         """
-        command = self.commands(actions)
-        plant, task, weights = self.plant, self.task, self.weights
-        state = plant.state
-        position, time, air = state.position.copy(), state.time.copy(), state.air.sum(axis=1)
-        plant.step(0.5 * (command + 1.0) if task.action == "pressure" else command)
-        elapsed = state.time - time
-        speed = state.speed[:, None]
-        fast = speed > task.slide_limit_speed_mps
-        creepage = plant.slip_speed / np.maximum(speed, 1e-3)
-        beyond = np.where(fast, np.maximum(creepage - task.slide_limit, 0.0), 0.0).mean(axis=1)
-        locked = self.locked.mean(axis=1)
-        terms = {
-            "stopping_distance": -weights.stopping_distance * (state.position - position),
-            "slip": -weights.slip * beyond * elapsed,
-            "locked_wheels": -weights.locked_wheels * locked * elapsed,
-            "air": -weights.air * (state.air.sum(axis=1) - air),
-        }
+        given = self.commands(actions)
+        plant, task = self.plant, self.task
+        state = plant.truth()
+        before = np.empty((3, self.n))
+        step.note(state.position, state.time, state.air, before)
+        plant.step(share_of_pressure(given) if self._by_pressure else given)
+        state = plant.truth()
+        terms, reward = np.empty((len(step.TERMS), self.n)), np.empty(self.n)
+        step.judge(
+            before, state.position, state.time, state.air, state.speed, state.slip_speed, self._prices, terms, reward,
+        )  # fmt: skip
         terminated = ~plant.moving
         late = (state.time >= task.time_limit_s - 1e-9) | (state.position >= task.track_limit_m)
-        return self.observer.observe(self.measurement(), command), terms, terminated, late & ~terminated
+        observation = self.observer.observe(self.measurement(), given)
+        return observation, reward, dict(zip(step.TERMS, terms, strict=True)), terminated, late & ~terminated
 
     @property
     def locked(self) -> np.ndarray:
         """Wheelsets that stand while the vehicle runs (N, A) bool."""
-        state = self.plant.state
-        standing = self.plant.conditions.radius * state.wheel_speed < LOCKED_WHEEL_MPS
-        locked: np.ndarray = standing & (state.speed[:, None] > LOCKED_RUNNING_MPS)
-        return locked
+        return self._derived()[0]
+
+    def _derived(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return locked wheelsets (N, A) bool and air (N,) [Nl]."""
+        state = self.plant.truth()
+        locked, air = np.empty((self.n, self.vehicle.axles), dtype=bool), np.empty(self.n)
+        step.derive(state.speed, state.slip_speed, state.air, locked, air)
+        return locked, air
 
     def measurement(self) -> Measurement:
         """Return what the sensors say now; copies."""
-        state = self.plant.state
-        pressure = state.pressure.copy() if self.task.pressure_sensors else None
-        return Measurement(state.time.copy(), state.measured.copy(), self.plant.conditions.demand.copy(), pressure)
+        reading = self.plant.reading()
+        return reading if self.task.pressure_sensors else reading._replace(pressure=None)
 
     def truth(self) -> dict[str, np.ndarray]:
         """Return what no controller may know, for `info`: arrays (N,) or (N, A) by name, copies."""
-        state, conditions = self.plant.state, self.plant.conditions
+        state, conditions = self.plant.truth(), self.plant.conditions
+        locked, air = self._derived()
         return {
             "time_s": state.time.copy(),
             "position_m": state.position.copy(),
             "speed_mps": state.speed.copy(),
             "wheel_speed_radps": state.wheel_speed.copy(),
-            "slip_speed_mps": self.plant.slip_speed,
+            "slip_speed_mps": state.slip_speed.copy(),
             "pressure_bar": state.pressure.copy(),
             "adhesion": state.adhesion.copy(),
             "adhesion_d": state.adhesion_d.copy(),
             "adhesion_r": state.adhesion_r.copy(),
-            "locked": self.locked,
-            "air_nl": state.air.sum(axis=1),
+            "locked": locked,
+            "air_nl": air,
             "contact_energy_j": state.contact_work.copy(),
             "mu_cd": conditions.mu_cd.copy(),
             "tau_m_per_j": conditions.tau.copy(),

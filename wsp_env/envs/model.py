@@ -1,21 +1,59 @@
-"""A tuned model from a file, as `wsp diagnose` writes it: the law and the mechanisms that recordings asked for."""
+"""A tuned model from a file, as `wsp diagnose` writes it: the law, the mechanisms and the vehicle of the recordings."""
 
+import dataclasses
 import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.campaign_vehicle import CampaignVehicle, plant_vehicle
+from wsp_env.parameters.quantity import ParameterError, replace, shown
+from wsp_env.parameters.vehicle import Vehicle
 
-_KEYS = {"tau_m_per_J": float, "mu_cd": Mapping, "contact": Mapping, "mechanisms": Mapping}
+_KEYS = {"tau_m_per_J": float, "mu_cd": Mapping, "contact": Mapping, "mechanisms": Mapping, "vehicle": Mapping}
 
 
-def read_model(path: str) -> dict[str, dict[str, Any]]:
-    """Return what a model file means for an environment: options `vehicle`, `mechanisms` and `scenario` of `Task`.
+@dataclasses.dataclass(frozen=True)
+class TunedModel:
+    """What a model file means for an environment."""
 
-    The file is JSON with `tau_m_per_J` [m/J], `mu_cd` {run: value} [-], `contact` {field of `ContactParameters`: value} and
-    `mechanisms` {name: {parameter: value}}, each optional; other keys are notes. tau is then the file's, mu_cd drawn from the
-    range of its runs.
+    path: str
+    mechanisms: Mapping[str, Any]  # as the option of `Task`
+    scenario: Mapping[str, Any]  # as the option of `Task`
+    contact: Mapping[str, float]  # values of `ContactParameters` that replace the vehicle's
+    vehicle: CampaignVehicle | None  # that it was found on; None: the file does not say
+
+    def tuned(self, vehicle: Vehicle) -> Vehicle:
+        """Return a vehicle with the contact of the model."""
+        try:
+            tuned: Vehicle = replace(vehicle, {"contact": dict(self.contact)}, "vehicle parameter")
+        except ParameterError as error:
+            raise ParameterError(f"model {self.path}: {error}") from None
+        return tuned
+
+    def own_vehicle(self, base: Vehicle) -> Vehicle:
+        """Return the vehicle that the model was found on; `base` with the model's contact where the file does not say.
+
+        What the file does not tell of its vehicle (valve times, sensors, payload) is as in `base`, or as in the coach where
+        `base` has another number of axles.
+        """
+        tuned, own = self.tuned(base), self.vehicle
+        if own is None:
+            return tuned
+        brake = base.brake
+        if own.torque_per_bar_nm > 0.0:
+            brake = dataclasses.replace(brake, torque_per_bar_nm=own.torque_per_bar_nm)
+        if own.axles == base.axles:
+            return plant_vehicle(own, tuned.contact, base.name, base, brake=brake)
+        return plant_vehicle(own, tuned.contact, "vehicle of the model", brake=brake)
+
+
+def read_model(path: str) -> TunedModel:
+    """Return what a model file means for an environment.
+
+    The file is JSON with `tau_m_per_J` [m/J], `mu_cd` {run: value} [-], `contact` {field of `ContactParameters`: value},
+    `mechanisms` {name: {parameter: value}} and `vehicle` {field of `CampaignVehicle`: value}, each optional; other keys are
+    notes. tau is then the file's, mu_cd drawn from the range of its runs.
 
     Raises
     ------
@@ -27,18 +65,28 @@ def read_model(path: str) -> dict[str, dict[str, Any]]:
         document = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise ParameterError(f"model {path} cannot be read: {error.strerror or error}") from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:  # the latter: nested a thousand deep
         raise ParameterError(f"model {path} is not JSON: {error}") from None
     if not isinstance(document, dict):
         raise ParameterError(f"model {path} must hold an object with any of {', '.join(_KEYS)}")
     for key, kind in _KEYS.items():
         value = document.get(key)
         if value is not None and not isinstance(value, (int, float) if kind is float else kind):
-            raise ParameterError(f"model {path}: {key} = {value!r} must be {'a number' if kind is float else 'an object'}")
+            raise ParameterError(f"model {path}: {key} = {shown(value)} must be {'a number' if kind is float else 'an object'}")
     scenario: dict[str, Any] = {}
     if (tau := document.get("tau_m_per_J")) is not None:
         scenario["tau"] = (tau, tau)
     if frictions := list((document.get("mu_cd") or {}).values()):
         scenario["mu_cd"] = (min(frictions), max(frictions))
-    vehicle = {"contact": document["contact"]} if document.get("contact") else {}
-    return {"vehicle": vehicle, "mechanisms": document.get("mechanisms") or {}, "scenario": scenario}
+    vehicle = _vehicle(path, document["vehicle"]) if document.get("vehicle") else None
+    return TunedModel(path, document.get("mechanisms") or {}, scenario, document.get("contact") or {}, vehicle)
+
+
+def _vehicle(path: str, described: dict[str, Any]) -> CampaignVehicle:
+    if lacking := [name for name in ("axles", "mass_kg", "wheelset_inertia_kgm2", "wheel_radius_m") if name not in described]:
+        raise ParameterError(f"model {path}: vehicle lacks {', '.join(lacking)}; add it, or leave the vehicle out")
+    try:
+        vehicle: CampaignVehicle = replace(CampaignVehicle(), described, "vehicle parameter")
+    except ParameterError as error:
+        raise ParameterError(f"model {path}: {error}") from None
+    return vehicle

@@ -8,6 +8,9 @@ from wsp_env.envs.batch import BrakingBatch
 
 _SHOWN = ("time_s", "speed_mps", "wheel_speed_radps", "slip_speed_mps", "pressure_bar", "adhesion", "adhesion_d", "adhesion_r")
 
+#: Lines that matplotlib draws in colours of their own.
+_COLOURS = 10
+
 
 class Recorder:
     """Keeps the history of the first stop of a batch and draws it."""
@@ -69,6 +72,7 @@ class Recorder:
 
     def _draw(self, window: bool = False) -> Any:
         try:
+            from matplotlib import colormaps
             from matplotlib.backends.backend_agg import FigureCanvasAgg
             from matplotlib.figure import Figure
         except ImportError as error:
@@ -87,9 +91,12 @@ class Recorder:
         data = {name: np.array(values) for name, values in self.history.items()}
         time, radius = data["time_s"], self.batch.plant.conditions.radius[0]
         axes[0, 0].plot(time, data["speed_mps"], color="black", label="vehicle")
-        for k in range(self.batch.vehicle.axles):
-            colour = f"C{k}"
-            axes[0, 0].plot(time, radius[k] * data["wheel_speed_radps"][:, k], color=colour, label=f"axle {k + 1}")
+        axles = self.batch.vehicle.axles
+        for k in range(axles):
+            # As many as matplotlib has colours; of more, from the first to the last, these two are named.
+            colour: Any = f"C{k}" if axles <= _COLOURS else colormaps["viridis"](k / (axles - 1))
+            label = f"axle {k + 1}" if axles <= _COLOURS or k in (0, axles - 1) else None
+            axes[0, 0].plot(time, radius[k] * data["wheel_speed_radps"][:, k], color=colour, label=label)
             axes[0, 1].plot(time, data["slip_speed_mps"][:, k], color=colour)
             axes[1, 0].plot(time, data["pressure_bar"][:, k], color=colour)
             axes[1, 1].plot(time, data["adhesion"][:, k], color=colour)

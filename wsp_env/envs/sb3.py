@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 
 from wsp_env.envs import IDS
@@ -32,7 +33,7 @@ class BrakingVecEnv(VecEnv):
     def __init__(self, env_id: str, num_envs: int, **options: Any) -> None:
         if env_id not in IDS:
             raise ParameterError(f"unknown environment {env_id!r}; valid: {', '.join(IDS)}")
-        self.env = BrakingVectorEnv(num_envs, IDS[env_id], **options)
+        self.env = BrakingVectorEnv(num_envs, **{**gym.spec(env_id).kwargs, **options})
         self.render_mode = None
         super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
         self._actions: Any = None

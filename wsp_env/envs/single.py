@@ -20,7 +20,7 @@ class BrakingEnv(gym.Env[np.ndarray, Any]):
     from no pressure (-1) to the demanded one (+1).
 
     **Observation**: float32, built from measured wheel speeds, the brake demand and own commands, see
-    `wsp_env.envs.observation.Observer`. The true speed, adhesion and conditions are in `info` only.
+    `wsp_env.observer.observation.Observer`. The true speed, adhesion and conditions are in `info` only.
 
     **Reward**: the sum of the terms in `info["reward_terms"]`: stopping distance, slip beyond the limit, locked wheels, air;
     weights in `wsp_env.envs.task.RewardWeights`.
@@ -59,13 +59,12 @@ class BrakingEnv(gym.Env[np.ndarray, Any]):
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Advance by one control interval."""
-        observation, terms, terminated, truncated = self.batch.step(np.asarray(action)[None])
+        observation, reward, terms, terminated, truncated = self.batch.step(np.asarray(action)[None])
         if self._recorder is not None:
             self._recorder.add()
             if self.render_mode == "human":
                 self._recorder.show()
-        reward = sum(float(term[0]) for term in terms.values())
-        return observation[0], reward, bool(terminated[0]), bool(truncated[0]), self._info(terms)
+        return observation[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), self._info(terms)
 
     def _info(self, terms: dict[str, np.ndarray]) -> dict[str, Any]:
         info: dict[str, Any] = {name: values[0] for name, values in self.batch.truth().items()}

@@ -1,18 +1,19 @@
 """What an environment is made of besides the vehicle: the options of `gym.make`, checked."""
 
 import dataclasses
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from wsp_env.envs.model import read_model
-from wsp_env.parameters.quantity import ParameterError, replace
-from wsp_env.parameters.uic_z1 import VEHICLES
-from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.plant import SUBSTEP_S
-from wsp_env.scenario import PINS, TRACK_STEP_M, Mechanisms, Scenario, check_mechanisms
+from wsp_env.envs.model import TunedModel, read_model
+from wsp_env.parameters.quantity import ParameterError, replace, shown
+from wsp_env.parameters.vehicle import Vehicle, train
+from wsp_env.parameters.vehicle_file import find_vehicle
+from wsp_env.plant.port import TRACK_STEP_M
+from wsp_env.scenario import PINS, Mechanisms, Scenario, check_mechanisms
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,11 +42,14 @@ class Task:
         +1 the demanded one
     adhesion : "recovering" (the seed paper's law) or "classic" (lambda = 0)
     control_interval_s, substep_s : time between actions and longest substep of the integration [s]
-    model : path of a JSON file with a tuned law and mechanisms, see `wsp_env.envs.model`; options below go before it
+    plant : one of `wsp_env.plant.PLANTS`, or the import path "package.module:Class" of another, see `wsp_env.plant.port`
+    model : path of a JSON file with a tuned law, mechanisms and vehicle, see `wsp_env.envs.model`; options below go before it
     mechanisms : physics beyond the paper's model, {name: {parameter: value, or (lowest, highest) to draw from at each reset}}
     scenario : ranges that replace those of `Scenario`, {quantity: (lowest, highest)}
     reward : weights that replace those of `RewardWeights`, {term: weight}
-    vehicle : values that replace the vehicle's, {field: value} of `Vehicle`
+    vehicle : what brakes in place of the id's vehicle, a name or a vehicle file; or values that replace the vehicle's, {field:
+        value} of `Vehicle`. A named vehicle takes of `model` and `conditions` the contact alone
+    coaches : a train of so many of what all else makes the vehicle, see `wsp_env.parameters.vehicle.train`
     conditions : replayed stops, {"vehicle": {field: value}, "stops": [{"name": name, quantity: value}, ...]}, as
         `wsp_env.recordings.conditions` makes them; each reset draws one of the stops, `reset(options={"condition": name})`
         chooses; quantities are those of `wsp_env.scenario.PINS`, what a stop leaves out is drawn
@@ -59,12 +63,14 @@ class Task:
     action: str = "valve"
     adhesion: str = "recovering"
     control_interval_s: float = 0.02
-    substep_s: float = SUBSTEP_S
+    substep_s: float = 0.01
+    plant: str = "longitudinal"
     model: str = ""
     mechanisms: Mechanisms = dataclasses.field(default_factory=dict)
     scenario: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     reward: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    vehicle: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    vehicle: str | Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    coaches: int = 1
     conditions: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     pressure_sensors: bool = False
     slide_limit: float = 0.3
@@ -77,11 +83,14 @@ class Task:
         for name, choices in (("action", ("valve", "pressure")), ("adhesion", ("recovering", "classic"))):
             if getattr(self, name) not in choices:
                 raise ParameterError(f"{name} = {getattr(self, name)!r} is unknown; valid: {', '.join(choices)}")
-        for name in ("mechanisms", "scenario", "reward", "vehicle", "conditions"):
+        for name in ("mechanisms", "scenario", "reward", "conditions"):
             if not isinstance(getattr(self, name), Mapping):
                 raise ParameterError(f"{name} = {getattr(self, name)!r} must be a dictionary, {{name: value}}")
-        for name, modelled in (read_model(self.model) if self.model else {}).items():
-            object.__setattr__(self, name, {**modelled, **getattr(self, name)})
+        if not isinstance(self.vehicle, str | Mapping):  # a path would not survive `to_json`
+            raise ParameterError(f"vehicle = {shown(self.vehicle)} must be a name, a file's path as text, or {{field: value}}")
+        if self.modelled is not None:
+            object.__setattr__(self, "mechanisms", {**self.modelled.mechanisms, **self.mechanisms})
+            object.__setattr__(self, "scenario", {**self.modelled.scenario, **self.scenario})
         check_mechanisms(self.mechanisms)
         if unknown := sorted(set(self.conditions) - {"vehicle", "stops"}):
             raise ParameterError(f"conditions: unknown key {', '.join(unknown)}; valid: vehicle, stops")
@@ -141,13 +150,24 @@ class Task:
         """Nodes that describe the track, up to its limit."""
         return math.ceil(self.track_limit_m / TRACK_STEP_M) + 1
 
+    @functools.cached_property
+    def modelled(self) -> TunedModel | None:
+        """What the file `model` holds; None without one."""
+        return read_model(self.model) if self.model else None
+
     def make_vehicle(self, name: str) -> Vehicle:
-        """Return the vehicle of that name with the values that `vehicle` replaces."""
-        if name not in VEHICLES:
-            raise ParameterError(f"unknown vehicle {name!r}; valid: {', '.join(VEHICLES)}")
-        replayed = replace(VEHICLES[name], dict(self.conditions.get("vehicle", {})), "conditions: vehicle parameter")
-        vehicle: Vehicle = replace(replayed, dict(self.vehicle), "vehicle parameter")
-        return vehicle
+        """Return what brakes: the vehicle of that name, or what `model`, `conditions` and `vehicle` say; `coaches` of it."""
+        replayed = dict(self.conditions.get("vehicle", {}))
+        if isinstance(self.vehicle, str):
+            vehicle = find_vehicle(self.vehicle)
+            vehicle = self.modelled.tuned(vehicle) if self.modelled else vehicle
+            replayed = {"contact": replayed["contact"]} if "contact" in replayed else {}
+        else:
+            vehicle = find_vehicle(name)
+            vehicle = self.modelled.own_vehicle(vehicle) if self.modelled else vehicle
+        vehicle = replace(vehicle, replayed, "conditions: vehicle parameter")
+        values = {} if isinstance(self.vehicle, str) else self.vehicle
+        return train(find_vehicle(values, vehicle), self.coaches)
 
 
 def make_task(options: Mapping[str, Any]) -> Task:

@@ -50,8 +50,7 @@ class BrakingVectorEnv(gym.vector.VectorEnv[np.ndarray, Any, np.ndarray]):
 
     def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Advance all stops by one control interval; those that end begin anew."""
-        observation, terms, terminated, truncated = self.batch.step(actions)
-        reward: np.ndarray = np.sum(list(terms.values()), axis=0)
+        observation, reward, terms, terminated, truncated = self.batch.step(actions)
         info = self._info(terms)
         done = terminated | truncated
         if done.any():
@@ -66,7 +65,8 @@ class BrakingVectorEnv(gym.vector.VectorEnv[np.ndarray, Any, np.ndarray]):
         return observation, reward, terminated, truncated, info
 
     def _info(self, terms: dict[str, np.ndarray]) -> dict[str, Any]:
-        info: dict[str, Any] = dict(self.batch.truth())
+        info: dict[str, Any] = self.batch.truth()
         info["reward_terms"] = terms
         everyone = np.ones(self.num_envs, dtype=bool)
-        return info | {f"_{name}": everyone for name in info}
+        info.update([(f"_{name}", everyone) for name in info])
+        return info

@@ -13,15 +13,15 @@ nowhere slower. Not covered: physics with memory or other loads (mechanisms), un
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wsp_env.compiled import kernel
-from wsp_env.contact.degraded import AdhesionLaw, degraded_adhesion
+from wsp_env.contact.port import adhesion_under
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.state import Stop
-from wsp_env.scenario import TRACK_STEP_M
+from wsp_env.plant.port import TRACK_STEP_M, Stop
 
 #: Time step of the bound's integration [s]: its distance is within 1e-4 of the converged one.
 STEP_S = 0.01
@@ -48,20 +48,20 @@ class SlideLimit:
 
 
 def best_adhesion(
-    speed: ArrayLike, largest_slip: ArrayLike, load: ArrayLike, mu_cd: ArrayLike, tau: ArrayLike, law: AdhesionLaw,
-    film: ArrayLike = 1.0,
+    speed: ArrayLike, largest_slip: ArrayLike, load: ArrayLike, mu_cd: ArrayLike, tau: ArrayLike, law: Any,
+    layer: ArrayLike = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Return the largest adhesion coefficient [-] with slip up to `largest_slip` [m/s], and the slip [m/s] that gives it.
 
-    Arguments as of `degraded_adhesion`, broadcast. A scan over slips, evenly spaced on a logarithmic scale, finds the highest
+    Arguments as of `adhesion_under`, broadcast. A scan over slips, evenly spaced on a logarithmic scale, finds the highest
     of the curve's branches; a golden section sharpens it.
     """
-    arguments = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (speed, largest_slip, load, mu_cd, tau, film)))
+    arguments = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (speed, largest_slip, load, mu_cd, tau, layer)))
     v, top, n, friction, rate, covered = (a[..., None].copy() for a in arguments)
     slips = top * np.geomspace(1e-4, 1.0, _SCAN)
 
     def f(slip: np.ndarray) -> np.ndarray:
-        return degraded_adhesion(slip, v, n, friction, rate, law, covered)
+        return adhesion_under(law, slip, v, n, friction, rate, covered)
 
     values = f(slips)
     best = np.argmax(values, axis=-1)[..., None]
@@ -77,58 +77,73 @@ def best_adhesion(
     return np.maximum(found, scanned)[..., 0], slip[..., 0]
 
 
-@dataclasses.dataclass(frozen=True)
-class Ceiling:
-    """The best adhesion of N stops at every speed and place; K kinds of rail, V speeds, M track nodes."""
+class AdhesionTable(NamedTuple):
+    """The best adhesion of N stops on K kinds of rail at V speeds, and the kind at M track nodes."""
 
-    vehicle: Vehicle
-    limit: SlideLimit
     speeds: np.ndarray  # (V,) [m/s], rising
     best: np.ndarray  # (N, K, V) largest adhesion coefficient [-]
     slip: np.ndarray  # (N, K, V) the slip speed that gives it [m/s]
     kind: np.ndarray  # (N, M) of rail at each track node
+
+
+class Braked(NamedTuple):
+    """What brakes in N stops with A axles."""
+
+    initial_speed: np.ndarray  # (N,) [m/s]
     mass: np.ndarray  # (N,) [kg]
     torque: np.ndarray  # (N,) demanded brake torque of an axle [N m]
     radius: np.ndarray  # (N, A) [m]
     gradient: np.ndarray  # (N,) [-]
-    initial_speed: np.ndarray  # (N,) [m/s]
+
+
+class _Running(NamedTuple):
+    """What of the vehicle is the same in all stops."""
+
+    offsets: np.ndarray  # (A,) of the axles behind the leading one [m]
+    inertia: float  # of a wheelset [kg m2]
+    gravity: float  # [m/s2]
+    resistance_a: float  # [N]
+    resistance_b: float  # [N s/m]
+    resistance_c: float  # [N s2/m2]
+
+
+@dataclasses.dataclass(frozen=True)
+class Ceiling:
+    """The best adhesion of N stops at every speed and place."""
+
+    vehicle: Vehicle
+    limit: SlideLimit
+    table: AdhesionTable
+    stops: Braked
 
     def at(self, speed: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return best adhesion [-] and its slip [m/s], both (T, N, A), at speeds and leading-axle positions (T, N)."""
         offsets = np.array(self.vehicle.axle_positions_m)
-        return _look_up(
-            np.asarray(speed, np.float64),
-            np.asarray(position, np.float64),
-            offsets,
-            self.speeds,
-            self.best,
-            self.slip,
-            self.kind,
-        )
+        return _look_up(np.asarray(speed, np.float64), np.asarray(position, np.float64), offsets, self.table)
 
     def capacity(self, speed: np.ndarray, position: np.ndarray) -> np.ndarray:
         """Return the force [N] of each wheelset (T, N, A) that best adhesion and full brake torque allow, slip constant."""
         best, _ = self.at(speed, position)
-        axles = self.vehicle.axles
-        adhesive = best * (self.mass * self.vehicle.gravity_mps2 / axles)[:, None]
-        braked = np.broadcast_to(self.torque[:, None] / self.radius, adhesive.shape)
-        rotating = np.broadcast_to(self.vehicle.wheelset_inertia_kgm2 / self.radius**2, adhesive.shape)
+        axles, mass = self.vehicle.axles, self.stops.mass
+        adhesive = best * (mass * self.vehicle.gravity_mps2 / axles)[:, None]
+        braked = np.broadcast_to(self.stops.torque[:, None] / self.stops.radius, adhesive.shape)
+        rotating = np.broadcast_to(self.vehicle.wheelset_inertia_kgm2 / self.stops.radius**2, adhesive.shape)
         force = np.minimum(adhesive, braked)
         for _ in range(axles + 1):  # the torque also slows the wheels; after so many passes it is settled who is limited by it
-            by_torque = braked - rotating * (force.sum(axis=-1, keepdims=True) / self.mass[:, None]) < adhesive
+            by_torque = braked - rotating * (force.sum(axis=-1, keepdims=True) / mass[:, None]) < adhesive
             total = np.where(by_torque, braked, adhesive).sum(axis=-1, keepdims=True)
-            total /= 1.0 + (rotating * by_torque).sum(axis=-1, keepdims=True) / self.mass[:, None]
-            force = np.where(by_torque, braked - rotating * total / self.mass[:, None], adhesive)
+            total /= 1.0 + (rotating * by_torque).sum(axis=-1, keepdims=True) / mass[:, None]
+            force = np.where(by_torque, braked - rotating * total / mass[:, None], adhesive)
         return force
 
     def shortest(self) -> tuple[np.ndarray, np.ndarray]:
         """Return distance [m] and duration [s] of the shortest stops (N,); inf where the vehicle runs on."""
         v = self.vehicle
-        return _shortest(
-            self.initial_speed, self.mass, self.torque, self.radius, self.gradient, np.array(v.axle_positions_m),
-            v.wheelset_inertia_kgm2, v.gravity_mps2, v.resistance_a_n, v.resistance_b_ns_per_m, v.resistance_c_ns2_per_m2,
-            self.limit.creepage, self.limit.above_mps, self.speeds, self.best, self.slip, self.kind,
+        running = _Running(
+            np.array(v.axle_positions_m), v.wheelset_inertia_kgm2, v.gravity_mps2, v.resistance_a_n, v.resistance_b_ns_per_m,
+            v.resistance_c_ns2_per_m2,
         )  # fmt: skip
+        return _shortest(self.stops, running, self.limit.creepage, self.limit.above_mps, self.table)
 
 
 def ceiling(vehicle: Vehicle, stops: Sequence[Stop], limit: SlideLimit = SlideLimit()) -> Ceiling:
@@ -144,28 +159,28 @@ def ceiling(vehicle: Vehicle, stops: Sequence[Stop], limit: SlideLimit = SlideLi
     for stop, (rail, _) in zip(stops, rails, strict=True):
         load = stop.mass * vehicle.gravity_mps2 / (2 * vehicle.axles)
         friction = np.minimum(stop.mu_cd * rail[0], vehicle.contact.kinetic_friction_r)[:, None]
-        table = best_adhesion(speeds, limit.slip(speeds), load, friction, stop.tau, vehicle.contact.law, rail[1][:, None])
-        tables.append([np.pad(t, ((0, kinds - rail.shape[1]), (0, 0))) for t in table])
-    return Ceiling(
-        vehicle=vehicle,
-        limit=limit,
+        found = best_adhesion(speeds, limit.slip(speeds), load, friction, stop.tau, vehicle.contact.law, rail[1][:, None])
+        tables.append([np.pad(values, ((0, kinds - rail.shape[1]), (0, 0))) for values in found])
+    table = AdhesionTable(
         speeds=speeds,
-        best=np.stack([table[0] for table in tables]),
-        slip=np.stack([table[1] for table in tables]),
+        best=np.stack([best for best, _ in tables]),
+        slip=np.stack([slip for _, slip in tables]),
         kind=np.stack([inverse.ravel() for _, inverse in rails]),
+    )
+    braked = Braked(
+        initial_speed=np.array([stop.initial_speed for stop in stops]),
         mass=np.array([stop.mass for stop in stops]),
         torque=np.array([stop.demand * vehicle.full_brake_torque_nm for stop in stops]),
         radius=np.stack([stop.radius for stop in stops]),
         gradient=np.array([stop.gradient for stop in stops]),
-        initial_speed=np.array([stop.initial_speed for stop in stops]),
     )
+    return Ceiling(vehicle, limit, table, braked)
 
 
 @kernel
-def _at(
-    i: int, speed: float, place: float, speeds: np.ndarray, best: np.ndarray, slip: np.ndarray, kind: np.ndarray
-) -> tuple[float, float]:
+def _at(i: int, speed: float, place: float, table: AdhesionTable) -> tuple[float, float]:
     """Best adhesion and its slip of stop i at a speed and place; between two nodes the better of both rails."""
+    speeds, best, slip, kind = table
     x = min(max(place / TRACK_STEP_M, 0.0), kind.shape[1] - 1.0)
     node = int(x)
     following = min(node + 1, kind.shape[1] - 1)
@@ -183,16 +198,15 @@ def _at(
 
 @kernel
 def _look_up(
-    speed: np.ndarray, position: np.ndarray, offsets: np.ndarray,
-    speeds: np.ndarray, best: np.ndarray, slip: np.ndarray, kind: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    speed: np.ndarray, position: np.ndarray, offsets: np.ndarray, table: AdhesionTable
+) -> tuple[np.ndarray, np.ndarray]:
     steps, n = speed.shape
     values = np.empty((steps, n, len(offsets)))
     slips = np.empty((steps, n, len(offsets)))
     for t in range(steps):
         for i in range(n):
             for k in range(len(offsets)):
-                value, at_best = _at(i, speed[t, i], position[t, i] - offsets[k], speeds, best, slip, kind)
+                value, at_best = _at(i, speed[t, i], position[t, i] - offsets[k], table)
                 values[t, i, k] = value
                 slips[t, i, k] = at_best
     return values, slips
@@ -200,24 +214,24 @@ def _look_up(
 
 @kernel
 def _shortest(
-    initial: np.ndarray, masses: np.ndarray, torques: np.ndarray, radii: np.ndarray, gradients: np.ndarray,
-    offsets: np.ndarray, inertia: float, gravity: float, res_a: float, res_b: float, res_c: float, creepage: float,
-    above: float, speeds: np.ndarray, best: np.ndarray, slip: np.ndarray, kind: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """See the module. `rim` is the peripheral speed r w of each wheel; a wheel is full when it rolls with the vehicle."""
+    stops: Braked, running: _Running, creepage: float, above: float, table: AdhesionTable
+) -> tuple[np.ndarray, np.ndarray]:
+    """See the module. `wheel` is the circumferential speed r w of each; a wheel is full when it rolls with the vehicle."""
+    initial, masses, torques, radii, gradients = stops
+    offsets, inertia, gravity, res_a, res_b, res_c = running
     n, axles = radii.shape
     distances = np.full(n, np.inf)
     durations = np.full(n, np.inf)
-    rim = np.empty(axles)
+    wheel = np.empty(axles)
     force = np.empty(axles)
     h = STEP_S
     for i in range(n):
         v, x, t, mass = initial[i], 0.0, 0.0, masses[i]
-        rim[:] = v
+        wheel[:] = v
         while t < TIME_LIMIT_S:
             resisted = res_a + v * (res_b + v * res_c) + mass * gravity * gradients[i]
             for k in range(axles):
-                f, _ = _at(i, v, x - offsets[k], speeds, best, slip, kind)
+                f, _ = _at(i, v, x - offsets[k], table)
                 force[k] = f * mass * gravity / axles
             a = 0.0
             for _ in range(3):  # rolling wheels follow the vehicle: their torque slows them too
@@ -225,7 +239,7 @@ def _shortest(
                 for k in range(axles):
                     braked = torques[i] / radii[i, k]
                     share = inertia / radii[i, k] ** 2
-                    if rim[k] >= v and braked - share * a < force[k]:
+                    if wheel[k] >= v and braked - share * a < force[k]:
                         total += braked
                         rotating += share
                     else:
@@ -234,11 +248,11 @@ def _shortest(
             after = v - h * a
             least = (1.0 - creepage) * after if after > above else 0.0
             for k in range(axles):
-                if rim[k] >= v and torques[i] / radii[i, k] - inertia / radii[i, k] ** 2 * a < force[k]:
-                    rim[k] = after
+                if wheel[k] >= v and torques[i] / radii[i, k] - inertia / radii[i, k] ** 2 * a < force[k]:
+                    wheel[k] = after
                 else:
-                    own = rim[k] + h * radii[i, k] / inertia * (radii[i, k] * force[k] - torques[i])
-                    rim[k] = min(max(own, least), after)
+                    own = wheel[k] + h * radii[i, k] / inertia * (radii[i, k] * force[k] - torques[i])
+                    wheel[k] = min(max(own, least), after)
             if after <= 0.0:
                 distances[i] = x + 0.5 * v * v / a
                 durations[i] = t + v / a

@@ -11,10 +11,10 @@ import numpy as np
 
 from wsp_env.evaluation.controller import Controller
 from wsp_env.evaluation.programme import TRACK_LENGTH_M
-from wsp_env.evaluation.runner import Conduct, Run, run
+from wsp_env.evaluation.runner import Conduct, StopRecords, run
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.state import Stop
-from wsp_env.scenario import TRACK_STEP_M, Scenario, draw
+from wsp_env.plant.port import TRACK_STEP_M, Stop
+from wsp_env.scenario import Scenario, draw
 
 #: The two stops have parted once their speeds differ by this much [m/s] (assumption: visible in a diagram such as Fig. 16).
 PARTED_MPS = 0.5
@@ -86,7 +86,7 @@ def _stop(vehicle: Vehicle, mu_cd: float, tau: float, speed: float, demand: floa
     return draw(Scenario(), vehicle, np.random.default_rng(seed), int(TRACK_LENGTH_M / TRACK_STEP_M) + 1, pins)
 
 
-def _pair(result: Run, mu_cd: float, tau: float, classic: int, recovering: int) -> Pair:
+def _pair(result: StopRecords, mu_cd: float, tau: float, classic: int, recovering: int) -> Pair:
     gap = np.abs(result.speed[:, classic].astype(np.float64) - result.speed[:, recovering])
     apart = np.flatnonzero(gap > PARTED_MPS)
     reached = np.where(result.stopped, result.distance, np.inf)
@@ -107,5 +107,5 @@ def _pair(result: Run, mu_cd: float, tau: float, classic: int, recovering: int) 
     )
 
 
-def _mean_slip(result: Run, row: int) -> float:
+def _mean_slip(result: StopRecords, row: int) -> float:
     return float(result.slip[1 : result.steps[row] + 1, row].mean())

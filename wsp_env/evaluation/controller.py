@@ -12,14 +12,15 @@ import importlib.util
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from wsp_env.envs.observation import Measurement
 from wsp_env.evaluation.policy import load_policy
 from wsp_env.parameters.quantity import ParameterError, replace
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.port import Measurement
 
 #: Short names of the controllers that come with the project.
 SHORT_NAMES = {
@@ -76,13 +77,14 @@ def load(name: str, parameters: Mapping[str, Any] | None = None) -> Controller:
         raise ParameterError(f"controller {name!r} lacks reset(n, vehicle) or act(measurement)")
     if parameters:
         present = getattr(controller, "parameters", None)
-        if not dataclasses.is_dataclass(present):
+        if not dataclasses.is_dataclass(present) or isinstance(present, type):
             raise ParameterError(f"controller {name!r} has no parameters to set")
         for key, value in parameters.items():
             if _is_number(getattr(present, key, None)) and not _is_number(value):
                 raise ParameterError(f"parameter {key} of {name} must be a number, got {value!r}")
-        changed = replace(controller.parameters, dict(parameters), f"parameter of {name}")  # type: ignore[attr-defined]  # asked for above
+        changed = replace(present, parameters, f"parameter of {name}")
         controller = _made(name, made, changed)
+    assert isinstance(controller, Controller)  # as the first one was
     return controller
 
 
@@ -106,18 +108,18 @@ def read_settings(controllers: Sequence[str], settings: Sequence[str]) -> dict[s
     return chosen
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _made(name: str, made: Any, *parameters: Any) -> Any:
+def _made(name: str, made: object, *parameters: object) -> object:
     try:
         return made(*parameters) if isinstance(made, type) else made
-    except (Exception, SystemExit) as error:  # whatever a stranger's class raises
+    except (Exception, SystemExit) as error:  # whatever third-party code raises
         raise ParameterError(f"controller {name!r} cannot be made: {type(error).__name__}: {error}") from error
 
 
-def _module(name: str, place: str) -> Any:
+def _module(name: str, place: str) -> ModuleType:
     path = Path(place)
     if path.suffix == ".py":
         if not path.is_file():
@@ -130,7 +132,7 @@ def _module(name: str, place: str) -> Any:
         try:
             with _beside(path):
                 spec.loader.exec_module(module)
-        except (Exception, SystemExit) as error:  # whatever a stranger's file raises
+        except (Exception, SystemExit) as error:  # whatever third-party code raises
             raise ParameterError(f"controller {name!r}: {place} cannot be run: {type(error).__name__}: {error}") from error
         return module
     try:

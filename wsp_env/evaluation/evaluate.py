@@ -14,9 +14,9 @@ from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.figures import CAUSES, FIGURES, figures, losses
 from wsp_env.evaluation.policy import Policy
 from wsp_env.evaluation.processes import work_in_processes
-from wsp_env.evaluation.programme import Case, Conditions, Programme, draw_conditions
+from wsp_env.evaluation.programme import Case, CaseStops, Draws, Programme, draw_stops
 from wsp_env.evaluation.reference import clean_rail, perfect_knowledge
-from wsp_env.evaluation.results import Task
+from wsp_env.evaluation.results import CaseRun
 from wsp_env.evaluation.runner import Conduct, ControllerFailure, run
 from wsp_env.evaluation.sources import code_digest
 from wsp_env.parameters.vehicle import Vehicle
@@ -24,7 +24,7 @@ from wsp_env.parameters.vehicle import Vehicle
 #: Rows of the table that are no controllers: the shortest stop, and the controller that knows everything.
 BOUND, REFERENCE = "bound", "perfect-knowledge"
 
-_CONDUCT = Conduct()
+_CONDUCT, _DRAWS = Conduct(), Draws()
 
 #: Columns that name a stop.
 KEYS = ("controller", "case", "law", "draw")
@@ -50,7 +50,7 @@ class Trace:
     time: np.ndarray  # (T,) [s]
     position: np.ndarray  # (T,) [m]
     speed: np.ndarray  # (T,) [m/s]
-    rim: np.ndarray  # (T, A) peripheral wheel speeds [m/s]
+    wheel: np.ndarray  # (T, A) circumferential wheel speeds [m/s]
     pressure: np.ndarray  # (T, A) [bar]
 
 
@@ -73,8 +73,7 @@ def evaluate(
     vehicle: Vehicle,
     folder: Path,
     *,
-    draws: int = 5,
-    seed: int = 0,
+    draws: Draws = _DRAWS,
     jobs: int | None = None,
     conduct: Conduct = _CONDUCT,
     done: Callable[[str], None] = lambda what: None,
@@ -97,7 +96,7 @@ def evaluate(
         if isinstance(loaded, Policy):
             loaded.check(vehicle, conduct.control_interval_s, conduct.pressure_sensors)
     tasks = [
-        Task(name, parameters, case, programme.limit, programme.scenario, vehicle, draws, seed, conduct, folder, code)
+        CaseRun(name, parameters, case, programme.limit, programme.scenario, vehicle, draws, conduct, folder, code)
         for name, parameters, code in [(None, {}, code_digest(None))]
         + [(name, parameters, code_digest(name)) for name, parameters in controllers.items()]
         for case in cases
@@ -119,7 +118,7 @@ def evaluate(
     return _gather(tasks, found, tuple(failures[task.path] for task in tasks if task.path in failures))
 
 
-def _work_all(tasks: Sequence[Task], jobs: int | None) -> Iterator[tuple[Task, str | None]]:
+def _work_all(tasks: Sequence[CaseRun], jobs: int | None) -> Iterator[tuple[CaseRun, str | None]]:
     if jobs is not None:
         yield from work_in_processes(work, tasks, jobs)
         return
@@ -127,34 +126,34 @@ def _work_all(tasks: Sequence[Task], jobs: int | None) -> Iterator[tuple[Task, s
         yield task, work(task)
 
 
-def work(task: Task) -> str | None:
+def work(task: CaseRun) -> str | None:
     """Compute and write the results of a task; return what went wrong with its controller."""
     programme = Programme("", task.limit, task.scenario, (task.case,), ())
-    conditions = draw_conditions(task.case, programme, task.vehicle, task.draws, task.seed)
-    top = ceiling(task.vehicle, conditions.stops, task.limit)
+    drawn = draw_stops(task.case, programme, task.vehicle, task.draws)
+    top = ceiling(task.vehicle, drawn.stops, task.limit)
     extra = {}
     if task.controller is None:
         extra["bound"] = top.shortest()[0]
-        extra["dry"] = clean_rail(task.vehicle, conditions.stops, task.conduct).distance
-        result = perfect_knowledge(task.vehicle, conditions.stops, top, task.conduct)
+        extra["dry"] = clean_rail(task.vehicle, drawn.stops, task.conduct).distance
+        result = perfect_knowledge(task.vehicle, drawn.stops, top, task.conduct)
     else:
         try:
             controller = load(task.controller, task.parameters)
-            result = run(controller, task.vehicle, conditions.stops, task.conduct, conditions.sensor_fails_s)
+            result = run(controller, task.vehicle, drawn.stops, task.conduct, drawn.sensor_fails_s)
         except ControllerFailure as failure:
             return str(failure)
     arrays = {f"figure_{name}": values for name, values in figures(result, top).items()}
     arrays |= {f"loss_{name}": values for name, values in losses(result, top).items()}
-    arrays |= results.traces(result) | _names(conditions) | extra
+    arrays |= results.traces(result) | _names(drawn) | extra
     results.write(task.path, arrays | {"stopped": result.stopped, "energy": 0.5e-6 * result.contact_work})
     return None
 
 
-def _names(conditions: Conditions) -> dict[str, np.ndarray]:
-    return {"law": np.array(conditions.laws), "draw": np.array(conditions.draws)}
+def _names(drawn: CaseStops) -> dict[str, np.ndarray]:
+    return {"law": np.array(drawn.laws), "draw": np.array(drawn.draws)}
 
 
-def _gather(tasks: Sequence[Task], found: Mapping[Path, dict[str, np.ndarray]], failures: tuple[Failure, ...]) -> Evaluation:
+def _gather(tasks: Sequence[CaseRun], found: Mapping[Path, dict[str, np.ndarray]], failures: tuple[Failure, ...]) -> Evaluation:
     tables, traces = [], []
     compared: dict[str, dict[str, np.ndarray]] = {}
     for task in tasks:
@@ -167,7 +166,7 @@ def _gather(tasks: Sequence[Task], found: Mapping[Path, dict[str, np.ndarray]], 
         name = task.controller or REFERENCE
         tables.append(_table(name, task.case, data, compared[task.case.name], data))
         for row, (law, draw) in enumerate(zip(data["law"], data["draw"], strict=True)):
-            columns = (data[f"trace_{what}"][:, row] for what in ("time", "position", "speed", "rim", "pressure"))
+            columns = (data[f"trace_{what}"][:, row] for what in ("time", "position", "speed", "wheel", "pressure"))
             traces.append(Trace(name, task.case.name, str(law), int(draw), *columns))
     return Evaluation(polars.concat(tables, how="diagonal"), tuple(traces), failures)
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from wsp_env.envs.batch import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
+from wsp_env.envs.step import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
 from wsp_env.evaluation.bound import Ceiling
-from wsp_env.evaluation.runner import Run
+from wsp_env.evaluation.runner import StopRecords
 
 #: Figure of a stop -> its unit and meaning. "Worst axle" because one flat wheel is enough. The ratios compare with other stops
 #: under the same conditions; a ratio's stop that was given up at the time limit is infinitely long.
@@ -38,7 +38,7 @@ CAUSES = {
 _SLIP_MARGIN_MPS = 0.2
 
 
-def figures(result: Run, ceiling: Ceiling) -> dict[str, np.ndarray]:
+def figures(result: StopRecords, ceiling: Ceiling) -> dict[str, np.ndarray]:
     """Return the figures of N stops by name, (N,) each, but the ratios, which need other stops."""
     interval = result.time[1]
     braking = np.arange(len(result.time) - 1)[:, None] < result.steps  # (T, N)
@@ -69,7 +69,7 @@ def figures(result: Run, ceiling: Ceiling) -> dict[str, np.ndarray]:
     }
 
 
-def losses(result: Run, ceiling: Ceiling) -> dict[str, np.ndarray]:
+def losses(result: StopRecords, ceiling: Ceiling) -> dict[str, np.ndarray]:
     """Return the metres lost against the bound by cause (see `CAUSES`), (N,) each.
 
     On the way dx a stop with the forces T takes the speed that the bound takes on dx sum(T) / sum(T_best): the rest is lost,
@@ -78,7 +78,7 @@ def losses(result: Run, ceiling: Ceiling) -> dict[str, np.ndarray]:
     possible, used, way = _forces(result, ceiling)
     vehicle, speed = ceiling.vehicle, 0.5 * (result.speed[1:] + result.speed[:-1]).astype(np.float64)
     resisted = vehicle.resistance_a_n + speed * (vehicle.resistance_b_ns_per_m + speed * vehicle.resistance_c_ns2_per_m2)
-    resisted += ceiling.mass * vehicle.gravity_mps2 * ceiling.gradient
+    resisted += ceiling.stops.mass * vehicle.gravity_mps2 * ceiling.stops.gradient
     total = np.maximum(possible.sum(axis=2) + resisted, 1.0)
     lost = way[..., None] * (possible - used) / total[..., None]
     position = 0.5 * (result.position[1:] + result.position[:-1])
@@ -86,7 +86,7 @@ def losses(result: Run, ceiling: Ceiling) -> dict[str, np.ndarray]:
     slip = 0.5 * (result.slip[1:] + result.slip[:-1])
     beyond = (slip > ceiling.limit.creepage * speed[..., None]) & (speed > ceiling.limit.above_mps)[..., None]
     too_much = ~beyond & (slip > best_slip + _SLIP_MARGIN_MPS)
-    demand = ceiling.torque / vehicle.full_brake_torque_nm
+    demand = ceiling.stops.torque / vehicle.full_brake_torque_nm
     filled_s = demand * vehicle.brake.demand_rise_s + vehicle.brake.dead_time_s
     filling = ~beyond & ~too_much & (result.time[1:, None] <= filled_s)[..., None]
     rest = ~beyond & ~too_much & ~filling
@@ -94,16 +94,16 @@ def losses(result: Run, ceiling: Ceiling) -> dict[str, np.ndarray]:
     return {cause: np.where(masks[cause], lost, 0.0).sum(axis=(0, 2)) for cause in CAUSES}
 
 
-def _forces(result: Run, ceiling: Ceiling) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _forces(result: StopRecords, ceiling: Ceiling) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return possible and used wheelset forces (T, N, A) [N] and the way (T, N) [m] of each control interval."""
     speed = 0.5 * (result.speed[1:] + result.speed[:-1])
     position = 0.5 * (result.position[1:] + result.position[:-1])
-    axle_load = ceiling.mass * ceiling.vehicle.gravity_mps2 / ceiling.vehicle.axles
+    axle_load = ceiling.stops.mass * ceiling.vehicle.gravity_mps2 / ceiling.vehicle.axles
     adhesion = 0.5 * (result.adhesion[1:] + result.adhesion[:-1]).astype(np.float64)
     return ceiling.capacity(speed, position), adhesion * axle_load[:, None], np.diff(result.position, axis=0)
 
 
-def _utilisation(result: Run, ceiling: Ceiling) -> np.ndarray:
+def _utilisation(result: StopRecords, ceiling: Ceiling) -> np.ndarray:
     possible, used, way = _forces(result, ceiling)
     total: np.ndarray = (used.sum(axis=2) * way).sum(axis=0) / np.maximum((possible.sum(axis=2) * way).sum(axis=0), 1e-9)
     return total

@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.envs import rail, reckoning
-from wsp_env.envs.observation import Measurement, Observer
+from wsp_env.observer import estimator, rail
+from wsp_env.observer.observation import Observer
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.port import Measurement
 
 #: Version of the contract's form; another one is refused.
 CONTRACT_VERSION = 1
@@ -59,7 +60,7 @@ class Contract:
     pressure_sensors: bool
     measurement: list[dict[str, str]]  # name, unit, shape, meaning
     observation: list[dict[str, str]]  # one entry per number, in order
-    observer: dict[str, float]  # constants of `wsp_env.envs.observation`, `.reckoning` and `.rail`
+    observer: dict[str, float]  # constants of `wsp_env.observer.observation`, `.estimator` and `.rail`
     output: dict[str, str]
     limits: dict[str, Any]  # what the policy was trained for: ranges of the conditions, adhesion that full brake asks for
     training: dict[str, Any]  # arguments, decisions, score on the watched stops, version of torch
@@ -86,7 +87,7 @@ class Contract:
             raise ParameterError(f"its pressure_sensors are {self.pressure_sensors!r}; valid: true, false")
         measured = describe_measurement(self.axles, self.pressure_sensors)
         observed = describe_observation(self.axles, self.pressure_sensors)
-        compared: tuple[tuple[str, Mapping[str, Any], Mapping[str, Any]], ...] = (
+        compared: tuple[tuple[str, Mapping[str, object], Mapping[str, object]], ...] = (
             ("observer", self.observer, observer_constants()),
             ("measurement", _numbered(self.measurement), _numbered(measured)),
             ("observation", _numbered(self.observation), _numbered(observed)),
@@ -98,14 +99,14 @@ class Contract:
                 raise ParameterError(f"its {what} is not that of this wsp_env: {'; '.join(others[:3])}{more}")
 
 
-def _numbered(entries: list[dict[str, str]]) -> dict[str, Any]:
+def _numbered(entries: list[dict[str, str]]) -> dict[str, dict[str, str]]:
     return {f"entry {i + 1}": entry for i, entry in enumerate(entries)}
 
 
 def observer_constants() -> dict[str, float]:
     """Return the constants of `Observer` that decide what a policy sees."""
     constants = {
-        name: value for holder in (Observer, reckoning, rail) for name, value in vars(holder).items() if name.isupper()
+        name: value for holder in (Observer, estimator, rail) for name, value in vars(holder).items() if name.isupper()
     }
     found: dict[str, float] = {}
     for name, value in constants.items():
@@ -131,12 +132,12 @@ def describe_measurement(axles: int, pressure_sensors: bool) -> list[dict[str, s
 def describe_observation(axles: int, pressure_sensors: bool) -> list[dict[str, str]]:
     """Return name and unit of every number of an observation, in order, as `Observer` builds it."""
     blocks = [
-        ("slip: reckoned running speed less peripheral wheel speed", f"{Observer.SLIP_SCALE:g} m/s"),
+        ("slip: estimated running speed less circumferential wheel speed", f"{Observer.SLIP_SCALE:g} m/s"),
         ("creepage", "1"),
-        ("peripheral wheel acceleration, low-passed", f"{Observer.ACCELERATION_SCALE:g} m/s2"),
-        ("adhesion that the brake asks for" + ("" if pressure_sensors else ", reckoned"), f"{Observer.ADHESION_SCALE:g}"),
-        ("the same once the commands on their way have acted, reckoned", f"{Observer.ADHESION_SCALE:g}"),
-        ("used adhesion, reckoned", f"{Observer.ADHESION_SCALE:g}"),
+        ("circumferential wheel acceleration, low-passed", f"{Observer.ACCELERATION_SCALE:g} m/s2"),
+        ("adhesion that the brake asks for" + ("" if pressure_sensors else ", estimated"), f"{Observer.ADHESION_SCALE:g}"),
+        ("the same once the commands on their way have acted, estimated", f"{Observer.ADHESION_SCALE:g}"),
+        ("used adhesion, estimated", f"{Observer.ADHESION_SCALE:g}"),
         ("recent slip", f"{Observer.SLIP_SCALE:g} m/s"),
         ("recent adhesion", f"{Observer.ADHESION_SCALE:g}"),
         ("slow slip", f"{Observer.SLIP_SCALE:g} m/s"),
@@ -154,8 +155,8 @@ def describe_observation(axles: int, pressure_sensors: bool) -> list[dict[str, s
         {"name": "time that wheels have slid, fading", "unit": f"{rail.MEMORY_S:g} s"},
         {"name": "standard deviation of the running speed", "unit": f"{Observer.UNCERTAINTY_SCALE:g} m/s"},
         {"name": "running speed in doubt", "unit": "1"},
-        {"name": "adhesion that the distributor's pressure asks for, reckoned", "unit": f"{Observer.ADHESION_SCALE:g}"},
-        {"name": "running speed, reckoned", "unit": f"{Observer.SPEED_SCALE:g} m/s"},
+        {"name": "adhesion that the distributor's pressure asks for, estimated", "unit": f"{Observer.ADHESION_SCALE:g}"},
+        {"name": "running speed, estimated", "unit": f"{Observer.SPEED_SCALE:g} m/s"},
         {"name": "adhesion that the demanded brake asks for", "unit": f"{Observer.ADHESION_SCALE:g}"},
     ]
 

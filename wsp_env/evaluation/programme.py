@@ -3,9 +3,9 @@
 import dataclasses
 import functools
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from scipy.optimize import brentq
@@ -14,8 +14,10 @@ from wsp_env.evaluation.bound import SlideLimit, best_adhesion
 from wsp_env.evaluation.figures import FIGURES
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.state import Stop
-from wsp_env.scenario import TRACK_STEP_M, Scenario, draw
+from wsp_env.plant.port import TRACK_STEP_M, Stop
+from wsp_env.scenario import Scenario, draw
+
+Record = TypeVar("Record")
 
 #: The adhesion laws that every contaminated case is run under.
 LAWS = ("classic", "recovering")
@@ -86,7 +88,20 @@ class Programme:
 
 
 @dataclasses.dataclass(frozen=True)
-class Conditions:
+class Draws:
+    """How many stops of each case are drawn under each law, and from which random numbers."""
+
+    number: int = 5
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be."""
+        if self.number < 1 or self.seed < 0:
+            raise ParameterError(f"draws = {self.number}, seed = {self.seed}: at least 1 and 0")
+
+
+@dataclasses.dataclass(frozen=True)
+class CaseStops:
     """The N stops of a case; one per law and draw."""
 
     laws: tuple[str, ...]  # (N,)
@@ -121,7 +136,7 @@ def read_programme(path: Path = STANDARD) -> Programme:
     return programme
 
 
-def _record(kind: Any, values: dict[str, Any]) -> Any:
+def _record(kind: Callable[..., Record], values: dict[str, object]) -> Record:
     return kind(**{key: tuple(value) if isinstance(value, list) else value for key, value in values.items()})
 
 
@@ -153,20 +168,20 @@ def select_cases(programme: Programme, vehicle: Vehicle, names: Sequence[str] = 
     return possible
 
 
-def draw_conditions(case: Case, programme: Programme, vehicle: Vehicle, draws: int, seed: int) -> Conditions:
+def draw_stops(case: Case, programme: Programme, vehicle: Vehicle, draws: Draws) -> CaseStops:
     """Draw the stops of a case: the same under every law, and from the same numbers in every case."""
     rows, stops, fails = [], [], []
-    for number in range(draws):
-        rng = np.random.default_rng([seed, number])
+    for number in range(draws.number):
+        rng = np.random.default_rng([draws.seed, number])
         share, axle = rng.uniform(), int(rng.integers(vehicle.axles))
         fail = np.full(vehicle.axles, np.inf)
         fail[axle] = case.sensor_fails_s
         for law in case.laws:
             rows.append((law, number))
-            stops.append(_stop(case, programme, vehicle, law, share, axle, np.random.default_rng([seed, number, 1])))
+            stops.append(_stop(case, programme, vehicle, law, share, axle, np.random.default_rng([draws.seed, number, 1])))
             fails.append(fail)
     laws, numbers = zip(*rows, strict=True)
-    return Conditions(laws, numbers, tuple(stops), np.array(fails))
+    return CaseStops(laws, numbers, tuple(stops), np.array(fails))
 
 
 def _stop(
@@ -175,7 +190,7 @@ def _stop(
     speed = case.initial_speed_kmh / 3.6
     mass = vehicle.mass_kg + case.load * vehicle.payload_kg
     low, high = case.initial_adhesion or (0.05, 0.05)  # of no consequence on clean rail
-    pins: dict[str, Any] = {
+    pins: dict[str, float | str] = {
         "mu_cd": friction_for(low + share * (high - low), speed, mass, vehicle),
         "initial_speed": speed,
         "load": case.load,

@@ -6,15 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.envs.batch import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
+from wsp_env.envs.step import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
 from wsp_env.envs.task import Task
 from wsp_env.evaluation.bound import SlideLimit
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.policy import Policy
 from wsp_env.evaluation.runner import Conduct, ControllerFailure, run
+from wsp_env.parameters.campaign_vehicle import plant_vehicle
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.state import Stop
-from wsp_env.recordings import Campaign, Smoothing, conditions, derive, rolling_radii, tune, vehicle_name
+from wsp_env.parameters.vehicle_file import find_vehicle
+from wsp_env.plant.port import Stop
+from wsp_env.recordings import Campaign, Smoothing, conditions, derive, rolling_radii, tune
 from wsp_env.recordings import replay as recorded_torque
 from wsp_env.recordings.derive import braking
 from wsp_env.scenario import Scenario, draw
@@ -75,6 +77,7 @@ def replay(
     along_track: bool = False,
     mechanisms: Mapping[str, Mapping[str, float]] | None = None,
     smoothing: Smoothing = Smoothing(),
+    base: Vehicle | None = None,
     done: Callable[[str], None] = lambda what: None,
 ) -> Replay:
     """Tune the law on the campaign and let every controller brake under the conditions of each of its stops.
@@ -84,6 +87,7 @@ def replay(
     controllers : names, see `load`, with the parameters that are set
     along_track : mu_cd varies along the track as estimated from the recordings
     mechanisms : physics beyond the paper's model, as a diagnosis found it
+    base : gives what the campaign does not tell of its vehicle, see `plant_vehicle`
     done : called with the name of what has been computed
 
     Raises
@@ -94,7 +98,7 @@ def replay(
     """
     loaded = {name: load(name, parameters) for name, parameters in controllers.items()}
     tuning = tune(campaign, smoothing)
-    replayed = conditions(campaign, tuning, along_track, smoothing)
+    replayed = conditions(campaign, tuning, along_track, smoothing, base)
     courses = [course for name in tuning.runs for course in _recorded(campaign, name, tuning, smoothing)]
     last = {course.stop: float(course.speed_mps[-1]) for course in courses if course.who == RECORDED}
     done(RECORDED)
@@ -123,7 +127,7 @@ def replay(
 def braked(campaign: Campaign, replayed: Mapping[str, Any]) -> tuple[Vehicle, list[Stop], list[str]]:
     """Return the vehicle, the stops and their names, from what `wsp_env.recordings.conditions` makes of a campaign."""
     task = Task(conditions=replayed)
-    vehicle = task.make_vehicle(vehicle_name(campaign))
+    vehicle = find_vehicle(replayed["vehicle"], plant_vehicle(campaign.vehicle, campaign.contact, campaign.name))
     generator = np.random.default_rng(0)
     pins = [{key: value for key, value in stop.items() if key != "name"} for stop in task.stops]
     stops = [draw(Scenario(), vehicle, generator, task.track_nodes, pin) for pin in pins]

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from wsp_env.evaluation.bound import SlideLimit
-from wsp_env.evaluation.programme import Case
-from wsp_env.evaluation.runner import Conduct, Run
+from wsp_env.evaluation.programme import Case, Draws
+from wsp_env.evaluation.runner import Conduct, StopRecords
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.scenario import Scenario
 
@@ -26,7 +26,7 @@ TRACE_SAMPLES = 250
 
 
 @dataclasses.dataclass(frozen=True)
-class Task:
+class CaseRun:
     """One controller in one case; without a controller, what the others are compared with."""
 
     controller: str | None
@@ -35,8 +35,7 @@ class Task:
     limit: SlideLimit
     scenario: Scenario
     vehicle: Vehicle
-    draws: int
-    seed: int
+    draws: Draws
     conduct: Conduct
     folder: Path
     code: str  # digest of the code that computes the results
@@ -52,7 +51,7 @@ class Task:
         return self.folder / f"{self.case.name}--{label}--{digest}.npz"
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
     if isinstance(value, Mapping):
@@ -86,15 +85,15 @@ def read(path: Path) -> dict[str, np.ndarray] | None:
         return None
 
 
-def traces(result: Run) -> dict[str, np.ndarray]:
-    """Return time, speed and position (K, N), rim speed and pressure (K, N, A) of N stops, each thinned out to K samples."""
+def traces(result: StopRecords) -> dict[str, np.ndarray]:
+    """Return time, speed, position (K, N), wheels' speed and pressure (K, N, A) of N stops, each thinned out to K samples."""
     chosen = np.rint(np.linspace(0, result.steps, TRACE_SAMPLES)).astype(int)  # (K, N)
     rows = np.arange(len(result.steps))
     speed = result.speed[chosen, rows]
     return {
         "trace_time": result.time[chosen],
         "trace_speed": speed,
-        "trace_rim": speed[..., None] - result.slip[chosen, rows],
+        "trace_wheel": speed[..., None] - result.slip[chosen, rows],
         "trace_pressure": result.pressure[chosen, rows],
         "trace_position": result.position[chosen, rows],
     }

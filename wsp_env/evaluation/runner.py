@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.envs.observation import Measurement
 from wsp_env.evaluation.controller import Controller
 from wsp_env.evaluation.policy import Policy
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.plant import Plant
-from wsp_env.plant.state import Stop
-from wsp_env.scenario import TRACK_STEP_M
+from wsp_env.plant import make_plant
+from wsp_env.plant.command import share_of_pressure
+from wsp_env.plant.port import Measurement, Plant, Setup, Stop
 
 #: Time between two commands [s], as in the environments; a WSP decides some 50 times a second (assumption).
 CONTROL_INTERVAL_S = 0.02
@@ -26,7 +25,7 @@ class ControllerFailure(Exception):  # noqa: N818  # what is reported is the con
 
 
 @dataclasses.dataclass(frozen=True)
-class Run:
+class StopRecords:
     """What happened in N stops with A axles, at the T + 1 ends of the control intervals; a vehicle at rest keeps its state."""
 
     time: np.ndarray  # (T + 1,) since the start [s]
@@ -52,6 +51,7 @@ class Conduct:
     time_limit_s: float = TIME_LIMIT_S
     pressure_sensors: bool = False
     mechanisms: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
+    plant: str = "longitudinal"  # see `wsp_env.plant.make_plant`
 
 
 def run(
@@ -60,7 +60,7 @@ def run(
     stops: Sequence[Stop],
     conduct: Conduct = Conduct(),  # frozen
     sensor_fails_s: np.ndarray | None = None,
-) -> Run:
+) -> StopRecords:
     """Brake all `stops` at once with one controller.
 
     A controller commands valves (-1 vent, 0 hold, +1 apply); one with the attribute `action = "pressure"` commands pressures,
@@ -83,43 +83,41 @@ def run(
     if isinstance(controller, Policy):
         controller.check(vehicle, conduct.control_interval_s, conduct.pressure_sensors)
     by_pressure = getattr(controller, "action", "valve") == "pressure"
-    plant = make_plant(vehicle, stops, conduct, by_pressure)
+    plant = start_plant(vehicle, stops, conduct, by_pressure)
     _guarded(controller, "reset", 0.0, len(stops), vehicle)
 
     def decide() -> np.ndarray:
         seen = measure(plant, conduct.pressure_sensors, sensor_fails_s)
-        time = float(np.max(plant.state.time))
+        time = float(np.max(seen.time))
         command = check_command(controller, _guarded(controller, "act", time, seen), seen.wheel_speed.shape, time)
-        return 0.5 * (np.clip(command, -1.0, 1.0) + 1.0) if by_pressure else command
+        return share_of_pressure(command) if by_pressure else command
 
     return record(plant, decide, conduct)
 
 
-def make_plant(vehicle: Vehicle, stops: Sequence[Stop], conduct: Conduct, by_pressure: bool = False) -> Plant:
+def start_plant(vehicle: Vehicle, stops: Sequence[Stop], conduct: Conduct, by_pressure: bool = False) -> Plant:
     """Return a plant with every stop at its start."""
-    plant = Plant(
-        vehicle,
-        len(stops),
+    setup = Setup(
         conduct.control_interval_s,
-        mechanism_choice=conduct.mechanisms,
+        mechanisms=conduct.mechanisms,
         pressure_control=by_pressure,
-        track_step_m=TRACK_STEP_M,
         track_nodes=len(stops[0].profile),
     )
+    plant = make_plant(vehicle, len(stops), setup, conduct.plant)
     for i, stop in enumerate(stops):
         plant.start(i, stop)
     return plant
 
 
-def record(plant: Plant, decide: Callable[[], np.ndarray], conduct: Conduct) -> Run:
+def record(plant: Plant, decide: Callable[[], np.ndarray], conduct: Conduct) -> StopRecords:
     """Step the plant under the commands of `decide` until all its vehicles stand; return what happened."""
-    state = plant.state
     samples: dict[str, list[np.ndarray]] = {name: [] for name in ("speed", "position", "slip", "pressure", "adhesion")}
     commands = []
     steps = np.zeros(plant.n, dtype=int)
 
     def sample() -> None:
-        values = (state.speed, state.position, plant.slip_speed, state.pressure, state.adhesion)
+        now = plant.truth()
+        values = (now.speed, now.position, now.slip_speed, now.pressure, now.adhesion)
         for name, value in zip(samples, values, strict=True):
             samples[name].append(value.astype(np.float64 if name == "position" else np.float32))
 
@@ -132,27 +130,26 @@ def record(plant: Plant, decide: Callable[[], np.ndarray], conduct: Conduct) -> 
         sample()
         if not plant.moving.any():
             break
-    return Run(
+    end = plant.truth()
+    return StopRecords(
         time=conduct.control_interval_s * np.arange(len(commands) + 1),
         **{name: np.stack(values) for name, values in samples.items()},
         command=np.stack(commands),
         steps=steps,
-        duration=state.time.copy(),
-        distance=state.position.copy(),
+        duration=end.time.copy(),
+        distance=end.position.copy(),
         stopped=~plant.moving,
-        air=state.air.copy(),
-        contact_work=state.contact_work.copy(),
+        air=end.air.copy(),
+        contact_work=end.contact_work.copy(),
     )
 
 
 def measure(plant: Plant, pressure_sensors: bool = False, sensor_fails_s: np.ndarray | None = None) -> Measurement:
     """Return what the sensors of a plant say now, failed ones 0; copies."""
-    state = plant.state
-    speed = state.measured.copy()
+    reading = plant.reading()
     if sensor_fails_s is not None:
-        speed[state.time[:, None] >= sensor_fails_s] = 0.0
-    pressure = state.pressure.copy() if pressure_sensors else None
-    return Measurement(state.time.copy(), speed, plant.conditions.demand.copy(), pressure)
+        reading.wheel_speed[reading.time[:, None] >= sensor_fails_s] = 0.0
+    return reading if pressure_sensors else reading._replace(pressure=None)
 
 
 def check_command(controller: Controller, given: Any, shape: tuple[int, ...], time: float) -> np.ndarray:
@@ -178,6 +175,6 @@ def check_command(controller: Controller, given: Any, shape: tuple[int, ...], ti
 def _guarded(controller: Controller, method: str, time: float, *arguments: Any) -> Any:
     try:
         return getattr(controller, method)(*arguments)
-    except (Exception, SystemExit) as error:  # whatever a stranger's controller raises
+    except (Exception, SystemExit) as error:  # whatever a third-party controller raises
         what = f"{type(controller).__name__}.{method} raised {type(error).__name__} at {time:.2f} s: {error}"
         raise ControllerFailure(what) from error

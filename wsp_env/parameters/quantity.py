@@ -2,8 +2,14 @@
 
 import dataclasses
 import math
+import reprlib
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Record = TypeVar("Record", bound="DataclassInstance")
 
 
 class ParameterError(ValueError):
@@ -31,31 +37,48 @@ class Checked:
     """Base of the frozen parameter records: every `quantity` field is checked against its range when made."""
 
     def __post_init__(self) -> None:
-        """Raise `ParameterError` for a value that is not finite or lies outside its range."""
+        """Raise `ParameterError` for a value that is not finite, lies outside its range, or is a tuple where none belongs."""
         for field in dataclasses.fields(self):  # type: ignore[arg-type]  # subclasses are dataclasses
             if "unit" in field.metadata:
-                value = getattr(self, field.name)
-                for number in value if isinstance(value, tuple) else (value,):
-                    check(f"{type(self).__name__}.{field.name}", number, field.metadata)
+                name, value = f"{type(self).__name__}.{field.name}", getattr(self, field.name)
+                several = isinstance(field.default, tuple)
+                if several and not isinstance(value, tuple):
+                    raise ParameterError(f"{name} must be a list of numbers in {field.metadata['unit']}, got {shown(value)}")
+                for number in value if several else (value,):
+                    check(name, number, field.metadata)
 
 
-def check(name: str, value: Any, metadata: Any) -> None:
+def check(name: str, value: Any, metadata: Mapping[str, Any]) -> None:
     """Raise `ParameterError` unless `value` is a finite number in the range that `metadata` (of `quantity`) states."""
     low, high, unit = metadata["low"], metadata["high"], metadata["unit"]
     bracket = "(" if metadata["open_low"] else "["
     try:
+        if isinstance(value, str | bytes | bool):  # which float() takes
+            raise TypeError
         number = float(value)
     except (TypeError, ValueError):
-        raise ParameterError(f"{name} must be a number in {unit}, got {value!r}") from None
+        raise ParameterError(f"{name} must be a number in {unit}, got {shown(value)}") from None
+    except OverflowError:  # a whole number beyond the floats
+        number = math.inf
     inside = low < number <= high if metadata["open_low"] else low <= number <= high
     if not math.isfinite(number) or not inside:
-        raise ParameterError(f"{name} = {value!r} {unit} is impossible: it must be finite and in {bracket}{low:g}, {high:g}]")
+        raise ParameterError(
+            f"{name} = {shown(value)} {unit} is impossible: it must be finite and in {bracket}{low:g}, {high:g}]"
+        )
 
 
-def replace(record: Any, changes: dict[str, Any], what: str) -> Any:
+def shown(value: Any) -> str:
+    """Return a value as a message shows it: no longer than a line, whatever it is."""
+    try:
+        return reprlib.repr(value)
+    except ValueError:  # Python writes out no whole number of so many digits
+        return "a number of thousands of digits"
+
+
+def replace(record: Record, changes: Mapping[str, object], what: str) -> Record:
     """Return `record` (a dataclass) with `changes`; an unknown name raises `ParameterError` listing the valid ones.
 
-    A field that is itself a record takes a dictionary of changes; a field that is a tuple takes a list too.
+    A field that is itself a record takes a dictionary of changes; a field that is a tuple takes a list too, nested or not.
     """
     names = [field.name for field in dataclasses.fields(record) if field.init]
     unknown = sorted(set(changes) - set(names))
@@ -64,11 +87,15 @@ def replace(record: Any, changes: dict[str, Any], what: str) -> Any:
     values = {}
     for name, value in changes.items():
         present = getattr(record, name)
-        if dataclasses.is_dataclass(present) and isinstance(value, Mapping):
+        if dataclasses.is_dataclass(present) and not isinstance(present, type) and isinstance(value, Mapping):
             value = replace(present, dict(value), f"{what} {name}:")
         elif dataclasses.is_dataclass(present) and not isinstance(value, type(present)):
-            raise ParameterError(f"{what} {name} = {value!r} must be a dictionary, {{name: value}}")
-        elif isinstance(present, tuple) and isinstance(value, list):
-            value = tuple(value)
+            raise ParameterError(f"{what} {name} = {shown(value)} must be a dictionary, {{name: value}}")
+        elif isinstance(present, tuple):
+            value = _tuples(value)
         values[name] = value
     return dataclasses.replace(record, **values)
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(map(_tuples, value)) if isinstance(value, list | tuple) else value

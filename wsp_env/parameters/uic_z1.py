@@ -1,4 +1,4 @@
-"""The passenger coach UIC-Z1, and a half and a quarter of it as bogie and wheelset.
+"""The passenger coach UIC-Z1, a half and a quarter of it as bogie and wheelset, and ten of them as a train.
 
 Source: seed paper (Meli, Ridolfi et al.), Tables 1, 5 and 6. What this set does not claim: the brake, the sensors and the
 running resistance (see `Brake`, `Tachometer`, `Vehicle`: assumptions), dampers and bump-stops, which the paper does not give.
@@ -7,11 +7,12 @@ running resistance (see `Brake`, `Tachometer`, `Vehicle`: assumptions), dampers 
 import dataclasses
 
 from wsp_env.parameters.quantity import Checked, quantity
-from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.parameters.vehicle import Vehicle, train
 
 #: Table 1: bogie wheelbase [m], distance of the bogie centres [m], natural frequencies of the suspended masses [Hz].
 BOGIE_WHEELBASE_M = 2.56
 BOGIE_DISTANCE_M = 19.0
+COACH_LENGTH_M = 26.4  # over buffers; assumption: the usual length of the UIC's coaches of this kind, not in the paper
 PRIMARY_FREQUENCY_HZ = 4.5
 SECONDARY_FREQUENCY_HZ = 0.8
 
@@ -50,9 +51,33 @@ PRIMARY_SUSPENSION = Suspension(8.44e5, 8.44e5, 7.9e5, 10_700.0, 10_700.0)
 SECONDARY_SUSPENSION = Suspension(1.24e5, 1.24e5, 3.4e5)
 ANTI_ROLL_BAR = Suspension(rotation_x_nm_per_rad=2.5e6)
 
-COACH = Vehicle("coach", axle_positions_m=(0.0, BOGIE_WHEELBASE_M, BOGIE_DISTANCE_M, BOGIE_DISTANCE_M + BOGIE_WHEELBASE_M))
-BOGIE = Vehicle("bogie", axle_positions_m=(0.0, BOGIE_WHEELBASE_M), mass_kg=COACH.mass_kg / 2, payload_kg=COACH.payload_kg / 2)
-WHEELSET = Vehicle("wheelset", axle_positions_m=(0.0,), mass_kg=COACH.mass_kg / 4, payload_kg=COACH.payload_kg / 4)
+
+def usual_positions(bodies: tuple[tuple[int, ...], ...]) -> tuple[float, ...]:
+    """Return where the axles of such bodies (see `Vehicle.bodies`) stand [m] if spaced as this coach's (assumption)."""
+    return tuple(
+        k * COACH_LENGTH_M + bogie * BOGIE_DISTANCE_M + axle * BOGIE_WHEELBASE_M
+        for k, body in enumerate(bodies)
+        for bogie, axles in enumerate(body)
+        for axle in range(axles)
+    )
+
+
+COACH = Vehicle("coach", axle_positions_m=usual_positions(((2, 2),)), length_m=COACH_LENGTH_M)
+BOGIE = Vehicle(
+    "bogie",
+    axle_positions_m=usual_positions(((2,),)),
+    length_m=COACH.length_m / 2,
+    mass_kg=COACH.mass_kg / 2,
+    payload_kg=COACH.payload_kg / 2,
+)
+WHEELSET = Vehicle(
+    "wheelset",
+    axle_positions_m=usual_positions(((1,),)),
+    length_m=COACH.length_m / 4,
+    mass_kg=COACH.mass_kg / 4,
+    payload_kg=COACH.payload_kg / 4,
+)
+TRAIN = train(COACH, 10)
 
 #: The vehicles by name.
-VEHICLES = {vehicle.name: vehicle for vehicle in (WHEELSET, BOGIE, COACH)}
+VEHICLES = {vehicle.name: vehicle for vehicle in (WHEELSET, BOGIE, COACH, TRAIN)}

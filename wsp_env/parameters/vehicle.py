@@ -1,11 +1,16 @@
-"""What describes a braked vehicle: masses, wheelsets, brake, wheel-speed sensors."""
+"""What describes a braked vehicle: masses, axles and what they carry, brake, wheel-speed sensors; and trains of vehicles."""
 
 import dataclasses
+from typing import Any
 
 from wsp_env.parameters.contact import ContactParameters
-from wsp_env.parameters.quantity import Checked, ParameterError, quantity
+from wsp_env.parameters.quantity import Checked, ParameterError, quantity, shown
 
 _BRAKE = "assumption: the seed paper does not give the brake of the coach"
+_FILLING = "assumption: distributor practice for passenger brakes, 3 to 5 s (UIC 540, second-hand)"
+
+#: Most wheelsets of a vehicle: a train of sixteen coaches.
+MOST_AXLES = 64
 
 
 @dataclasses.dataclass(frozen=True)
@@ -16,7 +21,7 @@ class Brake(Checked):
     torque_per_bar_nm: float = quantity(
         1500.0, "N m/bar", _BRAKE + "; 1.2 m/s2 at 3.8 bar and 43 t without the wheels' inertia", 0.0, 1e5, True
     )
-    demand_rise_s: float = quantity(4.0, "s", "assumption: EN 15595 passenger brakes fill in 3 to 5 s", 0.0, 60.0, True)
+    demand_rise_s: float = quantity(4.0, "s", _FILLING, 0.0, 60.0, True)
     fill_time_constant_s: float = quantity(0.25, "s", _BRAKE + "; dump valve open to the supply", 0.0, 10.0, True)
     vent_time_constant_s: float = quantity(0.15, "s", _BRAKE + "; dump valve open to the air", 0.0, 10.0, True)
     dead_time_s: float = quantity(0.04, "s", _BRAKE + "; from command to valve stroke", 0.0, 1.0)
@@ -32,14 +37,20 @@ class Tachometer(Checked):
 
 @dataclasses.dataclass(frozen=True)
 class Vehicle(Checked):
-    """A vehicle in longitudinal motion; a wheelset, a bogie and a coach differ in these numbers only."""
+    """A vehicle in longitudinal motion; a wheelset, a bogie, a coach and a train differ in these numbers only.
+
+    All axles carry the same load at rest, have the same wheelsets, brakes and sensors.
+    """
 
     name: str
-    axle_positions_m: tuple[float, ...] = quantity((0.0,), "m", "behind the leading axle", 0.0, 100.0)
+    axle_positions_m: tuple[float, ...] = quantity((0.0,), "m", "behind the leading axle", 0.0, 1000.0)
+    # axles of each bogie, body by body from the front; (): `usual_bodies`
+    bodies: tuple[tuple[int, ...], ...] = ()
+    length_m: float = quantity(26.4, "m", "assumption: UIC-Z1 coaches over buffers; counts in trains only", 0.0, 1000.0, True)
     mass_kg: float = quantity(43000.0, "kg", "seed paper, Table 1 (the bodies of Table 5 sum to 41 800 kg)", 0.0, 1e6, True)
     payload_kg: float = quantity(6000.0, "kg", "assumption: 80 passengers of 75 kg; Table 1's mass is taken as empty", 0.0)
     wheelset_inertia_kgm2: float = quantity(160.0, "kg m2", "seed paper, Table 5 and eq. (11)", 0.0, 1e4, open_low=True)
-    wheel_radius_m: float = quantity(0.445, "m", "seed paper, Table 1: diameter 0.89 m", 0.0, 2.0, open_low=True)
+    wheel_radius_m: float = quantity(0.445, "m", "seed paper, Table 1: diameter 0.89 m", 0.1, 2.0)
     gravity_mps2: float = quantity(9.81, "m/s2", "standard value, rounded", 0.0, 20.0, open_low=True)
     resistance_a_n: float = quantity(0.0, "N", "assumption: no running resistance, as in the recordings", 0.0, 1e5)
     resistance_b_ns_per_m: float = quantity(0.0, "N s/m", "as resistance_a_n", 0.0, 1e4)
@@ -50,13 +61,30 @@ class Vehicle(Checked):
     tachometer: Tachometer = dataclasses.field(default_factory=Tachometer)
 
     def __post_init__(self) -> None:
-        """Refuse impossible values and axles that are not in order."""
+        """Refuse impossible values, axles that are not in order, bodies that do not stand on these axles."""
         super().__post_init__()
         positions = self.axle_positions_m
-        if len(positions) not in (1, 2, 4) or positions[0] != 0.0 or list(positions) != sorted(set(positions)):
+        if not 1 <= len(positions) <= MOST_AXLES or positions[0] != 0.0 or list(positions) != sorted(set(positions)):
             raise ParameterError(
-                f"{self.name}: axle_positions_m = {positions} must hold 1, 2 or 4 rising distances [m] that start with 0"
+                f"{self.name}: axle_positions_m = {shown(positions)} must hold 1 to {MOST_AXLES} rising distances [m] that "
+                "start with 0, the leading axle"
             )
+        if not isinstance(self.bodies, tuple) or not all(map(_carried, self.bodies)):
+            raise ParameterError(
+                f"{self.name}: bodies = {shown(self.bodies)} must list the axles of each bogie body by body, from the front: "
+                "[[2, 2]] is a coach on two bogies of two axles"
+            )
+        carrying = sum(map(sum, self.bodies))
+        if self.bodies and carrying != len(positions):
+            raise ParameterError(
+                f"{self.name}: bodies = {shown(self.bodies)} stand on {carrying} axles, but axle_positions_m has "
+                f"{len(positions)}; correct the one or the other"
+            )
+
+    @property
+    def running_gear(self) -> tuple[tuple[int, ...], ...]:
+        """Axles of each bogie, body by body from the front: `bodies`, or the usual ones."""
+        return self.bodies or usual_bodies(self.axles)
 
     @property
     def axles(self) -> int:
@@ -72,3 +100,54 @@ class Vehicle(Checked):
     def full_brake_torque_nm(self) -> float:
         """Torque of one axle [N m] at full cylinder pressure."""
         return self.brake.full_pressure_bar * self.brake.torque_per_bar_nm
+
+
+def usual_bodies(axles: int) -> tuple[tuple[int, ...], ...]:
+    """Return the bogies of each body where nobody says (assumption).
+
+    Six axles are a body on two bogies of three; otherwise coaches on two bogies of two from the front, and the one to three
+    axles that are left are a bogie with a body of its own.
+    """
+    if axles == 6:
+        return ((3, 3),)
+    coaches, rest = divmod(axles, 4)
+    return ((2, 2),) * coaches + (((rest,),) if rest else ())
+
+
+def train(vehicle: Vehicle, coaches: int, name: str = "train") -> Vehicle:
+    """Return several vehicles of a kind as one longitudinal mass: rigid couplings, every axle with its own brake and sensor.
+
+    Masses and resistances add up (assumption: the leading vehicle meets no more air than the others). `ParameterError` for a
+    number of vehicles that gives more than `MOST_AXLES` axles, or vehicles that are shorter than the way between their axles.
+    """
+    if isinstance(coaches, bool) or not isinstance(coaches, int) or not 1 <= coaches * vehicle.axles <= MOST_AXLES:
+        raise ParameterError(
+            f"coaches = {shown(coaches)} is impossible: a train of vehicles with {vehicle.axles} axles takes 1 to "
+            f"{MOST_AXLES // vehicle.axles} of them"
+        )
+    if coaches == 1:
+        return vehicle
+    if vehicle.length_m <= vehicle.axle_positions_m[-1]:
+        raise ParameterError(
+            f"{vehicle.name}: length_m = {vehicle.length_m:g} is not above the distance of the outer axles, "
+            f"{vehicle.axle_positions_m[-1]:g} m: no train can be made of such vehicles"
+        )
+    return dataclasses.replace(
+        vehicle,
+        name=name,
+        axle_positions_m=tuple(k * vehicle.length_m + x for k in range(coaches) for x in vehicle.axle_positions_m),
+        bodies=vehicle.running_gear * coaches,
+        length_m=coaches * vehicle.length_m,
+        mass_kg=coaches * vehicle.mass_kg,
+        payload_kg=coaches * vehicle.payload_kg,
+        resistance_a_n=coaches * vehicle.resistance_a_n,
+        resistance_b_ns_per_m=coaches * vehicle.resistance_b_ns_per_m,
+        resistance_c_ns2_per_m2=coaches * vehicle.resistance_c_ns2_per_m2,
+    )
+
+
+def _carried(body: Any) -> bool:
+    """Whether it lists the axles of each bogie under a body."""
+    if not isinstance(body, tuple) or not body:
+        return False
+    return all(isinstance(n, int) and not isinstance(n, bool) and 1 <= n <= MOST_AXLES for n in body)

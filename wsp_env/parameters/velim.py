@@ -10,7 +10,7 @@ from wsp_env.parameters.contact import ContactParameters
 #: Table 2.
 CONTACT = ContactParameters()
 
-#: Recovery rate tau [m/J] that the paper tuned on group A, section 4.1.
+#: Recovery rate tau [m/J] that the paper tuned on group A, section 4.1; of one wheel with its own load, as W_sp is.
 TAU_M_PER_J = 1.9e-4
 
 #: Initial speeds [m/s] of the six tests, Table 3: group A was tuned on, group B validated.

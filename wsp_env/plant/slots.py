@@ -1,75 +1,103 @@
-"""Where mechanisms act: the wheel's contact, the brake torque, the forces beside the wheels.
+"""Where mechanisms act. Each slot is written once; the plant's step and the evaluation along a recording call the same ones.
 
-Each slot is written once; the plant's step and the evaluation along a recording (`wsp_env.plant.along`) call the same ones.
+A slot runs through the cards that act in it, in the order of `mechanisms.ALL`: factors multiply, forces add, and what is handed
+on goes from one to the next. Their code is made from the cards when this module is loaded. Four further slots, "mass",
+"gradient", "radii" and "law", act on what is constant in a stop, see `mechanisms.believed_to_true`.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any
 
-from wsp_env.compiled import inlined
-from wsp_env.contact.degraded import Adhesion, AdhesionLaw, adhesion
-from wsp_env.plant.mechanisms import (
-    adhesion_patch,
-    aerodynamic_drag,
-    brake_gain_imbalance,
-    contaminant_memory,
-    flash_temperature,
-    load_transfer,
-    non_adhesive_brake,
-    pad_friction,
-    speed_dependent_friction,
-)
-from wsp_env.plant.state import Constants
+from wsp_env.compiled import generated, inlined
+from wsp_env.contact.port import traction
+from wsp_env.contact.traction import Adhesion, Surface
+from wsp_env.plant.mechanisms import ALL, Active
 
 
-class Rail(NamedTuple):
-    """What a wheel finds on the rail."""
+def _slot(name: str, arguments: str, start: str, each: str, result: str) -> Callable[..., Any]:
+    """Return the kernel of a slot: `start`, then `each` with the call of every card that acts there, then `result`.
 
-    mu_cd: float  # kinetic friction coefficient with the film [-]
-    film: float  # share of the film that this wheel's work acts on [-]
-    held: float  # share that lags behind it, see contaminant_memory [-]
-
-
-@inlined
-def wheel_load(k: int, mass: float, deceleration: float, p: Constants) -> float:
-    """Load of one wheel of axle k [N] under the vehicle's deceleration [m/s2]."""
-    static = mass * p.gravity / (2.0 * len(p.axle_offset))
-    return load_transfer.wheel_load(p.mechanisms.load_transfer, static, mass, deceleration, p.body_arm[k], p.pivot_arm[k])
-
-
-@inlined
-def rail(place: float, mu_cd: float, film: float, recovery: float, rolled: float, p: Constants) -> tuple[Rail, float]:
-    """Return what a wheel finds at a place [m], and the weight [-] of the `recovery` that it had `rolled` [m] before.
-
-    mu_cd and film are what lies there before the mechanisms of the wheel's own past and of the place.
+    The slot takes `active` and `arguments`; so do the cards' functions, with their own part of `active`.
     """
-    mu_cd *= adhesion_patch.friction_factor(p.mechanisms.adhesion_patch, place)
-    past = contaminant_memory.weight_of_past(p.mechanisms.contaminant_memory, rolled)
-    return Rail(min(mu_cd, p.law.mu_cr), film * (1.0 - past), film * past * (1.0 - recovery)), past
+    lines, kernels = [start], {}
+    for card in ALL.values():
+        if name in card.acts:
+            own = [f"active.parameters.{card.name}"]
+            own += [f"active.derived.{card.name}"] if card.derive else []
+            own += [f"active.memory.{card.name}"] if card.memory else []
+            kernels[card.name] = card.acts[name]
+            lines.append(each.format(call=f"{card.name}({', '.join(own)}, {arguments})"))
+    body = "".join(f"    {line}\n" for line in [*lines, f"return {result}"] if line)
+    return generated(name, f"def {name}(active, {arguments}):\n{body}", kernels)
+
+
+def _factor(name: str, arguments: str) -> Callable[..., Any]:
+    return _slot(name, arguments, "value = 1.0", "value *= {call}", "value")
+
+
+def _handed_on(name: str, arguments: str, what: str) -> Callable[..., Any]:
+    return _slot(name, arguments, "", f"{what} = {{call}}", what)
+
+
+#: Factor of mu_cd [-] at a place [m].
+_contaminated_friction = _factor("contaminated_friction", "place")
+#: Factor of both friction coefficients [-] at a running speed [m/s].
+_friction = _factor("friction", "speed")
+#: Shares of the contaminant layer [-], free and held, at a place [m] which the wheel reached after rolling `rolled` [m].
+_layer = _handed_on("layer", "i, k, place, rolled, layer, held", "layer, held")
+#: The contact's adhesion.
+_contact = _handed_on("contact", "adhesion, slip, speed, load", "adhesion")
+#: Load of one wheel [N] of axle k, from the vehicle's mass [kg] and deceleration [m/s2].
+_wheel_load = _handed_on("wheel_load", "load, k, mass, deceleration", "load")
+#: Force [N] against the motion beside the wheels, added to the believed one [N].
+_force = _slot("force", "i, speed, believed", "total = believed", "total += {call}", "total")
+
+#: Brake torque of axle k over the believed one [-], from wheel speed [m/s] and cylinder pressure [bar]: (active, i, k, ...).
+torque_factor = _factor("torque_factor", "i, k, wheel_mps, pressure")
+#: Reading of a wheel-speed sensor [rad/s] from the last reading, the last and the present true speed and the time between [s].
+reading = _handed_on("reading", "now, before, last, duration", "now")
+#: True wheel speed [rad/s] from a reading and its rate [rad/s2].
+wheel_speed = _handed_on("wheel_speed", "wheel, rate", "wheel")
+#: Recorded vehicle speed [m/s] from the true one and its rate [m/s2], and the other way round.
+recorded_speed = _handed_on("recorded_speed", "speed, acceleration", "speed")
+true_speed = _handed_on("true_speed", "speed, acceleration", "speed")
+#: What is remembered of a contact: rolled [m] since the last, share of the layer that the wheel's work leaves [-].
+after_contact = _slot("after_contact", "i, k, rolled, kept", "", "{call}", "None")
+#: What is remembered of an axle's `Passage`.
+after_passage = _slot("after_passage", "i, k, passage", "", "{call}", "None")
 
 
 @inlined
-def contact(slip: float, speed: float, load: float, on: Rail, tau: float, p: Constants) -> Adhesion:
+def wheel_load(k: int, mass: float, deceleration: float, static: float, active: Active) -> float:
+    """Load of one wheel of axle k [N] under the vehicle's deceleration [m/s2]; `static` at rest [N]."""
+    load: float = _wheel_load(active, static, k, mass, deceleration)
+    return load
+
+
+@inlined
+def surface(
+    i: int, k: int, place: float, rolled: float, mu_cd: float, layer: float, mu_cr: float, active: Active
+) -> Surface:  # fmt: skip
+    """Return what a wheel finds at a place [m], having rolled `rolled` [m] since the last look.
+
+    mu_cd and layer are what lies there before the mechanisms of the place, of earlier wheels and of the wheel's own past.
+    """
+    mu_cd *= _contaminated_friction(active, place)
+    layer, held = _layer(active, i, k, place, rolled, layer, 0.0)
+    return Surface(min(mu_cd, mu_cr), mu_cr, layer, held)
+
+
+@inlined
+def contact(slip: float, speed: float, load: float, on: Surface, tau: float, law: Any, active: Active) -> Adhesion:
     """Adhesion of one wheel at |slip| [m/s], running speed [m/s] and load [N]."""
-    factor = speed_dependent_friction.friction_factor(p.mechanisms.speed_dependent_friction, speed)
-    w = p.law
-    law = AdhesionLaw(
-        w.stiffness, w.k_ad, w.k_sd, w.k_ar, w.k_sr, w.mu_cr * factor, w.ratio_d, w.ratio_r, w.gamma_d, w.gamma_r,
-        w.recovery_exponent, w.recovery_threshold,
-    )  # fmt: skip
-    cold = adhesion(slip, speed, load, on.mu_cd * factor, tau, on.film, law, on.held)
-    return flash_temperature.heated(p.mechanisms.flash_temperature, cold, slip, speed, load, p.heating)
+    factor = _friction(active, speed)
+    here = Surface(on.mu_cd * factor, on.mu_cr * factor, on.layer, on.held)
+    adhesion: Adhesion = _contact(active, traction(slip, speed, load, here, tau, law), slip, speed, load)
+    return adhesion
 
 
 @inlined
-def torque_factor(k: int, wheel_mps: float, pressure: float, warmer: float, p: Constants) -> float:
-    """Brake torque of axle k over the believed one [-]; from wheel speed [m/s], pressure [bar], discs' warming [K]."""
-    factor = pad_friction.torque_factor(p.mechanisms.pad_friction, wheel_mps, pressure, warmer)
-    return factor * brake_gain_imbalance.torque_factor(p.mechanisms.brake_gain_imbalance, k)
-
-
-@inlined
-def resistance(speed: float, mass: float, gradient: float, applied: float, p: Constants) -> float:
-    """Force [N] against the motion beside the wheels: running resistance, gradient, track brake (where `applied` is 1)."""
-    believed = p.resistance_a + speed * (p.resistance_b + speed * p.resistance_c) + mass * p.gravity * gradient
-    drag = aerodynamic_drag.force(p.mechanisms.aerodynamic_drag, speed)
-    return believed + drag + non_adhesive_brake.force(p.mechanisms.non_adhesive_brake, speed, applied)
+def resistance(i: int, speed: float, believed: float, active: Active) -> float:
+    """Force [N] against the motion beside the wheels; `believed` is that of running resistance and gradient [N]."""
+    total: float = _force(active, i, speed, believed)
+    return total

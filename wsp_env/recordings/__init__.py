@@ -1,12 +1,12 @@
 """Campaigns of recorded stops: read, check, derive quantities, tune, validate."""
 
+from wsp_env.parameters.campaign_vehicle import CampaignVehicle
 from wsp_env.recordings.campaign import Campaign, demo_campaign, read_campaign
-from wsp_env.recordings.conditions import conditions, vehicle_name
+from wsp_env.recordings.conditions import conditions
 from wsp_env.recordings.derive import Derived, Smoothing, derive, limits, rolling_radii, transition
+from wsp_env.recordings.errors import CampaignError, CampaignWarning
 from wsp_env.recordings.recording import Recording
-from wsp_env.recordings.table import CampaignError, CampaignWarning
 from wsp_env.recordings.tuning import RunScore, Tuning, tune
-from wsp_env.recordings.vehicle import CampaignVehicle
 
 __all__ = [
     "Campaign",
@@ -26,5 +26,4 @@ __all__ = [
     "rolling_radii",
     "transition",
     "tune",
-    "vehicle_name",
 ]

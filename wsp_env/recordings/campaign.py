@@ -17,17 +17,17 @@ import dataclasses
 import tomllib
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from wsp_env.parameters import velim
+from wsp_env.parameters.campaign_vehicle import CampaignVehicle
 from wsp_env.parameters.contact import ContactParameters
 from wsp_env.parameters.quantity import ParameterError, replace
 from wsp_env.recordings import channels
-from wsp_env.recordings.recording import Recording, read_recording
-from wsp_env.recordings.table import CampaignError
-from wsp_env.recordings.vehicle import CampaignVehicle
+from wsp_env.recordings.errors import CampaignError
+from wsp_env.recordings.reading import read_recording
+from wsp_env.recordings.recording import Recording
 
 #: Parameter sets that `[contact] set` may name.
 CONTACT_SETS = {"velim": velim.CONTACT}
@@ -52,6 +52,15 @@ class Campaign:
     contact: ContactParameters
     runs: dict[str, Recording]
 
+    def __post_init__(self) -> None:
+        """Raise `CampaignError` for runs with other axles than the vehicle; files are refused earlier, by their columns."""
+        for name, run in self.runs.items():
+            if run.wheel_speed_radps.shape[1:] != (self.vehicle.axles,):
+                raise CampaignError(
+                    f"campaign {self.name}: [vehicle] says {self.vehicle.axles} axles, but run {name} has wheel speeds of "
+                    f"shape {run.wheel_speed_radps.shape}, (samples, axles)"
+                )
+
 
 def demo_campaign() -> Path:
     """Return the folder of the small campaign that travels with the package; see wsp_env/data/README.md."""
@@ -64,7 +73,7 @@ def read_campaign(folder: Path) -> Campaign:
     Raises
     ------
     CampaignError
-        naming file, key, column or line, and how to mend it
+        naming file, key, column or line, and how to repair it
 
     """
     path = Path(folder) / "campaign.toml"
@@ -94,7 +103,7 @@ def read_campaign(folder: Path) -> Campaign:
     return Campaign(str(head["name"]), tune, validate, sample_time, vehicle, contact, runs)
 
 
-def _groups(path: Path, head: dict[str, Any], described: dict[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _groups(path: Path, head: dict[str, object], described: dict[str, object]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     groups = []
     for key in ("tune", "validate"):
         names = head.get(key, [])
@@ -115,26 +124,26 @@ def _groups(path: Path, head: dict[str, Any], described: dict[str, Any]) -> tupl
     return tune, validate
 
 
-def _vehicle(path: Path, table: dict[str, Any]) -> CampaignVehicle:
+def _vehicle(path: Path, table: dict[str, object]) -> CampaignVehicle:
     _required(path, "[vehicle]", table, _REQUIRED_VEHICLE_KEYS)
     changes = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
     if type(changes["axles"]) is not int:
         raise ParameterError(f"[vehicle] axles must be a whole number, got {changes['axles']!r}")
-    vehicle: CampaignVehicle = replace(CampaignVehicle(), changes, "key in [vehicle]")
-    return vehicle
+    return replace(CampaignVehicle(), changes, "key in [vehicle]")
 
 
-def _contact(path: Path, table: Any) -> ContactParameters:
+def _contact(path: Path, table: object) -> ContactParameters:
+    if not isinstance(table, dict):
+        raise CampaignError(f'{path}: [contact] must be a table such as set = "velim", got {table!r}')
     changes = dict(table)
     name = changes.pop("set", "velim")
-    if name not in CONTACT_SETS:
+    if not isinstance(name, str) or name not in CONTACT_SETS:
         raise CampaignError(f"{path}: [contact] set = {name!r} is unknown; valid: {', '.join(CONTACT_SETS)}")
-    contact: ContactParameters = replace(CONTACT_SETS[name], changes, "key in [contact]")
-    return contact
+    return replace(CONTACT_SETS[name], changes, "key in [contact]")
 
 
 def _described(
-    path: Path, name: str, entry: Any, vehicle: CampaignVehicle, contact: ContactParameters
+    path: Path, name: str, entry: object, vehicle: CampaignVehicle, contact: ContactParameters
 ) -> tuple[Path, Recording]:
     """Return a run's file, and what campaign.toml says of it as a recording without samples."""
     where = f"[runs.{name}]"
@@ -166,24 +175,24 @@ def _described(
     )
 
 
-def _table(path: Path, document: dict[str, Any], key: str) -> dict[str, Any]:
+def _table(path: Path, document: dict[str, object], key: str) -> dict[str, object]:
     table = document.get(key)
     if not isinstance(table, dict):
         raise CampaignError(f"{path} lacks the table [{key}]; a campaign needs [campaign], [vehicle] and [runs.NAME]")
     return table
 
 
-def _known(path: Path, where: str, table: dict[str, Any], valid: tuple[str, ...]) -> None:
+def _known(path: Path, where: str, table: dict[str, object], valid: tuple[str, ...]) -> None:
     if unknown := sorted(set(table) - set(valid)):
         raise CampaignError(f"{path}: unknown key {', '.join(unknown)} in {where}; valid: {', '.join(valid)}")
 
 
-def _required(path: Path, where: str, table: dict[str, Any], keys: tuple[str, ...]) -> None:
+def _required(path: Path, where: str, table: dict[str, object], keys: tuple[str, ...]) -> None:
     if missing := [key for key in keys if key not in table]:
         raise CampaignError(f"{path}: {where} lacks {', '.join(missing)}; add it")
 
 
-def _number(path: Path, what: str, value: Any, above: float = -np.inf) -> float:
+def _number(path: Path, what: str, value: object, above: float = -np.inf) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not above < value < np.inf:
         bound = "" if above == -np.inf else f" above {above:g}"
         raise CampaignError(f"{path}: {what} must be a finite number{bound}, got {value!r}")

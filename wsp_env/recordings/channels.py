@@ -11,12 +11,11 @@ A channel that is not mapped is looked for under its native column (`CHANNELS`),
 """
 
 import dataclasses
-import functools
 import re
 from pathlib import Path
-from typing import Any
 
-from wsp_env.recordings.table import CampaignError
+from wsp_env.recordings.errors import CampaignError
+from wsp_env.recordings.units import conversion, counts_radians, is_compatible
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,22 +42,6 @@ CHANNELS = {
 }
 
 _KEYS = ("column", "unit", "scale", "time")
-
-# Units as test teams write them, which pint does not know or takes for something else.
-_SPELLINGS = {
-    "nm": "N*m",
-    "knm": "kN*m",
-    "n m": "N*m",
-    "kn m": "kN*m",
-    "kmh": "km/h",
-    "km/hr": "km/h",
-    "sec": "s",
-    "u/min": "rpm",
-    "-": "",
-}
-
-#: Units that files state for turns, though they may mean radians: never taken for either without a word in `[channels]`.
-TURNS = ("1/min", "min-1", "min^-1", "/min")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,7 +73,7 @@ def names(axles: int) -> list[str]:
     return once + [name.replace("{k}", str(k)) for k in range(1, axles + 1) for name in each]
 
 
-def parse(path: Path, table: Any, axles: int) -> dict[str, Source]:
+def parse(path: Path, table: object, axles: int) -> dict[str, Source]:
     """Read `[channels]`.
 
     Raises
@@ -139,49 +122,9 @@ def factor(unit: str, name: str, wheel_radius_m: float, where: str) -> float:
     target = channel(name).unit
     if unit == target:
         return 1.0
-    registry = _registry()
-    given, wanted = _unit(unit, where), registry.Unit(target)
     if name.endswith("_wheel_speed"):
-        if given.is_compatible_with("1/s") and "radian" not in str(registry.get_root_units(given)[1]):
+        if is_compatible(unit, "1/s", where) and not counts_radians(unit, where):
             raise CampaignError(f'{where}: {unit!r} may mean turns or radians; write "rpm", "turn/s", "deg/s" or "rad/s"')
-        if given.is_compatible_with("m/s"):
-            return float(registry.Quantity(1.0, given).to("m/s").magnitude) / wheel_radius_m
-    if not given.is_compatible_with(wanted):
-        raise CampaignError(
-            f"{where}: {unit!r} is a unit of {_dimension(given)}, but the channel {name} is one of {_dimension(wanted)} "
-            f"({target or 'no unit'})"
-        )
-    return float(registry.Quantity(1.0, given).to(wanted).magnitude)
-
-
-def is_unit(text: str) -> bool:
-    """Whether the text is a unit that can be converted."""
-    try:
-        _unit(text, "")
-    except CampaignError:
-        return False
-    return True
-
-
-@functools.cache
-def _registry() -> Any:
-    import pint  # 0.3 s, needed for other people's units only
-
-    return pint.UnitRegistry()
-
-
-@functools.cache
-def _unit(text: str, where: str) -> Any:
-    spelled = _SPELLINGS.get(text.strip().lower(), text.strip())
-    for spelling in (spelled, spelled.lower()):
-        try:
-            unit = _registry().Unit(spelling)
-            _registry().Quantity(1.0, unit).to_base_units()
-            return unit
-        except Exception:  # pint raises its own, tokenizer's, and attribute errors on text that is no unit
-            continue
-    raise CampaignError(f'{where}: {text!r} is no unit known; write it as "km/h", "bar", "N*m", "rpm", "ms"')
-
-
-def _dimension(unit: Any) -> str:
-    return str(unit.dimensionality) if not unit.dimensionless else "no dimension"
+        if is_compatible(unit, "m/s", where):
+            return conversion(unit, "m/s", "the speed of the circumference", where) / wheel_radius_m
+    return conversion(unit, target, f"the channel {name}", where)

@@ -1,4 +1,4 @@
-"""Clocks of recordings: mending them, and bringing channels to a common one without aliasing."""
+"""Clocks of recordings: repairing them, and bringing channels to a common one without aliasing."""
 
 import dataclasses
 
@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import upfirdn
 
 from wsp_env.compiled import kernel
-from wsp_env.recordings.table import CampaignError
+from wsp_env.recordings.errors import CampaignError
 
 #: Longest gap [s] that is bridged; what was bridged is never compared with the law. Assumption: the wheel slides on in about
 #: the same way for that long, so that the filter's neighbourhood of the gap is all that is lost.
@@ -16,8 +16,8 @@ LONGEST_GAP_S = 1.0
 #: A sample may stand this share of a step beside its place on an even clock: rounded times of a logger.
 JITTER = 0.1
 
-#: Share of a file's rows that may be mended before it counts as unusable.
-MOST_MENDED = 0.2
+#: Share of a file's rows that may be repaired before it counts as unusable.
+MOST_REPAIRED = 0.2
 
 _FEW_ROWS = 10  # so many rows, or a hundredth of all, may stand in the wrong order or twice
 _PASS_BAND = 0.8  # cut-off of the anti-aliasing filter as a share of the new Nyquist frequency
@@ -28,7 +28,7 @@ _TABLE = 512  # tabulated points per lobe; linear between them: error below 1e-5
 
 @dataclasses.dataclass(frozen=True)
 class Clock:
-    """A mended clock: which rows of the file it keeps, and where they stand on its even steps."""
+    """A repaired clock: which rows of the file it keeps, and where they stand on its even steps."""
 
     time_s: np.ndarray  # (m,) of the kept rows, rising
     step_s: float
@@ -71,8 +71,8 @@ class Clock:
         return grid
 
 
-def mend(time_s: np.ndarray, where: str, first_line: int = 2) -> tuple[Clock, list[str]]:
-    """Mend a clock [s] (n,): leave out rows without time and doubled ones, sort a few that are out of order.
+def repair(time_s: np.ndarray, where: str, first_line: int = 2) -> tuple[Clock, list[str]]:
+    """Repair a clock [s] (n,): leave out rows without time and doubled ones, sort a few that are out of order.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def mend(time_s: np.ndarray, where: str, first_line: int = 2) -> tuple[Clock, li
     Raises
     ------
     CampaignError
-        naming the row, for a clock that cannot be mended without guessing
+        naming the row, for a clock that cannot be repaired without guessing
 
     """
     rows = len(time_s)
@@ -91,7 +91,7 @@ def mend(time_s: np.ndarray, where: str, first_line: int = 2) -> tuple[Clock, li
     if not known.any():
         raise CampaignError(f"{where}: no row has a number for its time; export it in seconds, or map another column to time")
     kept = np.flatnonzero(known & ~_out_of_line(time_s)) if known.sum() > 1 else np.zeros(0, dtype=int)
-    if len(kept) < max((1.0 - MOST_MENDED) * rows, 3):
+    if len(kept) < max((1.0 - MOST_REPAIRED) * rows, 3):
         raise CampaignError(f"{where}: only {len(kept)} of {rows} rows have a time that fits their neighbours'")
     if len(kept) < rows:
         missing = np.setdiff1d(np.arange(rows), kept, assume_unique=True)

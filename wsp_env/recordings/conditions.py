@@ -1,19 +1,18 @@
 """Recorded stops as conditions that an environment or a controller can brake under again."""
 
 import dataclasses
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from wsp_env.parameters.uic_z1 import VEHICLES
+from wsp_env.parameters.campaign_vehicle import plant_vehicle
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.port import TRACK_STEP_M
 from wsp_env.recordings.campaign import Campaign
 from wsp_env.recordings.derive import Derived, Smoothing, braking, derive, rolling_radii
 from wsp_env.recordings.recording import Recording
-from wsp_env.recordings.table import CampaignError
 from wsp_env.recordings.tuning import Tuning, tune
-from wsp_env.scenario import TRACK_STEP_M
 
 _HELD_S = 0.5  # window [s] over whose means the largest torque is sought, against noise: assumption
 _HELD_QUANTILE = 0.99  # of them, against spikes
@@ -29,24 +28,17 @@ PRIOR_SAMPLES = 50.0
 _STEP = 0.02  # relative step of mu_cd for the derivative of f
 
 
-def vehicle_name(campaign: Campaign) -> str:
-    """Return which vehicle of the environments has the campaign's number of axles; `CampaignError` if none has."""
-    names = {vehicle.axles: name for name, vehicle in VEHICLES.items()}
-    if campaign.vehicle.axles not in names:
-        raise CampaignError(
-            f"campaign {campaign.name}: stops are replayed on vehicles of {', '.join(map(str, sorted(names)))} axles, "
-            f"not {campaign.vehicle.axles}"
-        )
-    return names[campaign.vehicle.axles]
-
-
 def conditions(
-    campaign: Campaign, tuning: Tuning | None = None, along_track: bool = False, smoothing: Smoothing = Smoothing()
+    campaign: Campaign,
+    tuning: Tuning | None = None,
+    along_track: bool = False,
+    smoothing: Smoothing = Smoothing(),
+    base: Vehicle | None = None,
 ) -> dict[str, Any]:
     """Return the campaign's stops as `gym.make("wsp_env/Coach-v0", conditions=...)` takes them; plain data, fit for JSON.
 
-    The environment must have the campaign's number of axles (`vehicle_name`). The vehicle gets the campaign's masses, wheels,
-    contact and resistances, and a brake whose full torque is the largest recorded and builds up as fast as there. Each stop
+    The vehicle is the campaign's own, whatever id brakes: its axles, masses, wheels, contact and resistances, and a brake whose
+    full torque is the largest recorded and builds up as fast as there. Its payload is what the stops' masses differ by. A stop
     gets the speed at which its braking began, its demand (its own largest torque over the full one), mass and gradient, the
     tuned tau and its own mu_cd.
 
@@ -54,14 +46,17 @@ def conditions(
     ----------
     tuning : of `tune`; without one it is done here
     along_track : mu_cd along the track as estimated from the recording, instead of one value per stop
+    base : gives what a campaign does not tell, see `plant_vehicle`
 
     Raises
     ------
     CampaignError
-        when no run to tune on slides, or no vehicle has so many axles
+        when no run to tune on slides
+    ParameterError
+        when `base` has another number of axles than the campaign
 
     """
-    vehicle = vehicle_name(campaign)
+    known = plant_vehicle(campaign.vehicle, campaign.contact, campaign.name, base)
     tuning = tuning or tune(campaign, smoothing)
     radii = rolling_radii(campaign, smoothing)
     runs = {run: campaign.runs[run] for run in tuning.runs}
@@ -69,14 +64,16 @@ def conditions(
     full = max(torques.values())
     masses = [recording.mass_kg for recording in runs.values()]
     lightest, spread = min(masses), max(masses) - min(masses)
-    lag = VEHICLES[vehicle].brake.fill_time_constant_s
+    lag = known.brake.fill_time_constant_s
     # A ramp is late by half its length, the brake that follows it by its lag on top.
     lates = {name: _build_up(campaign, run, torques[name], smoothing) - lag for name, run in runs.items()}
     rises = [2.0 * late / (torques[name] / full) for name, late in lates.items()]
-    brake = {
-        "torque_per_bar_nm": full / VEHICLES[vehicle].brake.full_pressure_bar,
-        "demand_rise_s": max(float(np.median(rises)), 0.1),
-    }
+    brake = dataclasses.replace(
+        known.brake,
+        torque_per_bar_nm=full / known.brake.full_pressure_bar,
+        demand_rise_s=max(float(np.median(rises)), 0.1),
+    )
+    vehicle = dataclasses.replace(known, mass_kg=lightest, payload_kg=spread, brake=brake)
     stops = []
     for run, recording in runs.items():
         derived = derive(campaign, recording, radii, smoothing)
@@ -93,7 +90,7 @@ def conditions(
             "track": _profile(campaign, derived, start, tuning, run) if along_track else "constant",
         }
         stops.append(stop)
-    return {"vehicle": _vehicle(campaign, brake, lightest, spread), "stops": stops}
+    return {"vehicle": dataclasses.asdict(vehicle), "stops": stops}
 
 
 def _held(campaign: Campaign, run: Recording) -> float:
@@ -109,26 +106,6 @@ def _build_up(campaign: Campaign, run: Recording, torque_nm: float, smoothing: S
     first = share[:, np.argmin(np.where((share > _FILLED).any(axis=0), np.argmax(share > _FILLED, axis=0), len(share)))]
     filled = int(np.argmax(first >= min(1.0, first.max())))
     return float(np.sum(1.0 - first[:filled])) * campaign.sample_time_s
-
-
-def _vehicle(campaign: Campaign, brake: Mapping[str, float], mass_kg: float, payload_kg: float) -> Mapping[str, Any]:
-    described = campaign.vehicle
-    a, b, c = described.resistance_n
-    options: dict[str, Any] = {
-        "mass_kg": mass_kg,
-        "payload_kg": payload_kg,
-        "wheelset_inertia_kgm2": described.wheelset_inertia_kgm2,
-        "wheel_radius_m": described.wheel_radius_m,
-        "gravity_mps2": described.gravity_mps2,
-        "resistance_a_n": a,
-        "resistance_b_ns_per_m": b,
-        "resistance_c_ns2_per_m2": c,
-        "contact": dataclasses.asdict(campaign.contact),
-        "brake": dict(brake),
-    }
-    if described.axle_positions_m:
-        options["axle_positions_m"] = list(described.axle_positions_m)
-    return options
 
 
 def _noise(recording: Recording) -> float:

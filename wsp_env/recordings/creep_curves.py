@@ -13,7 +13,6 @@ import dataclasses
 import tomllib
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,7 +20,8 @@ from wsp_env.contact.hertz import hertz
 from wsp_env.contact.kalker import Patch, kalker_coefficients
 from wsp_env.parameters.contact import ContactParameters
 from wsp_env.parameters.quantity import Checked, quantity, replace
-from wsp_env.recordings.table import CampaignError, open_table
+from wsp_env.recordings.errors import CampaignError
+from wsp_env.recordings.readers import open_file
 
 KIND = "creep_curve"
 #: Fewer points than this in all curves are refused: a curve of three to five parameters and its scatter need more (assumption).
@@ -99,7 +99,7 @@ def read_creep_curves(folder: Path) -> CreepCurves:
     Raises
     ------
     CampaignError
-        naming file, key, column or point, and how to mend it
+        naming file, key, column or point, and how to repair it
 
     """
     path = Path(folder) / "campaign.toml"
@@ -116,7 +116,7 @@ def read_creep_curves(folder: Path) -> CreepCurves:
     if not isinstance(document["contact"], dict) or {"wheel_load_n", "wheel_radius_m"} - set(document["contact"]):
         raise CampaignError(f"{path}: [contact] needs wheel_load_n [N] and wheel_radius_m [m]; add them")
     try:
-        contact: CreepContact = replace(CreepContact(), document["contact"], "key in [contact]")
+        contact = replace(CreepContact(), document["contact"], "key in [contact]")
         contact.patch()
     except ValueError as error:  # ParameterError is one
         raise CampaignError(f"{path}: {error}") from None
@@ -129,15 +129,15 @@ def read_creep_curves(folder: Path) -> CreepCurves:
     return CreepCurves(str(head["name"]), contact, curves)
 
 
-def _curve(path: Path, name: str, entry: Any) -> CreepCurve:
+def _curve(path: Path, name: str, entry: object) -> CreepCurve:
     where = f"[curves.{name}]"
-    _keys(path, where, entry, ("file", "speed_mps"), ("notes",))
-    speed, file = entry["speed_mps"], path.parent / str(entry["file"])
+    table = _keys(path, where, entry, ("file", "speed_mps"), ("notes",))
+    speed, file = table["speed_mps"], path.parent / str(table["file"])
     if isinstance(speed, bool) or not isinstance(speed, int | float) or not 0.0 < speed < np.inf:
         raise CampaignError(f"{path}: {where} speed_mps must be a finite number above 0, got {speed!r}")
-    table = open_table(file)
-    table.require(list(_COLUMNS))
-    read = table.read(list(_COLUMNS))
+    opened = open_file(file)
+    opened.require(list(_COLUMNS))
+    read = opened.read(list(_COLUMNS))
     creepage, adhesion = (np.asarray(read[column].values, dtype=np.float64) for column in _COLUMNS)
     for column, values, highest in zip(_COLUMNS, (creepage, adhesion), (1.0, np.inf), strict=True):
         wrong = ~(np.isfinite(values) & (values > 0.0) & (values <= highest))
@@ -152,7 +152,7 @@ def _curve(path: Path, name: str, entry: Any) -> CreepCurve:
     return CreepCurve(float(speed), creepage[order], adhesion[order])
 
 
-def _keys(path: Path, where: str, table: Any, required: tuple[str, ...], optional: tuple[str, ...]) -> dict[str, Any]:
+def _keys(path: Path, where: str, table: object, required: tuple[str, ...], optional: tuple[str, ...]) -> dict[str, object]:
     if not isinstance(table, dict):
         raise CampaignError(f"{path}: {where} must be a table, got {table!r}")
     if missing := [key for key in required if key not in table]:

@@ -13,11 +13,12 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_filter
 
-from wsp_env.contact.degraded import SPEED_FLOOR, AdhesionLaw, adhesion_recovered, adhesion_without_recovery
+from wsp_env.contact.degraded import DegradedLaw, adhesion_recovered, adhesion_without_recovery
+from wsp_env.contact.traction import SPEED_FLOOR
 from wsp_env.parameters.quantity import Checked, quantity
 from wsp_env.recordings.campaign import Campaign
+from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.recording import Recording
-from wsp_env.recordings.table import CampaignError
 
 _ORDER = 2
 _ROLLING_TORQUE = 0.05  # share of a run's largest torque below which a wheel counts as rolling freely
@@ -139,7 +140,7 @@ def derive(
     usable &= circumferential > smoothing.locked_below_mps
     end = _length(max(smoothing.vehicle_window_s, smoothing.wheel_window_s), step) // 2
     usable[:end] = usable[len(usable) - end :] = False
-    if run.suspect is not None and run.suspect.any():  # mended samples spoil what the filter makes of their neighbours
+    if run.suspect is not None and run.suspect.any():  # repaired samples spoil what the filter makes of their neighbours
         usable &= ~maximum_filter1d(run.suspect, 2 * end + 1, axis=0)
     return Derived(
         time_s=run.time_s,
@@ -156,13 +157,13 @@ def derive(
     )
 
 
-def limits(derived: Derived, mu_cd: float, law: AdhesionLaw) -> tuple[np.ndarray, np.ndarray]:
+def limits(derived: Derived, mu_cd: float, law: DegradedLaw) -> tuple[np.ndarray, np.ndarray]:
     """Limit adhesion coefficients f_d and f_r [-] along the recording, each (T, axles), eq. (5)."""
     state = (derived.slip_speed_mps, derived.speed_mps[:, None], derived.normal_load_n, mu_cd, 0.0, law)
     return adhesion_without_recovery(*state), adhesion_recovered(*state)
 
 
-def transition(derived: Derived, mu_cd: float, law: AdhesionLaw) -> np.ndarray:
+def transition(derived: Derived, mu_cd: float, law: DegradedLaw) -> np.ndarray:
     """Experimental transition function lambda [-] (T, axles), eq. (3) solved for it; nan where f_r = f_d (no slip)."""
     f_d, f_r = limits(derived, mu_cd, law)
     gap = f_r - f_d

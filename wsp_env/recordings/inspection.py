@@ -1,4 +1,4 @@
-"""What is in a stranger's file: its channels, what they may be, and a campaign.toml to start from.
+"""What is in a third-party file: its channels, what they may be, and a campaign.toml to start from.
 
 Guesses are for a person to confirm: they are only ever written into a commented draft, never used to read.
 """
@@ -10,10 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from wsp_env.recordings import channels, clock, quality
+from wsp_env.recordings import channels, clock, quality, units
 from wsp_env.recordings.channels import CHANNELS, Source
+from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.quality import Quality
-from wsp_env.recordings.table import CampaignError, Table, open_table
+from wsp_env.recordings.readers import open_file
+from wsp_env.recordings.readers.channel_file import ChannelFile
 
 #: Words (beginnings of words) in names that speak for a channel, and the unit it has where none is stated.
 _WORDS = {
@@ -46,7 +48,7 @@ _FASTEST_MPS = 60.0  # a vehicle speed without unit above this is taken for km/h
 
 
 @dataclasses.dataclass(frozen=True)
-class Found:
+class InspectedChannel:
     """One channel of a file."""
 
     name: str
@@ -59,7 +61,7 @@ class Found:
     guessed_unit: str
 
 
-def inspect(file: Path) -> list[Found]:
+def inspect(file: Path) -> list[InspectedChannel]:
     """List the channels of a file of any known format, each with what it may be.
 
     Raises
@@ -68,19 +70,19 @@ def inspect(file: Path) -> list[Found]:
         when the file cannot be opened
 
     """
-    table = open_table(file)
+    opened = open_file(file)
     raw: dict[str, tuple[np.ndarray, np.ndarray | None]] = {}
     problem = CampaignError(f"{file} holds no channels")
-    for name in table.units:  # one by one: one that cannot be read leaves the others
+    for name in opened.units:  # one by one: one that cannot be read leaves the others
         try:
-            samples = table.read([name])[name]
+            samples = opened.read([name])[name]
         except CampaignError as error:
             problem = error
             continue
         raw[name] = (samples.values, samples.time_s)
     if not raw:
         raise problem
-    guesses = guess(table, {name: _highest(values) for name, (values, _) in raw.items()})
+    guesses = guess(opened, {name: _highest(values) for name, (values, _) in raw.items()})
     by_name = {source.column: (channel, source.unit or "") for channel, source in guesses.items()}
     time = guesses.get("time")
     found = []
@@ -90,16 +92,16 @@ def inspect(file: Path) -> list[Found]:
         missing = int((~np.isfinite(values)).sum())
         channel, unit = by_name.get(name, ("", ""))
         described = quality.describe(values) if missing < len(values) else Quality(np.nan, 0.0, np.nan, np.nan)
-        found.append(Found(name, table.units[name], len(values), missing, rate, described, channel, unit))
+        found.append(InspectedChannel(name, opened.units[name], len(values), missing, rate, described, channel, unit))
     return found
 
 
-def guess(table: Table, highest: dict[str, float]) -> dict[str, Source]:
+def guess(opened: ChannelFile, highest: dict[str, float]) -> dict[str, Source]:
     """Guess which column is which channel, from native and common names and the units in them; the first that fits is taken."""
     guessed: dict[str, Source] = {}
     used = set()
     for by_unit in (False, True):  # names first; what they leave open, units and numbers may tell
-        for column, stated in table.units.items():
+        for column, stated in opened.units.items():
             if column not in highest or column in used:
                 continue
             unit = stated or _ending(column)
@@ -107,7 +109,7 @@ def guess(table: Table, highest: dict[str, float]) -> dict[str, Source]:
             if not name or name in guessed:
                 continue
             kind = name.split("_", 1)[1] if name.startswith("axle") else name
-            if kind == "wheel_speed" and unit in channels.TURNS:
+            if kind == "wheel_speed" and unit in units.TURNS:
                 unit = "rpm"
             if not unit:
                 unit = _WORDS[kind][1]
@@ -118,13 +120,13 @@ def guess(table: Table, highest: dict[str, float]) -> dict[str, Source]:
     return guessed
 
 
-def alike(file: Path, found: list[Found]) -> list[Path]:
+def alike(file: Path, found: list[InspectedChannel]) -> list[Path]:
     """Return the file and those beside it of the same format that have its guessed columns, too, by name."""
     columns = {channel.name for channel in found if channel.guess}
     files = []
     for other in sorted(file.parent.glob(f"*{file.suffix}")):
         try:
-            same = other == file or columns <= set(open_table(other).units)
+            same = other == file or columns <= set(open_file(other).units)
         except CampaignError:
             continue
         if same:
@@ -132,7 +134,7 @@ def alike(file: Path, found: list[Found]) -> list[Path]:
     return files
 
 
-def draft(file: Path, found: list[Found]) -> str:
+def draft(file: Path, found: list[InspectedChannel]) -> str:
     """Return a campaign.toml to edit: what is known is filled in, what only a person can know is left out and asked for.
 
     Its runs are the file and those like it beside it, see `alike`.
@@ -213,7 +215,7 @@ def _measured(column: str, unit: str) -> str:
 
 
 def _fits(unit: str, name: str) -> bool:
-    if not unit or (unit in channels.TURNS and name.endswith("_wheel_speed")):
+    if not unit or (unit in units.TURNS and name.endswith("_wheel_speed")):
         return True
     try:
         channels.factor(unit, name, 1.0, "")
@@ -240,6 +242,6 @@ def _rate(time: np.ndarray | None, samples: int) -> float | None:
     if time is None or len(time) != samples or samples < 3:
         return None
     try:
-        return 1.0 / clock.mend(time, "")[0].step_s
+        return 1.0 / clock.repair(time, "")[0].step_s
     except CampaignError:
         return None

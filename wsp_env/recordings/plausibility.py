@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from wsp_env.parameters.campaign_vehicle import CampaignVehicle
+from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.recording import Recording
-from wsp_env.recordings.table import CampaignError
-from wsp_env.recordings.vehicle import CampaignVehicle
 
 _STEP_S = 0.01  # of the samples that are looked at
 _LEAST_SPEED_MPS = 5.0  # ratios of speeds are taken above it

@@ -1,6 +1,6 @@
-"""The quality of one recorded channel: what it is like, what is broken, and mending what can be mended.
+"""The quality of one recorded channel: what it is like, what is broken, and repair of what can be repaired.
 
-Nothing is mended in silence: every repair comes with a sentence that says what and where, and the samples concerned are
+Nothing is repaired in silence: every repair comes with a sentence that says what and where, and the samples concerned are
 marked, so that they are never compared with the law.
 """
 
@@ -9,8 +9,8 @@ import dataclasses
 import numpy as np
 
 from wsp_env.recordings.channels import channel
-from wsp_env.recordings.clock import LONGEST_GAP_S, MOST_MENDED, Clock
-from wsp_env.recordings.table import CampaignError
+from wsp_env.recordings.clock import LONGEST_GAP_S, MOST_REPAIRED, Clock
+from wsp_env.recordings.errors import CampaignError
 
 _ABSURD = 1e12  # in SI, no value of any channel in whatever unit: a damaged file's
 _SPIKE_S = 0.1  # an impossible excursion up to this long is a fault whatever it looks like; a longer one if it is constant
@@ -46,13 +46,13 @@ def describe(values: np.ndarray) -> Quality:
     return Quality(_noise(blocks), resolution, lowest, highest)
 
 
-def mend(values: np.ndarray, name: str, clock: Clock, where: str) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Mend a channel (n,) in SI on its clock's grid: bridge missing samples and impossible excursions.
+def repair(values: np.ndarray, name: str, clock: Clock, where: str) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Repair a channel (n,) in SI on its clock's grid: bridge missing samples and impossible excursions.
 
     Parameters
     ----------
     name : of the channel, see `channels.CHANNELS`
-    clock : its clock, whose gaps have been told of already
+    clock : its clock, whose gaps have been reported already
     where : file and column, with which messages begin
 
     Returns
@@ -181,7 +181,7 @@ def _check_bridges(bad: np.ndarray, clock: Clock, where: str) -> None:
             f"{where}, {clock.row(start)}: {end - start} samples in a row are missing or impossible; more "
             f"than {LONGEST_GAP_S:g} s cannot be bridged: cut the run there or map another column"
         )
-    if bad.mean() > MOST_MENDED:
+    if bad.mean() > MOST_REPAIRED:
         raise CampaignError(
             f"{where}: {bad.sum()} of {len(bad)} samples are missing or impossible, the first {clock.row(start)}; map another"
         )
@@ -189,9 +189,9 @@ def _check_bridges(bad: np.ndarray, clock: Clock, where: str) -> None:
 
 def _bridged(values: np.ndarray, bad: np.ndarray) -> np.ndarray:
     good = np.flatnonzero(~bad)
-    mended = values.copy()
-    mended[bad] = np.interp(np.flatnonzero(bad), good, values[good])
-    return mended
+    repaired = values.copy()
+    repaired[bad] = np.interp(np.flatnonzero(bad), good, values[good])
+    return repaired
 
 
 def _runs(mask: np.ndarray) -> list[tuple[int, int]]:

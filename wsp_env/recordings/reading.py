@@ -1,182 +1,77 @@
-"""One recorded stop out of one file: channels found, converted to SI, mended and brought to a common clock."""
+"""Reading one recorded stop: from a file of any format to a checked `Recording`."""
 
 import dataclasses
-import re
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from wsp_env.recordings import channels, clock, quality
+from wsp_env.parameters.campaign_vehicle import CampaignVehicle
+from wsp_env.recordings import plausibility
 from wsp_env.recordings.channels import Source
-from wsp_env.recordings.clock import Clock
-from wsp_env.recordings.table import CampaignError, Samples, Table, open_table
+from wsp_env.recordings.columns import read_columns
+from wsp_env.recordings.errors import CampaignWarning
+from wsp_env.recordings.recording import Recording
 
-_LEAST_SAMPLES = 4  # for one third difference
-
-
-@dataclasses.dataclass
-class Columns:
-    """Channels in SI on one clock of T even steps."""
-
-    time_s: np.ndarray  # (T,)
-    values: dict[str, np.ndarray]  # channel -> (T,)
-    suspect: dict[str, np.ndarray]  # channel -> (T,) bool: mended, or not to be trusted
-    notes: list[str]  # what was mended or looks wrong, sentence by sentence
+_OPTIONAL = ("wheel_load", "cylinder_pressure", "valve_command")
 
 
-def read_columns(
-    file: Path,
-    required: list[str],
-    optional: list[str],
-    mapping: Mapping[str, Source],
-    sample_time_s: float,
-    wheel_radius_m: float,
-) -> Columns:
-    """Read channels of one file.
+def read_recording(
+    file: Path, blank: Recording, mapping: Mapping[str, Source], vehicle: CampaignVehicle, sample_time_s: float
+) -> Recording:
+    """Read and check one stop.
 
     Parameters
     ----------
-    required, optional : channels (`channels.CHANNELS`) that must, or may, be there
-    mapping : where channels come from (`channels.parse`); the others have their native columns
-    sample_time_s : step of the common clock [s]
-    wheel_radius_m : for wheel speeds recorded as speeds of the circumference
+    blank : what campaign.toml says of the run, without samples
+    mapping : other people's columns, see `channels.parse`
 
     Raises
     ------
     CampaignError
-        naming file, column and row, for what cannot be read or mended
+        naming file, column and row; a `CampaignWarning` is given for everything that was repaired
 
     """
-    table = open_table(file)
-    _check_axles(table, required)
-    sources = {name: mapping.get(name) or channels.native(name) for name in ["time", *required, *optional]}
-    wanted = [name for name in required if name != "time"]
-    table.require([sources[name].column for name in ([] if table.own_clocks else ["time"]) + wanted])
-    wanted += [name for name in optional if name in mapping or sources[name].column in table.units]
-    table.require([sources[name].column for name in wanted])
-    clocks = [column for name in wanted if (column := sources[name].time)]
-    table.require(clocks)
-    time_columns = [] if table.own_clocks else [sources["time"].column]
-    raw = table.read(list(dict.fromkeys([*time_columns, *clocks, *(sources[name].column for name in wanted)])))
-    return _Reader(table, sources, wheel_radius_m).gather(raw, wanted, sample_time_s)
+    from_pressure = vehicle.torque_per_bar_nm > 0.0
+    needed = ("wheel_speed", "cylinder_pressure" if from_pressure else "brake_torque")
+    axles = range(1, vehicle.axles + 1)
+    required = ["vehicle_speed", *(f"axle{k}_{channel}" for channel in needed for k in axles)]
+    optional = ["position", *(f"axle{k}_{channel}" for channel in _OPTIONAL if channel not in needed for k in axles)]
+    columns = read_columns(file, required, optional, mapping, sample_time_s, vehicle.wheel_radius_m)
+    wheel_speed, braked_by = (_stacked(columns.values, channel, vehicle.axles) for channel in needed)
+    wheel_speed_suspect, braked_by_suspect = (_stacked(columns.suspect, channel, vehicle.axles) for channel in needed)
+    suspect = wheel_speed_suspect | braked_by_suspect
+    others = {channel: _stacked_if_all(columns.values, channel, vehicle.axles) for channel in _OPTIONAL}
+    run = dataclasses.replace(
+        blank,
+        time_s=columns.time_s,
+        vehicle_speed_mps=columns.values["vehicle_speed"],
+        wheel_speed_radps=wheel_speed,
+        brake_torque_nm=vehicle.torque_per_bar_nm * braked_by if from_pressure else braked_by,
+        wheel_load_n=others["wheel_load"],
+        cylinder_pressure_bar=braked_by if from_pressure else others["cylinder_pressure"],
+        valve_command=others["valve_command"],
+        position_m=columns.values.get("position"),
+        suspect=suspect | columns.suspect["vehicle_speed"][:, None],
+    )
+    found = (*columns.notes, *plausibility.check(run, vehicle, str(file)))
+    for sentence in found:
+        warnings.warn(sentence, CampaignWarning, stacklevel=3)
+    return dataclasses.replace(run, warnings=found, suspect=run.suspect | plausibility.constant_torques(run))
 
 
-def _check_axles(table: Table, required: list[str]) -> None:
-    """Refuse native columns that speak of other axles than the vehicle has."""
-    believed = {int(match[1]) for name in required if (match := re.match(r"axle(\d+)_", name))}
-    pattern = r"axle(\d+)_(wheel_speed_radps|brake_torque_nm)$"
-    seen = {int(match[1]) for name in table.units if (match := re.match(pattern, name))}
-    if seen and seen != believed:
-        raise CampaignError(
-            f"{table.file}: its columns speak of axles {', '.join(map(str, sorted(seen)))}, but campaign.toml says "
-            f"[vehicle] axles = {len(believed)}; correct the one or the other"
-        )
+def _stacked(values: dict[str, np.ndarray], channel: str, axles: int) -> np.ndarray:
+    """Take one channel of every axle out of `values`: (T, axles)."""
+    names = [f"axle{k}_{channel}" for k in range(1, axles + 1)]
+    first = values[names[0]]
+    stacked = np.empty((len(first), axles), dtype=first.dtype)
+    for k, name in enumerate(names):
+        stacked[:, k] = values.pop(name)  # a long recording fills half the memory
+    return stacked
 
 
-class _Reader:
-    """Brings the raw columns of one file to SI and to one clock."""
-
-    def __init__(self, table: Table, sources: dict[str, Source], wheel_radius_m: float):
-        self.file, self.units, self.sources, self.radius = table.file, table.units, sources, wheel_radius_m
-        self.first_line = table.first_line
-        self.notes: list[str] = []
-        self._clocks: dict[str | int, Clock] = {}
-
-    def gather(self, raw: dict[str, Samples], wanted: list[str], step_s: float) -> Columns:
-        """Return the channels on a clock of even steps over the time that all of them cover."""
-        clocks = {name: self.clock(raw, name) for name in wanted}
-        first = clocks[wanted[0]]
-        start = max(c.time_s[0] for c in clocks.values())
-        end = min(c.time_s[-1] for c in clocks.values())
-        if all(_fits(c, first.time_s[0], step_s) and len(c.grid_s) == len(first.grid_s) for c in clocks.values()):
-            time = first.grid_s
-        else:
-            time = start + step_s * np.arange(int(np.floor((end - start) / step_s + clock.JITTER)) + 1)
-            time = time[time <= end]
-        if len(time) < _LEAST_SAMPLES:
-            raise CampaignError(
-                f"{self.file} has {len(time)} samples that all channels cover; at least {_LEAST_SAMPLES} are needed"
-            )
-        result = Columns(time, {}, {}, self.notes)
-        for name in wanted:
-            column = self.sources[name].column
-            values = self.convert(name, raw[column].values)
-            if sum(self.sources[other].column == column for other in wanted) == 1:
-                del raw[column]  # a file may fill half the memory
-            self._bring(name, values, clocks[name], step_s, result)
-        return result
-
-    def clock(self, raw: dict[str, Samples], name: str) -> Clock:
-        """Return the mended clock of a channel; each is mended once."""
-        own = raw[self.sources[name].column].time_s
-        column = self.sources[name].time or self.sources["time"].column
-        key: str | int = column if own is None else hash(own.tobytes())
-        if key not in self._clocks:
-            where = f"{self.file}, column {column}" if own is None else f"{self.file}, clock of {self.sources[name].column}"
-            time = own if own is not None else self.convert("time", raw[column].values, column)
-            self._clocks[key], notes = clock.mend(time, where, self.first_line)
-            self.notes += notes
-        mended = self._clocks[key]
-        values = raw[self.sources[name].column].values
-        if len(values) != mended.rows:
-            raise CampaignError(
-                f"{self.file}: {self.sources[name].column} has {len(values)} samples, its clock {mended.rows}; "
-                "give the channel's own clock as `time` in [channels]"
-            )
-        return mended
-
-    def convert(self, name: str, values: np.ndarray, column: str | None = None) -> np.ndarray:
-        """Return a channel's values in its own unit."""
-        source = self.sources[name]
-        stated = self.units.get(column or source.column, "")
-        where = f"{self.file}, column {column or source.column}"
-        unit = source.unit
-        if unit is None:
-            if not stated:
-                raise CampaignError(f'{where}: neither the file nor [channels] says its unit; add unit = "..." to {name}')
-            unit = stated
-        factor = channels.factor(unit, name, self.radius, where) * source.scale
-        if source.unit is not None and stated and channels.is_unit(stated):
-            self._compare(name, source.unit, stated, where)
-        return values if factor == 1.0 else values * factor
-
-    def _compare(self, name: str, given: str, stated: str, where: str) -> None:
-        """Warn when the file states another unit than `[channels]`."""
-        if stated in channels.TURNS and given == "rpm":
-            return
-        try:
-            same = abs(channels.factor(given, name, 1.0, where) / channels.factor(stated, name, 1.0, where) - 1.0) < 1e-9
-        except CampaignError:
-            same = False
-        if not same:
-            self.notes.append(f"{where}: the file states {stated!r}, [channels] {given!r}; taken as {given!r}")
-
-    def _bring(self, name: str, values: np.ndarray, own: Clock, step_s: float, result: Columns) -> None:
-        """Mend one channel and bring it to the common clock."""
-        where = f"{self.file}, column {self.sources[name].column}"
-        values, bad, notes = quality.mend(own.lay(values), name, own, where)
-        result.notes += notes
-        if channels.channel(name).unit == "" and not np.isin(values[~bad], (-1.0, 0.0, 1.0)).all():
-            raise CampaignError(f"{where}: a valve command must be -1 (vent), 0 (hold) or 1 (apply)")
-        grid = own.grid_s
-        if len(grid) != len(result.time_s) or not _fits(own, result.time_s[0], step_s):
-            clock_of = f"{self.file}" if len(self._clocks) == 1 else where
-            note = f"{clock_of}: recorded every {own.step_s:.4g} s, brought to a clock of {step_s:g} s"
-            if own.step_s > 1.5 * step_s:
-                note += ", finer than what was recorded"
-            if note not in result.notes:
-                result.notes.append(note)
-            values = clock.resample(grid, values, result.time_s, hold=channels.channel(name).unit == "")
-            bad = clock.spread(grid, bad, result.time_s)
-        result.values[name] = values
-        result.suspect[name] = bad
-
-
-def _fits(own: Clock, start_s: float, step_s: float) -> bool:
-    """Whether a clock's even steps are those of the common one, within the jitter allowed."""
-    if own.slots is None:
-        return False
-    n = own.slots[-1]
-    last = abs(own.time_s[0] + n * own.step_s - start_s - n * step_s)
-    return bool(abs(own.time_s[0] - start_s) < clock.JITTER * step_s and last < clock.JITTER * step_s)
+def _stacked_if_all(values: dict[str, np.ndarray], channel: str, axles: int) -> np.ndarray | None:
+    """Return the same where every axle has the channel, else None."""
+    complete = all(f"axle{k}_{channel}" in values for k in range(1, axles + 1))
+    return _stacked(values, channel, axles) if complete else None

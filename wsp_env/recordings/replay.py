@@ -10,21 +10,19 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from wsp_env.parameters.uic_z1 import COACH
+from wsp_env.parameters.campaign_vehicle import plant_vehicle
 from wsp_env.parameters.vehicle import Brake, Vehicle
-from wsp_env.plant.plant import Plant
-from wsp_env.plant.state import Stop
+from wsp_env.plant import make_plant
+from wsp_env.plant.port import Plant, Setup, Stop
 from wsp_env.recordings.campaign import Campaign
 from wsp_env.recordings.derive import Derived, Smoothing
 from wsp_env.recordings.recording import Recording
-from wsp_env.recordings.table import CampaignError
 
 #: Length [s] of the windows.
 WINDOW_S = 1.0
 
 _AT_ONCE_S = 1e-6  # time constants of a brake that follows its command
 _PRESSURE_BAR = 10.0  # stands for the largest recorded torque
-_AXLES = (1, 2, 4)  # what the plant has
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,19 +68,15 @@ def simulate(
     """
     torque = run.brake_torque_nm
     largest = float(np.abs(torque).max()) or 1.0
-    plant = Plant(
-        _vehicle(campaign, run, largest),
-        len(starts),
-        campaign.sample_time_s,
-        mechanism_choice=mechanisms,
-        pressure_control=True,
-    )
+    setup = Setup(campaign.sample_time_s, mechanisms=mechanisms or {}, pressure_control=True)
+    plant = make_plant(_vehicle(campaign, run, largest), len(starts), setup)
     for index, start in enumerate(starts):
         _start(plant, index, run, derived, radii_m, int(start), torque[start] / largest, mu_cd, tau)
     speed = np.empty((len(starts), samples))
     wheel = np.empty((len(starts), samples, campaign.vehicle.axles))
     for step in range(samples):
-        speed[:, step], wheel[:, step] = plant.state.speed, radii_m * plant.state.wheel_speed
+        truth = plant.truth()
+        speed[:, step], wheel[:, step] = truth.speed, radii_m * truth.wheel_speed
         at = np.minimum(starts + step, len(torque) - 2)
         plant.step(0.5 * (torque[at] + torque[at + 1]) / largest)
     return Simulated(speed, wheel)
@@ -139,33 +133,15 @@ def slide(derived: Derived, simulated: Simulated, start: int) -> Slide:
 
 def _vehicle(campaign: Campaign, run: Recording, largest_nm: float) -> Vehicle:
     """Return the campaign's vehicle with a brake whose torque is what is asked for, at once."""
-    described = campaign.vehicle
-    if described.axles not in _AXLES:
-        raise CampaignError(
-            f"campaign {campaign.name}: stops are simulated for vehicles of "
-            f"{', '.join(map(str, _AXLES))} axles, not {described.axles}"
-        )
-    a, b, c = described.resistance_n
-    return Vehicle(
-        name=campaign.name,
-        axle_positions_m=described.axle_positions_m or COACH.axle_positions_m[: described.axles],
-        mass_kg=run.mass_kg,
-        wheelset_inertia_kgm2=described.wheelset_inertia_kgm2,
-        wheel_radius_m=described.wheel_radius_m,
-        gravity_mps2=described.gravity_mps2,
-        resistance_a_n=a,
-        resistance_b_ns_per_m=b,
-        resistance_c_ns2_per_m2=c,
-        contact=campaign.contact,
-        brake=Brake(
-            full_pressure_bar=_PRESSURE_BAR,
-            torque_per_bar_nm=largest_nm / _PRESSURE_BAR,
-            demand_rise_s=_AT_ONCE_S,
-            fill_time_constant_s=_AT_ONCE_S,
-            vent_time_constant_s=_AT_ONCE_S,
-            dead_time_s=0.0,
-        ),
+    brake = Brake(
+        full_pressure_bar=_PRESSURE_BAR,
+        torque_per_bar_nm=largest_nm / _PRESSURE_BAR,
+        demand_rise_s=_AT_ONCE_S,
+        fill_time_constant_s=_AT_ONCE_S,
+        vent_time_constant_s=_AT_ONCE_S,
+        dead_time_s=0.0,
     )
+    return plant_vehicle(campaign.vehicle, campaign.contact, campaign.name, mass_kg=run.mass_kg, brake=brake)
 
 
 def _start(
@@ -182,6 +158,5 @@ def _start(
     nodes = np.ones(1)
     speed = float(derived.speed_mps[sample])
     plant.start(index, Stop(mu_cd, tau, speed, run.mass_kg, 1.0, run.gradient, 0.0, 0, radii_m, profile=nodes, coverage=nodes))
-    plant.state.wheel_speed[index] = np.maximum((speed - derived.slip_speed_mps[sample]) / radii_m, 0.0)
-    plant.state.pressure[index] = torque * _PRESSURE_BAR
-    plant.state.supply[index] = _PRESSURE_BAR
+    wheel = np.maximum((speed - derived.slip_speed_mps[sample]) / radii_m, 0.0)
+    plant.set_state(index, wheel, torque * _PRESSURE_BAR)

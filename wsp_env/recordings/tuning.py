@@ -20,7 +20,7 @@ from wsp_env.contact.degraded import degraded_adhesion
 from wsp_env.recordings import bootstrap
 from wsp_env.recordings.campaign import Campaign
 from wsp_env.recordings.derive import Derived, Smoothing, derive, rolling_radii
-from wsp_env.recordings.table import CampaignError, CampaignWarning
+from wsp_env.recordings.errors import CampaignError, CampaignWarning
 
 #: Sliding for less than this [s], summed over the axles, says nothing on a run's friction.
 LEAST_SLIDING_S = 2.0
@@ -177,8 +177,7 @@ class _Problem:
         axles = np.concatenate([np.nonzero(d.usable)[1] for d in self.derived.values()])
         shares = np.concatenate([d.torque_share[d.usable] for d in self.derived.values()])
         blocks = bootstrap.Blocks.of(jacobian, residuals, places // STRETCH_M, axles, shares)
-        measured = self.campaign.vehicle.brake_torque_source == "measured"
-        low, high = bootstrap.interval95(blocks, 0.0 if measured else GAIN_SPREAD)
+        low, high = bootstrap.interval95(blocks, 0.0 if self.campaign.vehicle.torque_is_measured else GAIN_SPREAD)
         ends = solution[0] + np.array([low, high])  # of the logarithm
         least, most = np.log(_TAU_BOUNDS)
         return (

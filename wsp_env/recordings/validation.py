@@ -49,7 +49,7 @@ class ClosedLoop:
 
 
 @dataclasses.dataclass(frozen=True)
-class Stop:
+class ValidatedStop:
     """One run: what was derived from it, and how it was simulated."""
 
     run: Recording
@@ -81,7 +81,7 @@ class Validation:
 
     campaign: Campaign
     tuning: Tuning
-    stops: dict[str, Stop]
+    stops: dict[str, ValidatedStop]
 
     @property
     def criteria(self) -> list[Criterion]:
@@ -163,7 +163,7 @@ def validate(campaign: Campaign, smoothing: Smoothing = Smoothing(), tune_fricti
 
 def _simulated(
     campaign: Campaign, run: Recording, derived: Derived, radii: np.ndarray, smoothing: Smoothing, tuning: Tuning
-) -> Stop:
+) -> ValidatedStop:
     score = tuning.runs[run.name]
     starts, length = replay.windows(derived, campaign.sample_time_s, smoothing)
     classic = tune_classic(campaign, run.name, derived) if score.slides else score.mu_cd
@@ -177,7 +177,7 @@ def _simulated(
     fast = np.flatnonzero(derived.speed_mps > smoothing.least_speed_mps)
     end = min(end, int(fast[-1]) + 1) if fast.size else start
     whole = replay.simulate(campaign, run, derived, radii, np.array([start]), max(end - start, 2), *laws["tuned"])
-    return Stop(run, derived, errors, replay.slide(derived, whole, start), whole, start)
+    return ValidatedStop(run, derived, errors, replay.slide(derived, whole, start), whole, start)
 
 
 def _apart(pairs: list[tuple[float, float]]) -> float:

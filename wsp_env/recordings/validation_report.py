@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -10,7 +9,7 @@ from wsp_env.recordings.derive import limits, transition
 from wsp_env.recordings.replay import WINDOW_S
 from wsp_env.recordings.tuning import Tuning
 from wsp_env.recordings.validation import CLOSED_LOOP_BY, RIVALS, ClosedLoop, Validation
-from wsp_env.report import COLOURS, Section, Table, axes, plotly, write_page
+from wsp_env.report import COLOURS, Figure, Section, Table, axes, plotly, write_page
 
 _POINTS = 1500  # of a line or cloud: more cannot be told apart on a screen
 
@@ -115,7 +114,7 @@ def write(path: Path, validation: Validation, closed_loop: Table | None = None) 
     if closed_loop:
         sections.append(Section("In closed loop", (), (closed_loop,)))
     if said := [sentence for stop in validation.stops.values() for sentence in stop.run.warnings]:
-        sections.append(Section("What was mended in the recordings, or looks wrong", said))
+        sections.append(Section("What was repaired in the recordings, or looks wrong", said))
     write_page(path, f"Validation of campaign {campaign.name}", lead, sections, "Written by: wsp validate")
 
 
@@ -123,7 +122,7 @@ def _thin(n: int) -> slice:
     return slice(None, None, max(1, n // _POINTS))
 
 
-def _transition(validation: Validation) -> Any:
+def _transition(validation: Validation) -> Figure:
     objects, _ = plotly()
     figure = objects.Figure()
     law = validation.campaign.contact.law
@@ -146,7 +145,7 @@ def _transition(validation: Validation) -> Any:
     return axes(figure, "specific dissipated energy W_sp [J/m]", "transition function lambda [-]", height=480)
 
 
-def _errors(validation: Validation) -> Any:
+def _errors(validation: Validation) -> Figure:
     objects, _ = plotly()
     figure = objects.Figure()
     for axle in range(validation.campaign.vehicle.axles):
@@ -156,7 +155,7 @@ def _errors(validation: Validation) -> Any:
     return axes(figure, "run [-]", "relative adhesion error e_j [%]", height=320)
 
 
-def _adhesion(validation: Validation, name: str) -> Any:
+def _adhesion(validation: Validation, name: str) -> Figure:
     objects, _ = plotly()
     figure = objects.Figure()
     derived, score = validation.stops[name].derived, validation.tuning.runs[name]
@@ -176,7 +175,7 @@ def _adhesion(validation: Validation, name: str) -> Any:
     return axes(figure, "time [s]", "adhesion coefficient [-]", height=360, title=f"{name} ({score.group})")
 
 
-def _speeds(validation: Validation, name: str) -> Any:
+def _speeds(validation: Validation, name: str) -> Figure:
     objects, _ = plotly()
     figure = objects.Figure()
     stop = validation.stops[name]

@@ -11,14 +11,15 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 
 from wsp_env.compiled import loop
-from wsp_env.contact.degraded import AdhesionLaw, adhesion
+from wsp_env.contact.degraded import DegradedLaw, adhesion
 from wsp_env.contact.polach import contact_stiffness, falling_friction
+from wsp_env.contact.traction import Surface
 from wsp_env.parameters.contact import ContactParameters
+from wsp_env.plant.card import Parameter
 from wsp_env.plant.mechanisms import (
     ALL,
     NULL,
     Mechanisms,
-    Parameter,
     flash_temperature,
     initial_slope,
     speed_dependent_friction,
@@ -74,11 +75,11 @@ class CreepModel:
             found[name] = {p.name: float(next(rest)) for p in self.sizes(name)}
         return found
 
-    def law(self, choice: Choice) -> AdhesionLaw:
+    def law(self, choice: Choice) -> DegradedLaw:
         """Return the law with the mechanisms that act on it."""
         return _law(self.believed, _records(choice))
 
-    def kinetic_friction(self, level: float, law: AdhesionLaw) -> float:
+    def kinetic_friction(self, level: float, law: DegradedLaw) -> float:
         """Return mu_c [-] from the friction coefficient at the reference slip."""
         return level / float(falling_friction(self.reference_mps, 1.0, law.ratio_d, law.gamma_d))
 
@@ -136,7 +137,7 @@ def _records(choice: Choice) -> Mechanisms:
     return NULL._replace(**{name: ALL[name].record(**values) for name, values in choice.items()})
 
 
-def _law(believed: AdhesionLaw, m: Mechanisms) -> AdhesionLaw:
+def _law(believed: DegradedLaw, m: Mechanisms) -> DegradedLaw:
     return fall.law(m.falling_friction, initial_slope.law(m.initial_slope, believed))
 
 
@@ -184,12 +185,12 @@ def _least_squares(
     return x, residual, cost
 
 
-def _believed(contact: CreepContact) -> AdhesionLaw:
+def _believed(contact: CreepContact) -> DegradedLaw:
     patch = contact.patch()
     stiffness = float(contact_stiffness(patch.semi_axis_a, patch.semi_axis_b, patch.shear_modulus, patch.c11))
     ratio = ContactParameters.friction_ratio_r if contact.friction_ratio == 1.0 else contact.friction_ratio
     gamma = contact.friction_decrease_spm
-    return AdhesionLaw(stiffness, 1.0, 1.0, 1.0, 1.0, _LEVELS[1], ratio, ratio, gamma, gamma)
+    return DegradedLaw(stiffness, 1.0, 1.0, 1.0, 1.0, _LEVELS[1], ratio, ratio, gamma, gamma)
 
 
 @loop
@@ -198,14 +199,15 @@ def _evaluate(
     speed: np.ndarray,
     load: float,
     mu: float,
-    law: AdhesionLaw,
+    law: DegradedLaw,
     by_speed: speed_dependent_friction.Parameters,
     flash: flash_temperature.Parameters,
-    heating: float,
+    heating: flash_temperature.Heating,
     out: np.ndarray,
 ) -> None:
     for i in range(creepage.size):
         slip = creepage[i] * speed[i]
         here = mu * speed_dependent_friction.friction_factor(by_speed, speed[i])
-        cold = adhesion(slip, speed[i], load, here, 0.0, 1.0, law)  # tau = 0: the limit without recovery
-        out[i] = flash_temperature.heated(flash, cold, slip, speed[i], load, heating).f
+        on = Surface(here, law.mu_cr, 1.0, 0.0)
+        cold = adhesion(slip, speed[i], load, on, 0.0, law)  # tau = 0: the limit without recovery
+        out[i] = flash_temperature.heated(flash, heating, cold, slip, speed[i], load).f

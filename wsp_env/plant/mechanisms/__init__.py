@@ -1,87 +1,73 @@
-"""Physics beyond the seed paper's model, one small file each.
+"""Physics beyond the seed paper's model, one card in one file each (see `wsp_env.plant.card`).
 
-A mechanism names its parameters (unit, bounds, null value, source), acts in one slot of the plant and says what it would
-leave in which residual of a recording. At its null value it vanishes exactly. To add one: write its file, then name it in
-`Mechanisms` and `ALL` below and call it in its slot, in `wsp_env/plant/slots.py` (or in `constants` and `Plant.start` where it
-changes what is constant in a stop).
+A mechanism names its parameters (unit, bounds, null value, source), acts in slots of the plant and says what it would leave in
+which residual of a recording. At its null value it vanishes exactly. To add one, write its file and name it below; another
+package names its file in an entry point of group "wsp_env.mechanisms".
 """
 
+import importlib
 import math
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from collections import namedtuple
+from collections.abc import Mapping, Sequence
+from importlib.metadata import entry_points
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
+import numpy as np
+
+from wsp_env.compiled import generated
 from wsp_env.parameters.quantity import ParameterError, check
-from wsp_env.plant.mechanisms import (
-    adhesion_patch,
-    aerodynamic_drag,
-    brake_gain_imbalance,
-    clock_offset,
-    contaminant_memory,
-    falling_friction,
-    flash_temperature,
-    initial_slope,
-    leading_axle_cleaning,
-    load_transfer,
-    non_adhesive_brake,
-    pad_friction,
-    recovery_shape,
-    speed_dependent_friction,
-    track_gradient,
-    vehicle_mass,
-    wheel_radius,
-    wheel_speed_lag,
+from wsp_env.plant.card import Card
+
+_FILES = (
+    "leading_axle_cleaning",
+    "contaminant_memory",
+    "adhesion_patch",
+    "speed_dependent_friction",
+    "recovery_shape",
+    "flash_temperature",
+    "load_transfer",
+    "pad_friction",
+    "brake_gain_imbalance",
+    "track_gradient",
+    "aerodynamic_drag",
+    "vehicle_mass",
+    "non_adhesive_brake",
+    "initial_slope",
+    "falling_friction",
+    "wheel_radius",
+    "wheel_speed_lag",
+    "clock_offset",
 )
-from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
-
-__all__ = ["ALL", "NULL", "Mechanism", "Mechanisms", "Parameter", "check_axles", "make"]
 
 
-class Mechanisms(NamedTuple):
-    """The parameters of all mechanisms, as the compiled step takes them."""
-
-    leading_axle_cleaning: leading_axle_cleaning.Parameters
-    contaminant_memory: contaminant_memory.Parameters
-    adhesion_patch: adhesion_patch.Parameters
-    speed_dependent_friction: speed_dependent_friction.Parameters
-    recovery_shape: recovery_shape.Parameters
-    flash_temperature: flash_temperature.Parameters
-    load_transfer: load_transfer.Parameters
-    pad_friction: pad_friction.Parameters
-    brake_gain_imbalance: brake_gain_imbalance.Parameters
-    track_gradient: track_gradient.Parameters
-    aerodynamic_drag: aerodynamic_drag.Parameters
-    vehicle_mass: vehicle_mass.Parameters
-    non_adhesive_brake: non_adhesive_brake.Parameters
-    initial_slope: initial_slope.Parameters
-    falling_friction: falling_friction.Parameters
-    wheel_radius: wheel_radius.Parameters
-    wheel_speed_lag: wheel_speed_lag.Parameters
-    clock_offset: clock_offset.Parameters
+def _cards() -> dict[str, Card]:
+    modules = [f"{__name__}.{file}" for file in _FILES]
+    modules += sorted(point.value for point in entry_points(group="wsp_env.mechanisms"))
+    cards = [importlib.import_module(module).CARD for module in modules]
+    return {card.name: card for card in cards}
 
 
-ALL: dict[str, Mechanism] = {
-    module.MECHANISM.name: module.MECHANISM
-    for module in (
-        leading_axle_cleaning,
-        contaminant_memory,
-        adhesion_patch,
-        speed_dependent_friction,
-        recovery_shape,
-        flash_temperature,
-        load_transfer,
-        pad_friction,
-        brake_gain_imbalance,
-        track_gradient,
-        aerodynamic_drag,
-        vehicle_mass,
-        non_adhesive_brake,
-        initial_slope,
-        falling_friction,
-        wheel_radius,
-        wheel_speed_lag,
-        clock_offset,
-    )
-}
+#: Every mechanism's card by name.
+ALL: dict[str, Card] = _cards()
+
+if TYPE_CHECKING:
+    Mechanisms: TypeAlias = Any
+    Derived: TypeAlias = Any
+    Memory: TypeAlias = Any
+else:
+    #: The parameters of all mechanisms, a record each, as compiled code takes them.
+    Mechanisms = namedtuple("Mechanisms", ALL)
+    #: What mechanisms derive from the vehicle, and what they remember.
+    Derived = namedtuple("Derived", [name for name, card in ALL.items() if card.derive])
+    Memory = namedtuple("Memory", [name for name, card in ALL.items() if card.memory])
+
+
+class Active(NamedTuple):
+    """The mechanisms of one vehicle, as the slots take them."""
+
+    parameters: Mechanisms
+    derived: Derived
+    memory: Memory
 
 
 def make(choice: Mapping[str, Mapping[str, float]] | None = None) -> Mechanisms:
@@ -98,32 +84,72 @@ def make(choice: Mapping[str, Mapping[str, float]] | None = None) -> Mechanisms:
     return NULL._replace(**records)
 
 
-def _record(mechanism: Mechanism, given: Mapping[str, float]) -> tuple[float, ...]:
-    names = [parameter.name for parameter in mechanism.parameters]
+def _record(card: Card, given: Mapping[str, float]) -> tuple[float, ...]:
+    names = [parameter.name for parameter in card.parameters]
     if not isinstance(given, Mapping):
-        raise ParameterError(f"mechanism {mechanism.name} = {given!r} must be a dictionary of any of {', '.join(names)}")
+        raise ParameterError(f"mechanism {card.name} = {given!r} must be a dictionary of any of {', '.join(names)}")
     wrong = sorted(set(given) - set(names))
     if wrong:
-        raise ParameterError(f"mechanism {mechanism.name} has no parameter {', '.join(wrong)}; valid: {', '.join(names)}")
+        raise ParameterError(f"mechanism {card.name} has no parameter {', '.join(wrong)}; valid: {', '.join(names)}")
     values = []
-    for parameter in mechanism.parameters:
+    for parameter in card.parameters:
         value = given.get(parameter.name, parameter.typical)
         metadata = {"low": parameter.low, "high": parameter.high, "unit": parameter.unit, "open_low": False}
-        check(f"mechanism {mechanism.name}: {parameter.name}", value, metadata)
+        check(f"mechanism {card.name}: {parameter.name}", value, metadata)
         if parameter.kind == "axle" and value != math.floor(value):
-            raise ParameterError(f"mechanism {mechanism.name}: {parameter.name} = {value:g} must be a whole number, from 1")
+            raise ParameterError(f"mechanism {card.name}: {parameter.name} = {value:g} must be a whole number, from 1")
         values.append(float(value))
-    record: tuple[float, ...] = mechanism.record(*values)
+    record: tuple[float, ...] = card.record(*values)
     return record
 
 
 def check_axles(mechanisms: Mechanisms, axles: int) -> None:
     """Raise `ParameterError` for a mechanism that is on and concerns an axle which the vehicle does not have."""
-    for mechanism, record, null in zip(ALL.values(), mechanisms, NULL, strict=True):
-        for parameter, value in zip(mechanism.parameters, record, strict=True):
+    for card, record, null in zip(ALL.values(), mechanisms, NULL, strict=True):
+        for parameter, value in zip(card.parameters, record, strict=True):
             if parameter.kind == "axle" and record != null and value > axles:
-                raise ParameterError(f"mechanism {mechanism.name}: axle = {value:g}, but the vehicle has {axles}")
+                raise ParameterError(f"mechanism {card.name}: axle = {value:g}, but the vehicle has {axles}")
 
 
 #: All mechanisms off.
-NULL = Mechanisms(*(mechanism.record(*(parameter.null for parameter in mechanism.parameters)) for mechanism in ALL.values()))
+NULL: Mechanisms = Mechanisms(*(card.record(*(parameter.null for parameter in card.parameters)) for card in ALL.values()))
+
+#: Number of values in a row of mechanisms.
+ROW = sum(len(record) for record in NULL)
+
+
+def row(mechanisms: Mechanisms) -> np.ndarray:
+    """Return all parameters one after another (ROW,), as a batch keeps them for each of its stops."""
+    return np.array([value for record in mechanisms for value in record])
+
+
+def _reader() -> Any:
+    """Return the kernel (rows, i) -> `Mechanisms` from rows (N, ROW)."""
+    column, records = 0, []
+    for name, null in zip(ALL, NULL, strict=True):
+        records.append(f"{name}({', '.join(f'rows[i, {column + j}]' for j in range(len(null)))})")
+        column += len(null)
+    source = f"def read(rows, i):\n    return Mechanisms({', '.join(records)})\n"
+    return generated("read", source, {"Mechanisms": Mechanisms} | {name: card.record for name, card in ALL.items()})
+
+
+#: Compiled: (rows (N, ROW), i) -> the `Mechanisms` of row i.
+mechanisms_at = _reader()
+
+
+def believed_to_true(slot: str, mechanisms: Mechanisms, believed: Any) -> Any:
+    """Hand a quantity that is constant in a stop through the mechanisms acting on it: "mass", "gradient", "radii" or "law"."""
+    for name, card in ALL.items():
+        if slot in card.acts:
+            believed = card.acts[slot](getattr(mechanisms, name), believed)
+    return believed
+
+
+def derive(vehicle: Any) -> Derived:
+    """Return what mechanisms derive from a vehicle."""
+    return Derived(*(card.derive(vehicle) for card in ALL.values() if card.derive))
+
+
+def remember(n: int, axle_positions_m: Sequence[float]) -> Memory:
+    """Return the memory of the mechanisms of n vehicles, all zero."""
+    return Memory(*(card.memory(n, axle_positions_m) for card in ALL.values() if card.memory))

@@ -3,20 +3,26 @@
 from typing import NamedTuple
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+from wsp_env.plant.card import Card, Parameter, Signature
 
 _DAVIS = "form: Davis (1926); size: assumption, "
 
 
 class Parameters(NamedTuple):
-    """Parameters of the resistance, see `MECHANISM`."""
+    """Parameters of the resistance, see `CARD`."""
 
     a_n: float
     b_ns_per_m: float
     c_ns2_per_m2: float
 
 
-MECHANISM = Mechanism(
+@inlined
+def force(p: Parameters, i: int, speed_mps: float, believed_n: float) -> float:
+    """Force against the motion [N] beyond the believed running resistance."""
+    return p.a_n + speed_mps * (p.b_ns_per_m + speed_mps * p.c_ns2_per_m2)
+
+
+CARD = Card(
     name="aerodynamic_drag",
     summary="running resistance beyond the believed one",
     parameters=(
@@ -25,11 +31,10 @@ MECHANISM = Mechanism(
         Parameter("c_ns2_per_m2", "N s2/m2", 0.0, 2.5, -20.0, 20.0, _DAVIS + "a vehicle of 10 m2 running alone"),
     ),
     record=Parameters,
-    trace="vehicle: grows with the square of the speed, also while coasting",
+    acts={"force": force},
+    signature=Signature(
+        balances=frozenset({"vehicle"}),
+        trace="vehicle: grows with the square of the speed, also while coasting",
+        acts_on="vehicle",
+    ),
 )
-
-
-@inlined
-def force(p: Parameters, speed_mps: float) -> float:
-    """Force against the motion [N] beyond the believed running resistance."""
-    return p.a_n + speed_mps * (p.b_ns_per_m + speed_mps * p.c_ns2_per_m2)

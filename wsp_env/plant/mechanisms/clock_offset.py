@@ -7,22 +7,13 @@ than 1 cm/s at 0.1 s). Form: definition of a clock's offset; size: assumption.
 from typing import NamedTuple
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+from wsp_env.plant.card import Card, Parameter, Signature
 
 
 class Parameters(NamedTuple):
-    """Parameters of the clock, see `MECHANISM`."""
+    """Parameters of the clock, see `CARD`."""
 
     offset_s: float
-
-
-MECHANISM = Mechanism(
-    name="clock_offset",
-    summary="vehicle speed and wheel speeds are recorded with two clocks",
-    parameters=(Parameter("offset_s", "s", 0.0, 0.1, -2.0, 2.0, "assumption: the vehicle's speed is late by this"),),
-    record=Parameters,
-    trace="kinematics: in proportion to dv/dt",
-)
 
 
 @inlined
@@ -35,3 +26,17 @@ def recorded(p: Parameters, speed: float, acceleration: float) -> float:
 def speed(p: Parameters, recorded: float, acceleration: float) -> float:
     """Return the vehicle speed [m/s] from the recorded one and its rate of change [m/s2]."""
     return recorded + p.offset_s * acceleration
+
+
+CARD = Card(
+    name="clock_offset",
+    summary="vehicle speed and wheel speeds are recorded with two clocks",
+    parameters=(Parameter("offset_s", "s", 0.0, 0.1, -2.0, 2.0, "assumption: the vehicle's speed is late by this"),),
+    record=Parameters,
+    acts={"recorded_speed": recorded, "true_speed": speed},
+    signature=Signature(
+        balances=frozenset({"kinematics"}),
+        trace="kinematics: in proportion to dv/dt",
+        acts_on="sensor",
+    ),
+)

@@ -1,36 +1,67 @@
-"""The film follows the friction work over a rolling distance instead of at once.
+"""The contaminant layer follows the friction work over a rolling distance instead of at once.
 
-The share of the film that a wheel has removed, lambda, relaxes towards the law's 1 - exp(-tau W_sp) over `distance_m` of
+The share of the layer that a wheel has removed, lambda, relaxes towards the law's 1 - exp(-tau W_sp) over `distance_m` of
 rolling: third-body layers on wheel and rail build up and wear off over metres (form: first order in distance, as in
 T. Meierhofer, K. Six et al., third-body models of wheel-rail creep forces; size: assumption). Over a distance dx the old share
 keeps the weight exp(-dx / distance), the law's own f is solved with the rest: at distance 0 it is the paper's law.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from wsp_env.compiled import inlined
-from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+from wsp_env.plant.card import Card, Parameter, Signature
 
 
 class Parameters(NamedTuple):
-    """Parameters of the memory, see `MECHANISM`."""
+    """Parameters of the memory, see `CARD`."""
 
     distance_m: float
 
 
-MECHANISM = Mechanism(
-    name="contaminant_memory",
-    summary="the film follows the friction work over a rolling distance",
-    parameters=(Parameter("distance_m", "m", 0.0, 5.0, 0.0, 500.0, "form: first order in distance; size: assumption"),),
-    record=Parameters,
-    trace="adhesion: loop in (W_sp, lambda), wider the faster the slip changes",
-)
+class Removed(NamedTuple):
+    """What the wheels of N vehicles with A axles have removed."""
+
+    share: np.ndarray  # (N, A) of the layer, lambda [-]
+
+
+def memory(n: int, axle_positions_m: Sequence[float]) -> Removed:
+    """Return wheels that have removed nothing."""
+    return Removed(np.zeros((n, len(axle_positions_m))))
 
 
 @inlined
-def weight_of_past(p: Parameters, rolled_m: float) -> float:
-    """Weight [-] of the film's former state after rolling `rolled_m` [m] further; 0 without memory."""
+def split(
+    p: Parameters, removed: Removed, i: int, k: int, place_m: float, rolled_m: float, layer: float, held: float
+) -> tuple[float, float]:  # fmt: skip
+    """Shares of the layer [-]: what this wheel's work acts on, and what lags behind, after rolling `rolled_m` [m] further."""
     if p.distance_m == 0.0:
-        return 0.0
-    return math.exp(-rolled_m / p.distance_m)
+        return layer, held
+    past = math.exp(-rolled_m / p.distance_m)
+    return layer * (1.0 - past), held + layer * past * (1.0 - removed.share[i, k])
+
+
+@inlined
+def follow(p: Parameters, removed: Removed, i: int, k: int, rolled_m: float, kept: float) -> None:
+    """Follow the share that the wheel's work removes, 1 - `kept` [-], over `rolled_m` [m]."""
+    if p.distance_m != 0.0:
+        past = math.exp(-rolled_m / p.distance_m)
+        removed.share[i, k] = past * removed.share[i, k] + (1.0 - past) * (1.0 - kept)
+
+
+CARD = Card(
+    name="contaminant_memory",
+    summary="the contaminant layer follows the friction work over a rolling distance",
+    parameters=(Parameter("distance_m", "m", 0.0, 5.0, 0.0, 500.0, "form: first order in distance; size: assumption"),),
+    record=Parameters,
+    acts={"layer": split, "after_contact": follow},
+    memory=memory,
+    signature=Signature(
+        balances=frozenset({"adhesion"}),
+        trace="adhesion: loop in (W_sp, lambda), wider the faster the slip changes",
+        acts_on="contact",
+    ),
+)

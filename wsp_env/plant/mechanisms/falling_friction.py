@@ -4,20 +4,31 @@
 kinetic friction, at large slip, stays.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from wsp_env.contact.degraded import AdhesionLaw
-from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+from wsp_env.plant.card import Card, Parameter, Signature
 
 
 class Parameters(NamedTuple):
-    """Parameters of the fall, see `MECHANISM`."""
+    """Parameters of the fall, see `CARD`."""
 
     decrease: float
     excess: float
 
 
-MECHANISM = Mechanism(
+def law(p: Parameters, believed: Any) -> Any:
+    """Return the law with this fall."""
+    decrease = {name: getattr(believed, name) * p.decrease for name in ("gamma_d", "gamma_r") if name in believed._fields}
+    ratio = {name: _ratio(p, getattr(believed, name)) for name in ("ratio_d", "ratio_r") if name in believed._fields}
+    return believed._replace(**decrease, **ratio)
+
+
+def _ratio(p: Parameters, believed: float) -> float:
+    """Return A = kinetic over static friction [-]; exactly the believed one at the null."""
+    return believed if p.excess == 1.0 else 1.0 / (1.0 + p.excess * (1.0 / believed - 1.0))
+
+
+CARD = Card(
     name="falling_friction",
     summary="friction falls with slip speed more, or less, than assumed",
     parameters=(
@@ -25,20 +36,10 @@ MECHANISM = Mechanism(
         Parameter("excess", "-", 1.0, 1.0, 0.0, 5.0, "form: eq. (7) of the seed paper; size: assumption"),
     ),
     record=Parameters,
-    trace="adhesion: residual against slip speed",
+    acts={"law": law},
+    signature=Signature(
+        balances=frozenset({"adhesion"}),
+        trace="adhesion: residual against slip speed",
+        acts_on="contact",
+    ),
 )
-
-
-def law(p: Parameters, believed: AdhesionLaw) -> AdhesionLaw:
-    """Return the law with this fall."""
-    return believed._replace(
-        gamma_d=believed.gamma_d * p.decrease,
-        gamma_r=believed.gamma_r * p.decrease,
-        ratio_d=_ratio(p, believed.ratio_d),
-        ratio_r=_ratio(p, believed.ratio_r),
-    )
-
-
-def _ratio(p: Parameters, believed: float) -> float:
-    """Return A = kinetic over static friction [-]; exactly the believed one at the null."""
-    return believed if p.excess == 1.0 else 1.0 / (1.0 + p.excess * (1.0 / believed - 1.0))

@@ -11,40 +11,43 @@ import math
 from typing import NamedTuple
 
 from wsp_env.compiled import inlined
-from wsp_env.contact.degraded import SPEED_FLOOR, Adhesion
-from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+from wsp_env.contact.traction import SPEED_FLOOR, Adhesion
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.card import Card, Parameter, Signature
 
 #: Thermal effusivity of steel, sqrt(50 W/mK x 7850 kg/m3 x 477 J/kgK) [W s0.5 / (m2 K)] (handbook values of carbon steel).
 EFFUSIVITY = 13_700.0
 
 
 class Parameters(NamedTuple):
-    """Parameters of the heating, see `MECHANISM`."""
+    """Parameters of the heating, see `CARD`."""
 
     fall_per_k: float
 
 
-MECHANISM = Mechanism(
-    name="flash_temperature",
-    summary="friction falls with the contact temperature",
-    parameters=(Parameter("fall_per_k", "1/K", 0.0, 1.0e-3, 0.0, 0.1, "form: Ertz, Knothe (2002); size: assumption"),),
-    record=Parameters,
-    trace="adhesion: residual against slip power, reversible",
-)
+class Heating(NamedTuple):
+    """What the contact's size makes of the heat."""
+
+    per_power: float  # theta / (f N s / sqrt(v)) [K s1.5 / (N m0.5)]
 
 
-def heating(semi_axis_a_m: float, semi_axis_b_m: float) -> float:
-    """Return theta / (f N s / sqrt(v)) [K s1.5 / (N m0.5)] of a Hertzian contact with p_0 = 1.5 N / (pi a b)."""
-    return 1.5 / (math.pi * semi_axis_a_m * semi_axis_b_m) * math.sqrt(semi_axis_a_m) / (2.0 * EFFUSIVITY)
+def heating(semi_axis_a_m: float, semi_axis_b_m: float) -> Heating:
+    """Return the heating of a Hertzian contact with p_0 = 1.5 N / (pi a b)."""
+    return Heating(1.5 / (math.pi * semi_axis_a_m * semi_axis_b_m) * math.sqrt(semi_axis_a_m) / (2.0 * EFFUSIVITY))
+
+
+def derive(vehicle: Vehicle) -> Heating:
+    """Return the heating in a vehicle's contacts."""
+    return heating(vehicle.contact.semi_axis_a_m, vehicle.contact.semi_axis_b_m)
 
 
 @inlined
-def heated(p: Parameters, cold: Adhesion, slip_speed: float, speed: float, load_n: float, heating: float) -> Adhesion:
+def heated(p: Parameters, heats: Heating, cold: Adhesion, slip_speed: float, speed: float, load_n: float) -> Adhesion:
     """Return the adhesion of the heated contact, its limits and its derivatives."""
     if p.fall_per_k == 0.0:
         return cold
     rolling = max(abs(speed), SPEED_FLOOR)
-    per_slip = p.fall_per_k * heating * load_n / math.sqrt(rolling)
+    per_slip = p.fall_per_k * heats.per_power * load_n / math.sqrt(rolling)
     c = per_slip * abs(slip_speed)
     f = _heated(cold.f, c)
     steepness = 1.0 / (1.0 + 2.0 * c * f)
@@ -57,3 +60,18 @@ def heated(p: Parameters, cold: Adhesion, slip_speed: float, speed: float, load_
 def _heated(cold: float, c: float) -> float:
     """Solve f (1 + c f) = cold for f [-]."""
     return 2.0 * cold / (1.0 + math.sqrt(1.0 + 4.0 * c * cold))
+
+
+CARD = Card(
+    name="flash_temperature",
+    summary="friction falls with the contact temperature",
+    parameters=(Parameter("fall_per_k", "1/K", 0.0, 1.0e-3, 0.0, 0.1, "form: Ertz, Knothe (2002); size: assumption"),),
+    record=Parameters,
+    acts={"contact": heated},
+    derive=derive,
+    signature=Signature(
+        balances=frozenset({"adhesion"}),
+        trace="adhesion: residual against slip power, reversible",
+        acts_on="contact",
+    ),
+)

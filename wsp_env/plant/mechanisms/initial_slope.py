@@ -4,29 +4,33 @@ The contact stiffness of eq. (6) times a factor, which scales both of Polach's r
 (2005) 992-1000, finds k_A of 0.5 to 1 dry and less when wet or dirty).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from wsp_env.contact.degraded import AdhesionLaw
-from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+from wsp_env.plant.card import Card, Parameter, Signature
 
 
 class Parameters(NamedTuple):
-    """Parameters of the slope, see `MECHANISM`."""
+    """Parameters of the slope, see `CARD`."""
 
     factor: float
 
 
-MECHANISM = Mechanism(
+def law(p: Parameters, believed: Any) -> Any:
+    """Return the law with this slope."""
+    return believed._replace(stiffness=believed.stiffness * p.factor)
+
+
+CARD = Card(
     name="initial_slope",
     summary="the creep curve rises less steeply than Kalker's, or more",
     parameters=(
         Parameter("factor", "-", 1.0, 0.5, 0.005, 3.0, "Polach (2005): reduction by a third body; bounds: assumption"),
     ),
     record=Parameters,
-    trace="adhesion: residual below 1 % creepage",
+    acts={"law": law},
+    signature=Signature(
+        balances=frozenset({"adhesion"}),
+        trace="adhesion: residual below 1 % creepage",
+        acts_on="contact",
+    ),
 )
-
-
-def law(p: Parameters, believed: AdhesionLaw) -> AdhesionLaw:
-    """Return the law with this slope."""
-    return believed._replace(stiffness=believed.stiffness * p.factor)

@@ -2,20 +2,21 @@
 
 The seed paper names the effect and leaves it out (section 2: "the cleaning effect due to the action of the first wheels
 guarantees better adhesion conditions to the following wheels"). Form taken here: the energy per metre E [J/m] that earlier
-wheels spent at a place leaves the share exp(-removal E) of the film there, the same exponential as the paper's lambda
-(eq. 4) for a wheel's own energy; it narrows the gap f_r - f_d for the wheels behind.
+wheels spent at a place leaves the share exp(-removal E) of the contaminant layer there, the same exponential as the paper's
+lambda (eq. 4) for a wheel's own energy; it narrows the gap f_r - f_d for the wheels behind.
 
 The rail is remembered in cells of `CELL_M` under the vehicle, in a ring: the leading axle opens a fresh cell, every axle adds
 what it spent when it leaves the cell, so that no wheel sees its own work twice (its own is in the paper's law).
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+from wsp_env.plant.card import Card, Parameter, Passage, Signature
 
 #: Length of a cell of rail [m]: longer than a substep at any speed, short against the distance of axles.
 CELL_M = 1.0
@@ -25,20 +26,9 @@ SPARE_CELLS = 8
 
 
 class Parameters(NamedTuple):
-    """Parameters of the cleaning, see `MECHANISM`."""
+    """Parameters of the cleaning, see `CARD`."""
 
     removal_m_per_j: float
-
-
-MECHANISM = Mechanism(
-    name="leading_axle_cleaning",
-    summary="energy spent by earlier wheels removes the film at that place on the rail",
-    parameters=(
-        Parameter("removal_m_per_j", "m/J", 0.0, 2.0e-5, 0.0, 1.0e-2, "form: eq. (4) of the seed paper; size: assumption"),
-    ),
-    record=Parameters,
-    trace="adhesion: later axles have more at equal slip, lagging by axle distance / v, absent before the leading axle slides",
-)
 
 
 def cells(vehicle_length_m: float) -> int:
@@ -46,22 +36,36 @@ def cells(vehicle_length_m: float) -> int:
     return math.ceil(vehicle_length_m / CELL_M) + SPARE_CELLS
 
 
+class Spent(NamedTuple):
+    """What wheels spent on the rail under N vehicles with A axles."""
+
+    ring: np.ndarray  # (N, cells) energy per metre on one rail [J/m]
+    pending: np.ndarray  # (N, A) energy in the present cell [J]
+
+
+def memory(n: int, axle_positions_m: Sequence[float]) -> Spent:
+    """Return a rail that no wheel has slid on."""
+    return Spent(np.zeros((n, cells(axle_positions_m[-1]))), np.zeros((n, len(axle_positions_m))))
+
+
 @inlined
-def film_left(p: Parameters, i: int, place_m: float, ring: np.ndarray) -> float:
-    """Share of the film [-] that earlier wheels left at a place on the rail [m]; ring: (N, cells) [J/m]."""
+def layer_left(
+    p: Parameters, spent: Spent, i: int, k: int, place_m: float, rolled_m: float, layer: float, held: float
+) -> tuple[float, float]:  # fmt: skip
+    """Shares of the contaminant layer [-], free and held, that earlier wheels left at a place on the rail [m]."""
     if p.removal_m_per_j == 0.0:
-        return 1.0
-    return math.exp(-p.removal_m_per_j * ring[i, math.floor(place_m / CELL_M) % ring.shape[1]])
+        return layer, held
+    left = math.exp(-p.removal_m_per_j * spent.ring[i, math.floor(place_m / CELL_M) % spent.ring.shape[1]])
+    return left * layer, left * held
 
 
 @inlined
-def remember(
-    p: Parameters, axle: int, before_m: float, after_m: float, energy_j: float,
-    i: int, ring: np.ndarray, pending: np.ndarray,
-) -> None:  # fmt: skip
-    """Book the energy [J] that one wheel of an axle spent on its way from `before_m` to `after_m` in `ring`, `pending`."""
+def remember(p: Parameters, spent: Spent, i: int, axle: int, passage: Passage) -> None:
+    """Book the energy that one wheel of an axle spent on its way."""
     if p.removal_m_per_j == 0.0:
         return
+    ring, pending, energy_j = spent.ring, spent.pending, passage.energy_j
+    before_m, after_m = passage.before_m, passage.after_m
     cell = math.floor(before_m / CELL_M)
     entered = math.floor(after_m / CELL_M)
     if entered == cell:
@@ -69,11 +73,28 @@ def remember(
         return
     size = ring.shape[1]
     per_metre = energy_j / (after_m - before_m)
-    spent = pending[i, axle] + per_metre * ((cell + 1) * CELL_M - before_m)
-    ring[i, cell % size] += spent / CELL_M
+    whole = pending[i, axle] + per_metre * ((cell + 1) * CELL_M - before_m)
+    ring[i, cell % size] += whole / CELL_M
     for passed in range(cell + 1, entered + 1):
         if axle == 0:
             ring[i, passed % size] = 0.0
         if passed < entered:
             ring[i, passed % size] += per_metre
     pending[i, axle] = per_metre * (after_m - entered * CELL_M)
+
+
+CARD = Card(
+    name="leading_axle_cleaning",
+    summary="energy spent by earlier wheels removes the contaminant layer at that place on the rail",
+    parameters=(
+        Parameter("removal_m_per_j", "m/J", 0.0, 2.0e-5, 0.0, 1.0e-2, "assumption, no source; form: eq. (4) of the seed paper"),
+    ),
+    record=Parameters,
+    acts={"layer": layer_left, "after_passage": remember},
+    memory=memory,
+    signature=Signature(
+        balances=frozenset({"adhesion"}),
+        trace="adhesion: later axles have more at equal slip, by axle distance / v later; not before the leading axle slides",
+        acts_on="contact",
+    ),
+)

@@ -5,10 +5,13 @@ brakes of coaches are let down in emergency stops and lifted at low speed; size:
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from wsp_env.compiled import inlined
-from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+from wsp_env.plant.card import Card, Parameter, Passage, Signature
 
 #: Width of the band's edges [m/s] (assumption).
 EDGE_MPS = 0.5
@@ -18,14 +21,42 @@ APPLIED_SHARE = 0.05
 
 
 class Parameters(NamedTuple):
-    """Parameters of the track brake, see `MECHANISM`."""
+    """Parameters of the track brake, see `CARD`."""
 
     force_n: float
     lowest_mps: float
     highest_mps: float
 
 
-MECHANISM = Mechanism(
+class Applied(NamedTuple):
+    """Whether the brakes of N vehicles have been applied."""
+
+    once: np.ndarray  # (N,) 1 from the first application on [-]
+
+
+def memory(n: int, axle_positions_m: Sequence[float]) -> Applied:
+    """Return brakes that have not been applied."""
+    return Applied(np.zeros(n))
+
+
+@inlined
+def apply(p: Parameters, applied: Applied, i: int, k: int, passage: Passage) -> None:
+    """Note the first application of the brake."""
+    if p.force_n != 0.0 and passage.torque_nm > APPLIED_SHARE * passage.full_torque_nm:
+        applied.once[i] = 1.0
+
+
+@inlined
+def force(p: Parameters, applied: Applied, i: int, speed_mps: float, believed_n: float) -> float:
+    """Force against the motion [N]."""
+    if p.force_n == 0.0:
+        return 0.0
+    above = math.tanh((speed_mps - p.lowest_mps) / EDGE_MPS)
+    beyond = math.tanh((speed_mps - p.highest_mps) / EDGE_MPS)
+    return 0.5 * applied.once[i] * p.force_n * (above - beyond)
+
+
+CARD = Card(
     name="non_adhesive_brake",
     summary="a track brake acts within a band of speed",
     parameters=(
@@ -34,23 +65,11 @@ MECHANISM = Mechanism(
         Parameter("highest_mps", "m/s", 100.0, 100.0, 0.0, 200.0, "assumption: no upper limit", "shape"),
     ),
     record=Parameters,
-    trace="vehicle: deceleration beyond the wheels' sum, within its band of speed",
+    acts={"force": force, "after_passage": apply},
+    memory=memory,
+    signature=Signature(
+        balances=frozenset({"vehicle"}),
+        trace="vehicle: deceleration beyond the wheels' sum, within its band of speed",
+        acts_on="vehicle",
+    ),
 )
-
-
-@inlined
-def applied(p: Parameters, before: float, torque_nm: float, full_torque_nm: float) -> float:
-    """1 from the first application of the brake on, else 0, from one axle's torque [N m] and its largest."""
-    if p.force_n != 0.0 and torque_nm > APPLIED_SHARE * full_torque_nm:
-        return 1.0
-    return before
-
-
-@inlined
-def force(p: Parameters, speed_mps: float, applied: float) -> float:
-    """Force against the motion [N]."""
-    if p.force_n == 0.0:
-        return 0.0
-    above = math.tanh((speed_mps - p.lowest_mps) / EDGE_MPS)
-    beyond = math.tanh((speed_mps - p.highest_mps) / EDGE_MPS)
-    return 0.5 * applied * p.force_n * (above - beyond)

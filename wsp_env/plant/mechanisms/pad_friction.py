@@ -7,10 +7,13 @@ a time constant.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from wsp_env.compiled import inlined
-from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+from wsp_env.plant.card import Card, Parameter, Passage, Signature
 
 #: Speed [m/s] and pressure [bar] at which the friction is the believed one (assumption: the middle of a full stop).
 REFERENCE_MPS = 20.0
@@ -24,14 +27,42 @@ COOLING_S = 600.0
 
 
 class Parameters(NamedTuple):
-    """Parameters of the pads, see `MECHANISM`."""
+    """Parameters of the pads, see `CARD`."""
 
     per_speed_s_per_m: float
     per_pressure_1_per_bar: float
     per_temperature_1_per_k: float
 
 
-MECHANISM = Mechanism(
+class Discs(NamedTuple):
+    """Discs of N vehicles with A axles."""
+
+    warmer_k: np.ndarray  # (N, A) rise of their mean temperature [K]
+
+
+def memory(n: int, axle_positions_m: Sequence[float]) -> Discs:
+    """Return cold discs."""
+    return Discs(np.zeros((n, len(axle_positions_m))))
+
+
+@inlined
+def torque_factor(p: Parameters, discs: Discs, i: int, k: int, wheel_mps: float, pressure_bar: float) -> float:
+    """Brake torque over the believed one [-]; never below zero."""
+    if p.per_speed_s_per_m == 0.0 and p.per_pressure_1_per_bar == 0.0 and p.per_temperature_1_per_k == 0.0:
+        return 1.0
+    change = p.per_speed_s_per_m * (wheel_mps - REFERENCE_MPS) + p.per_pressure_1_per_bar * (pressure_bar - REFERENCE_BAR)
+    return max(1.0 + change + p.per_temperature_1_per_k * discs.warmer_k[i, k], 0.0)
+
+
+@inlined
+def warm(p: Parameters, discs: Discs, i: int, k: int, passage: Passage) -> None:
+    """Warm the discs of axle k by the work of its brake, and let them cool."""
+    if p.per_temperature_1_per_k != 0.0:
+        cooled = discs.warmer_k[i, k] * math.exp(-passage.duration_s / COOLING_S)
+        discs.warmer_k[i, k] = cooled + passage.braking_j / HEAT_CAPACITY_J_PER_K
+
+
+CARD = Card(
     name="pad_friction",
     summary="pad friction depends on speed, pressure and temperature",
     parameters=(
@@ -40,22 +71,11 @@ MECHANISM = Mechanism(
         Parameter("per_temperature_1_per_k", "1/K", 0.0, -5e-4, -5e-3, 5e-3, "assumption: fading of organic pads"),
     ),
     record=Parameters,
-    trace="actuator, and vehicle with adhesion in a fixed ratio; also in stops without slide",
+    acts={"torque_factor": torque_factor, "after_passage": warm},
+    memory=memory,
+    signature=Signature(
+        balances=frozenset({"vehicle", "adhesion", "actuator"}),
+        trace="actuator, and vehicle with adhesion in a fixed ratio; also in stops without slide",
+        acts_on="brake",
+    ),
 )
-
-
-@inlined
-def torque_factor(p: Parameters, wheel_mps: float, pressure_bar: float, warmer_k: float) -> float:
-    """Brake torque over the believed one [-]; never below zero."""
-    if p.per_speed_s_per_m == 0.0 and p.per_pressure_1_per_bar == 0.0 and p.per_temperature_1_per_k == 0.0:
-        return 1.0
-    change = p.per_speed_s_per_m * (wheel_mps - REFERENCE_MPS) + p.per_pressure_1_per_bar * (pressure_bar - REFERENCE_BAR)
-    return max(1.0 + change + p.per_temperature_1_per_k * warmer_k, 0.0)
-
-
-@inlined
-def warmer(p: Parameters, before_k: float, work_j: float, duration_s: float) -> float:
-    """Rise of the discs' temperature [K] after braking work [J] over a duration [s]."""
-    if p.per_temperature_1_per_k == 0.0:
-        return before_k
-    return before_k * math.exp(-duration_s / COOLING_S) + work_j / HEAT_CAPACITY_J_PER_K

@@ -5,20 +5,30 @@ ends sharply, n below 1 the other way round; work below W_0 removes nothing. The
 (`wsp_env.contact.recovery`). Form and sizes: assumption.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from wsp_env.contact.degraded import AdhesionLaw
-from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+from wsp_env.contact.degraded import DegradedLaw
+from wsp_env.parameters.quantity import ParameterError
+from wsp_env.plant.card import Card, Parameter, Signature
 
 
 class Parameters(NamedTuple):
-    """Parameters of the shape, see `MECHANISM`."""
+    """Parameters of the shape, see `CARD`."""
 
     exponent: float
     threshold_j_per_m: float
 
 
-MECHANISM = Mechanism(
+def law(p: Parameters, believed: Any) -> Any:
+    """Return the law with this shape of recovery; `ParameterError` for one without recovery."""
+    if p == (1.0, 0.0):
+        return believed
+    if not isinstance(believed, DegradedLaw):
+        raise ParameterError(f"mechanism recovery_shape: a {type(believed).__name__} has no recovery; take the degraded law")
+    return believed._replace(recovery_exponent=p.exponent, recovery_threshold=p.threshold_j_per_m)
+
+
+CARD = Card(
     name="recovery_shape",
     summary="the recovery has a threshold or another curvature",
     parameters=(
@@ -26,10 +36,10 @@ MECHANISM = Mechanism(
         Parameter("threshold_j_per_m", "J/m", 0.0, 0.0, 0.0, 1e5, "assumption: work that removes nothing"),
     ),
     record=Parameters,
-    trace="adhesion: curvature of lambda(W_sp)",
+    acts={"law": law},
+    signature=Signature(
+        balances=frozenset({"adhesion"}),
+        trace="adhesion: curvature of lambda(W_sp)",
+        acts_on="contact",
+    ),
 )
-
-
-def law(p: Parameters, believed: AdhesionLaw) -> AdhesionLaw:
-    """Return the law with this shape of recovery."""
-    return believed._replace(recovery_exponent=p.exponent, recovery_threshold=p.threshold_j_per_m)

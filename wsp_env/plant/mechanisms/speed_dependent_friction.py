@@ -8,25 +8,16 @@ more. At the reference speed v_0 the friction is the believed one.
 from typing import NamedTuple
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+from wsp_env.plant.card import Card, Parameter, Signature
 
 #: Speed [m/s] at which the friction is the believed one (assumption: the middle of a stop from 40 m/s, least bound to mu_cd).
 REFERENCE_MPS = 20.0
 
 
 class Parameters(NamedTuple):
-    """Parameters of the fall with speed, see `MECHANISM`."""
+    """Parameters of the fall with speed, see `CARD`."""
 
     share: float
-
-
-MECHANISM = Mechanism(
-    name="speed_dependent_friction",
-    summary="friction falls with the running speed",
-    parameters=(Parameter("share", "-", 0.0, 1.0, -1.0, 3.0, "1: Curtius and Kniffler, Glasers Annalen (1944)"),),
-    record=Parameters,
-    trace="adhesion: runs of other initial speed; grows away from the reference speed at equal slip",
-)
 
 
 @inlined
@@ -40,3 +31,17 @@ def friction_factor(p: Parameters, speed_mps: float) -> float:
     if p.share == 0.0:
         return 1.0
     return 1.0 + p.share * (_curtius_kniffler(abs(speed_mps)) / _curtius_kniffler(REFERENCE_MPS) - 1.0)
+
+
+CARD = Card(
+    name="speed_dependent_friction",
+    summary="friction falls with the running speed",
+    parameters=(Parameter("share", "-", 0.0, 1.0, -1.0, 3.0, "1: Curtius and Kniffler, Glasers Annalen (1944)"),),
+    record=Parameters,
+    acts={"friction": friction_factor},
+    signature=Signature(
+        balances=frozenset({"adhesion"}),
+        trace="adhesion: runs of other initial speed; grows away from the reference speed at equal slip",
+        acts_on="contact",
+    ),
+)

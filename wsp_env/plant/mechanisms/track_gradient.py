@@ -2,24 +2,29 @@
 
 from typing import NamedTuple
 
-from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+from wsp_env.plant.card import Card, Parameter, Signature
 
 
 class Parameters(NamedTuple):
-    """Parameters of the gradient, see `MECHANISM`."""
+    """Parameters of the gradient, see `CARD`."""
 
     rise: float
-
-
-MECHANISM = Mechanism(
-    name="track_gradient",
-    summary="the track rises more, or falls more, than believed",
-    parameters=(Parameter("rise", "-", 0.0, -0.005, -0.05, 0.05, "assumption: main lines stay within 40 per mille"),),
-    record=Parameters,
-    trace="vehicle: constant, also while coasting",
-)
 
 
 def gradient(p: Parameters, believed: float) -> float:
     """Rise over distance [-], positive uphill."""
     return believed + p.rise
+
+
+CARD = Card(
+    name="track_gradient",
+    summary="the track rises more, or falls more, than believed",
+    parameters=(Parameter("rise", "-", 0.0, -0.005, -0.05, 0.05, "assumption: main lines stay within 40 per mille"),),
+    record=Parameters,
+    acts={"gradient": gradient},
+    signature=Signature(
+        balances=frozenset({"vehicle"}),
+        trace="vehicle: constant, also while coasting",
+        acts_on="vehicle",
+    ),
+)

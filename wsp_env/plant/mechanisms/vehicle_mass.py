@@ -2,24 +2,29 @@
 
 from typing import NamedTuple
 
-from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+from wsp_env.plant.card import Card, Parameter, Signature
 
 
 class Parameters(NamedTuple):
-    """Parameters of the mass, see `MECHANISM`."""
+    """Parameters of the mass, see `CARD`."""
 
     extra: float
-
-
-MECHANISM = Mechanism(
-    name="vehicle_mass",
-    summary="the vehicle is heavier or lighter than believed",
-    parameters=(Parameter("extra", "-", 0.0, 0.1, -0.5, 1.0, "assumption: share of the believed mass; payload is some 15 %"),),
-    record=Parameters,
-    trace="vehicle: in proportion to the deceleration; through the wheel load also uniformly in adhesion",
-)
 
 
 def mass(p: Parameters, believed_kg: float) -> float:
     """Mass of the vehicle [kg]."""
     return believed_kg * (1.0 + p.extra)
+
+
+CARD = Card(
+    name="vehicle_mass",
+    summary="the vehicle is heavier or lighter than believed",
+    parameters=(Parameter("extra", "-", 0.0, 0.1, -0.5, 1.0, "assumption: share of the believed mass; payload is some 15 %"),),
+    record=Parameters,
+    acts={"mass": mass},
+    signature=Signature(
+        balances=frozenset({"vehicle", "adhesion"}),
+        trace="vehicle: in proportion to the deceleration; through the wheel load also uniformly in adhesion",
+        acts_on="vehicle",
+    ),
+)

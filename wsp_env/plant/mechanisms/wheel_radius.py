@@ -9,26 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+from wsp_env.plant.card import Card, Parameter, Signature
 
 
 class Parameters(NamedTuple):
-    """Parameters of the radius, see `MECHANISM`."""
+    """Parameters of the radius, see `CARD`."""
 
     change: float
     axle: float
-
-
-MECHANISM = Mechanism(
-    name="wheel_radius",
-    summary="one wheelset is worn or just turned",
-    parameters=(
-        Parameter("change", "-", 0.0, -0.01, -0.2, 0.2, "assumption: relative; wheels wear by some 5 % in their life"),
-        Parameter("axle", "-", 1.0, 2.0, 1.0, 4.0, "assumption: which wheelset, from 1", "axle"),
-    ),
-    record=Parameters,
-    trace="kinematics: v against r w while rolling freely, in proportion to v",
-)
 
 
 def radii(p: Parameters, believed_m: ArrayLike) -> np.ndarray:
@@ -37,3 +25,20 @@ def radii(p: Parameters, believed_m: ArrayLike) -> np.ndarray:
     if p.change != 0.0:
         radius[int(p.axle) - 1] *= 1.0 + p.change
     return radius
+
+
+CARD = Card(
+    name="wheel_radius",
+    summary="one wheelset is worn or just turned",
+    parameters=(
+        Parameter("change", "-", 0.0, -0.01, -0.2, 0.2, "assumption: relative; wheels wear by some 5 % in their life"),
+        Parameter("axle", "-", 1.0, 2.0, 1.0, 64.0, "assumption: which wheelset, from 1", "axle"),
+    ),
+    record=Parameters,
+    acts={"radii": radii},
+    signature=Signature(
+        balances=frozenset({"kinematics"}),
+        trace="kinematics: v against r w while rolling freely, in proportion to v",
+        acts_on="sensor",
+    ),
+)

@@ -8,26 +8,17 @@ import math
 from typing import NamedTuple
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.mechanisms.mechanism import Mechanism, Parameter
+from wsp_env.plant.card import Card, Parameter, Signature
 
 
 class Parameters(NamedTuple):
-    """Parameters of the lag, see `MECHANISM`."""
+    """Parameters of the lag, see `CARD`."""
 
     lag_s: float
 
 
-MECHANISM = Mechanism(
-    name="wheel_speed_lag",
-    summary="a filter delays the wheel-speed sensors",
-    parameters=(Parameter("lag_s", "s", 0.0, 0.05, 0.0, 1.0, "assumption: time constant of the filter"),),
-    record=Parameters,
-    trace="kinematics and adhesion: in proportion to dw/dt",
-)
-
-
 @inlined
-def reading(p: Parameters, before: float, last: float, now: float, duration_s: float) -> float:
+def reading(p: Parameters, now: float, before: float, last: float, duration_s: float) -> float:
     """Return the filtered wheel speed [rad/s] from the one before and the unfiltered ones `duration_s` [s] apart."""
     if p.lag_s == 0.0:
         return now
@@ -39,3 +30,17 @@ def reading(p: Parameters, before: float, last: float, now: float, duration_s: f
 def wheel_speed(p: Parameters, read: float, read_rate: float) -> float:
     """Return the wheel speed [rad/s] from the reading and its rate of change [rad/s2]."""
     return read + p.lag_s * read_rate
+
+
+CARD = Card(
+    name="wheel_speed_lag",
+    summary="a filter delays the wheel-speed sensors",
+    parameters=(Parameter("lag_s", "s", 0.0, 0.05, 0.0, 1.0, "assumption: time constant of the filter"),),
+    record=Parameters,
+    acts={"reading": reading, "wheel_speed": wheel_speed},
+    signature=Signature(
+        balances=frozenset({"adhesion", "kinematics"}),
+        trace="kinematics and adhesion: in proportion to dw/dt",
+        acts_on="sensor",
+    ),
+)

@@ -1,0 +1,291 @@
+"""Estimation of what no sensor measures: running speed, cylinder pressures and the adhesion that each wheelset uses.
+
+The pressures follow from the own commands and the brake's nominal times. With them the wheel's balance gives the force of the
+rail, T = (C + J dw/dt) / r, and the sum of these forces slows the vehicle, dv/dt = -sum T / M. The mass is not known: a Kalman
+filter of two states, the running speed v and q = nominal over true mass, is corrected whenever a wheelset rolls, which one does
+that is braked far less than before, by any wheel that turns faster than the vehicle could run, and gently by the fastest wheel
+as long as none has slid.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from wsp_env.compiled import inlined
+from wsp_env.parameters.vehicle import Vehicle
+
+#: A wheelset that the estimated brake asks for less adhesion than this [-] for `ROLLING_S` [s] rolls (assumption: half the
+#: adhesion of rail that the standard's tests call extremely low); so does one that is asked for less than this share of what it
+#: has used of late, low-passed with a time constant [s] (assumption).
+ROLLING_ADHESION = 0.015
+ROLLING_SHARE = 0.5
+ROLLING_S = 0.04
+USED_FILTER_S = 2.0
+
+#: It then slips by so much [m/s] (assumption: half the creep at which the poorest rail carries that adhesion).
+ROLLING_CREEP_MPS = 0.02
+
+#: Standard deviations (assumptions): of a rolling wheel's speed against the vehicle's [m/s], of the fastest braked one's before
+#: the first slide (large, as its errors at neighbouring times are alike), of the running speed at the start [m/s], of q at the
+#: start [-], and what both drift in a second [m/s / sqrt(s)], [1 / sqrt(s)].
+ROLLING_DEVIATION_MPS = 0.1
+BRAKED_DEVIATION_MPS = 1.0
+START_DEVIATION_MPS = 0.05
+MASS_DEVIATION = 0.04
+SPEED_DRIFT = 0.02
+MASS_DRIFT = 0.002
+
+#: A wheel so much faster than the estimated running speed [m/s], as a mean over the time constant [s], corrects it although it
+#: may slide; not smoothed, the noise of the sensors alone would drive the running speed up (assumptions).
+FASTER_MPS = 0.15
+FASTER_FILTER_S = 0.1
+
+#: Standard deviation of the running speed [m/s] from which it is in doubt, and below which no longer: a good moment to let a
+#: wheelset roll.
+DOUBTFUL_MPS, CERTAIN_MPS = 0.3, 0.12
+
+#: A wheel slides that runs slower than the estimated speed by more than this creepage [-]: more than wheels that roll under
+#: full brake. For so long after the last slide [s] the speed may be in doubt, not longer: where nothing slides no wheelset is
+#: to be released for its sake (assumptions).
+SLIDING_CREEPAGE_SEEN = 0.008
+SLIDE_REMEMBERED_S = 2.0
+
+#: Below this speed nothing is in doubt [m/s]: errors of the slip matter less, and a stop is nearly over.
+SLOW_MPS = 10.0
+
+#: Bounds of q [-].
+MASS_RANGE = (0.8, 1.25)
+
+#: Time constant by which the used adhesion is smoothed [s]; half the brake's own times.
+ADHESION_FILTER_S = 0.1
+
+
+class Estimate(NamedTuple):
+    """What is estimated of N vehicles with A axles, changed in place: to be read, never to be kept."""
+
+    speed: np.ndarray  # (N,) running speed [m/s]
+    uncertainty: np.ndarray  # (N,) its standard deviation [m/s]
+    doubtful: np.ndarray  # (N,) bool, a wheelset should roll for the running speed to become certain
+    distributor: np.ndarray  # (N,) pressure of the distributor, share of full pressure [-]
+    demand: np.ndarray  # (N,) the last one, share of full pressure [-]
+    mass_ratio: np.ndarray  # (N,) q, nominal over true mass [-]
+    speed_variance: np.ndarray  # (N,) of the running speed [m2/s2]
+    covariance: np.ndarray  # (N,) of both [m/s]
+    mass_variance: np.ndarray  # (N,) of q [-]
+    since_slide: np.ndarray  # (N,) time since a wheel slid [s]; inf: none has
+    wheel: np.ndarray  # (N, A) circumferential wheel speed [m/s]
+    pressure: np.ndarray  # (N, A) in the cylinder, share of full pressure [-]
+    pressure_to_come: np.ndarray  # (N, A) the same once the commands on their way have acted [-]
+    adhesion: np.ndarray  # (N, A) used, T / N [-]
+    usual_adhesion: np.ndarray  # (N, A) the same of late [-]
+    rolling_adhesion: np.ndarray  # (N, A) that a wheelset which rolls is asked for at most [-]
+    rolling_time: np.ndarray  # (N, A) for which it was asked for less [s]
+    ahead: np.ndarray  # (N, A) of the running speed, smoothed [m/s]
+    commands: np.ndarray  # (N, K, A) on their way to the valves, newest first
+
+
+class EstimatorConstants(NamedTuple):
+    """Nominal values of the vehicle with half its payload, and shares of the filters in an interval."""
+
+    radius: float  # of a wheel [m]
+    full_pressure: float  # [bar]
+    interval: float  # between measurements [s]
+    by_pressure: bool  # commands are pressures
+    mass: float  # [kg]
+    axle_weight: float  # [N]
+    full_force: float  # of a wheelset's brake at full pressure, at the tread [N]
+    full_brake: float  # see `full_brake` [-]
+    rotating: float  # a wheelset's inertia as a mass [kg]
+    rise: float  # of the distributor's pressure in an interval, share of full pressure [-]
+    fill: float  # share of an exponential approach [-]: of a cylinder that is filled
+    vent: float  # and one that is vented [-]
+    usual: float  # of `USED_FILTER_S` [-]
+    smooth: float  # of `ADHESION_FILTER_S` [-]
+    lift: float  # of `FASTER_FILTER_S` [-]
+
+
+def full_brake(vehicle: Vehicle) -> float:
+    """Return the adhesion [-] that full pressure asks of a wheelset with half the payload on board."""
+    weight = (vehicle.mass_kg + 0.5 * vehicle.payload_kg) * vehicle.gravity_mps2 / vehicle.axles
+    return vehicle.full_brake_torque_nm / vehicle.wheel_radius_m / weight
+
+
+def approach(interval: float, time_constant: float) -> float:
+    """Return the share [-] of the way to its target that a low-pass goes in an interval; both [s]."""
+    return float(1.0 - np.exp(-interval / time_constant))
+
+
+def constants(vehicle: Vehicle, interval: float, by_pressure: bool) -> EstimatorConstants:
+    """Return the constants for measurements every `interval` [s] and commands that are pressures or go to valves."""
+    brake = vehicle.brake
+    mass = vehicle.mass_kg + 0.5 * vehicle.payload_kg
+    return EstimatorConstants(
+        radius=vehicle.wheel_radius_m,
+        full_pressure=brake.full_pressure_bar,
+        interval=interval,
+        by_pressure=by_pressure,
+        mass=mass,
+        axle_weight=mass * vehicle.gravity_mps2 / vehicle.axles,
+        full_force=vehicle.full_brake_torque_nm / vehicle.wheel_radius_m,
+        full_brake=full_brake(vehicle),
+        rotating=vehicle.wheelset_inertia_kgm2 / vehicle.wheel_radius_m**2,
+        rise=interval / brake.demand_rise_s,
+        fill=approach(interval, brake.fill_time_constant_s),
+        vent=approach(interval, brake.vent_time_constant_s),
+        usual=approach(interval, USED_FILTER_S),
+        smooth=approach(interval, ADHESION_FILTER_S),
+        lift=approach(interval, FASTER_FILTER_S),
+    )
+
+
+def allocate(n: int, vehicle: Vehicle, interval: float) -> Estimate:
+    """Return the estimates of n vehicles; `begin` gives them values."""
+    axles = vehicle.axles
+    per_vehicle = {"speed", "uncertainty", "distributor", "demand", "mass_ratio", "since_slide"}
+    per_vehicle |= {"speed_variance", "covariance", "mass_variance"}
+    arrays = {name: np.zeros(n if name in per_vehicle else (n, axles)) for name in Estimate._fields}
+    arrays["doubtful"] = np.zeros(n, dtype=bool)
+    arrays["commands"] = np.zeros((n, round(vehicle.brake.dead_time_s / interval) + 1, axles))
+    return Estimate(**arrays)
+
+
+@inlined
+def begin(i: int, wheel_speed: np.ndarray, e: Estimate, c: EstimatorConstants) -> None:
+    """Begin a new stop of vehicle i, rolling with empty cylinders, from the measured wheel speeds (N, A) [rad/s]."""
+    fastest = 0.0
+    for k in range(wheel_speed.shape[1]):
+        e.wheel[i, k] = c.radius * wheel_speed[i, k]
+        fastest = max(fastest, e.wheel[i, k])
+        e.pressure[i, k] = e.pressure_to_come[i, k] = 0.0
+        e.adhesion[i, k] = e.usual_adhesion[i, k] = 0.0
+        e.rolling_adhesion[i, k] = ROLLING_ADHESION
+        e.rolling_time[i, k] = e.ahead[i, k] = 0.0
+        for age in range(e.commands.shape[1]):
+            e.commands[i, age, k] = 1.0
+    e.speed[i], e.uncertainty[i], e.doubtful[i] = fastest, START_DEVIATION_MPS, False
+    e.distributor[i] = e.demand[i] = 0.0
+    e.mass_ratio[i], e.since_slide[i] = 1.0, math.inf
+    e.speed_variance[i], e.covariance[i], e.mass_variance[i] = START_DEVIATION_MPS**2, 0.0, MASS_DEVIATION**2
+
+
+@inlined
+def update(
+    i: int, wheel_speed: np.ndarray, command: np.ndarray, demand: float, measured: np.ndarray,
+    e: Estimate, c: EstimatorConstants,
+) -> None:  # fmt: skip
+    """Go on by one interval with vehicle i.
+
+    Parameters
+    ----------
+    wheel_speed : (N, A) measured at the end of the interval [rad/s]
+    command : (N, A) given at its start: vent -1, hold 0, apply 1; or the pressure -1 to 1
+    demand : share of full pressure
+    measured : (N, A) pressures of sensors [bar]; (0, 0): they are estimated
+
+    """
+    axles = wheel_speed.shape[1]
+    e.demand[i] = demand
+    e.distributor[i] = min(max(demand, e.distributor[i] - c.rise), e.distributor[i] + c.rise)
+    slowed, fastest = 0.0, 0.0
+    for k in range(axles):
+        before = e.pressure[i, k]
+        _follow_brake(i, k, command[i, k], measured, e, c)
+        wheel = c.radius * wheel_speed[i, k]
+        impulse = c.full_force * 0.5 * (before + e.pressure[i, k]) * c.interval  # of the brake
+        impulse += c.rotating * (wheel - e.wheel[i, k])
+        e.wheel[i, k] = wheel
+        fastest = max(fastest, wheel)
+        used = impulse / (c.axle_weight * c.interval)
+        e.adhesion[i, k] += c.smooth * (used - e.adhesion[i, k])
+        slowed += impulse
+        below = e.rolling_adhesion[i, k]
+        rolls = c.full_brake * e.pressure[i, k] < below and used < below
+        e.rolling_time[i, k] = e.rolling_time[i, k] + c.interval if rolls else 0.0
+        e.usual_adhesion[i, k] += c.usual * (e.adhesion[i, k] - e.usual_adhesion[i, k])
+        e.rolling_adhesion[i, k] = max(ROLLING_ADHESION, ROLLING_SHARE * e.usual_adhesion[i, k])
+    _predict(i, slowed / c.mass, e, c)
+    for k in range(axles):
+        if e.rolling_time[i, k] >= ROLLING_S:
+            _correct(i, e.wheel[i, k] + ROLLING_CREEP_MPS, ROLLING_DEVIATION_MPS, e)
+    if e.since_slide[i] == math.inf:
+        _correct(i, fastest + ROLLING_CREEP_MPS, BRAKED_DEVIATION_MPS, e)
+    _raise(i, e, c)
+    speed = max(e.speed[i], 0.0)
+    slides = False
+    for k in range(axles):
+        slides = slides or -e.ahead[i, k] > SLIDING_CREEPAGE_SEEN * speed
+    doubt = math.sqrt(e.speed_variance[i])
+    doubtful = doubt > DOUBTFUL_MPS or (e.doubtful[i] and doubt > CERTAIN_MPS)
+    e.speed[i], e.uncertainty[i] = speed, doubt
+    e.since_slide[i] = 0.0 if slides else e.since_slide[i] + c.interval
+    e.doubtful[i] = doubtful and speed > SLOW_MPS and e.since_slide[i] < SLIDE_REMEMBERED_S
+
+
+@inlined
+def _follow_brake(i: int, k: int, command: float, measured: np.ndarray, e: Estimate, c: EstimatorConstants) -> None:
+    """Take the next command of axle k; its pressure now, and once all commands on their way have acted."""
+    last = e.commands.shape[1] - 1
+    for age in range(last, 0, -1):
+        e.commands[i, age, k] = e.commands[i, age - 1, k]
+    e.commands[i, 0, k] = command
+    if measured.size > 0:
+        e.pressure[i, k] = measured[i, k] / c.full_pressure
+    else:
+        e.pressure[i, k] = _after(e.pressure[i, k], e.commands[i, last, k], e.distributor[i], e.demand[i], c)
+    coming = e.pressure[i, k]
+    for age in range(last - 1, -1, -1):
+        coming = _after(coming, e.commands[i, age, k], e.distributor[i], e.demand[i], c)
+    e.pressure_to_come[i, k] = coming
+
+
+@inlined
+def _after(pressure: float, acts: float, distributor: float, demand: float, c: EstimatorConstants) -> float:
+    """Pressure after an interval under a command that acts; all shares of full pressure."""
+    held = 0.0 if acts < -0.5 else pressure
+    target = distributor if acts > 0.5 else held
+    if c.by_pressure:
+        target = min(0.5 * (acts + 1.0) * demand, distributor)
+    return pressure + (c.fill if target > pressure else c.vent) * (target - pressure)
+
+
+@inlined
+def _predict(i: int, slowed: float, e: Estimate, c: EstimatorConstants) -> None:
+    """Slow the vehicle by q times what the nominal mass would lose [m/s]."""
+    e.speed[i] -= e.mass_ratio[i] * slowed
+    e.speed_variance[i] = (
+        e.speed_variance[i]
+        - 2.0 * slowed * e.covariance[i]
+        + slowed * slowed * e.mass_variance[i]
+        + SPEED_DRIFT * SPEED_DRIFT * c.interval
+    )
+    e.covariance[i] -= slowed * e.mass_variance[i]
+    e.mass_variance[i] += MASS_DRIFT * MASS_DRIFT * c.interval
+
+
+@inlined
+def _correct(i: int, seen: float, deviation: float, e: Estimate) -> None:
+    """Take a speed that was seen, with its standard deviation, both [m/s], for the running speed."""
+    share = 1.0 / (e.speed_variance[i] + deviation * deviation)
+    gain_v, gain_q = e.speed_variance[i] * share, e.covariance[i] * share
+    missing = seen - e.speed[i]
+    e.speed[i] += gain_v * missing
+    e.mass_ratio[i] = min(max(e.mass_ratio[i] + gain_q * missing, MASS_RANGE[0]), MASS_RANGE[1])
+    e.mass_variance[i] -= gain_q * e.covariance[i]
+    e.covariance[i] -= gain_v * e.covariance[i]
+    e.speed_variance[i] -= gain_v * e.speed_variance[i]
+
+
+@inlined
+def _raise(i: int, e: Estimate, c: EstimatorConstants) -> None:
+    """Follow the fastest of the wheels where it runs ahead; it may slide: nothing becomes more certain."""
+    fastest = -math.inf
+    for k in range(e.wheel.shape[1]):
+        e.ahead[i, k] += c.lift * (e.wheel[i, k] - e.speed[i] - e.ahead[i, k])
+        fastest = max(fastest, e.ahead[i, k])
+    if fastest > FASTER_MPS:
+        e.speed[i] += fastest
+        for k in range(e.wheel.shape[1]):
+            e.ahead[i, k] -= fastest
+        gain_q = e.covariance[i] / max(e.speed_variance[i], 1e-9)
+        e.mass_ratio[i] = min(max(e.mass_ratio[i] + gain_q * fastest, MASS_RANGE[0]), MASS_RANGE[1])

@@ -1,0 +1,98 @@
+"""The vehicle as campaign.toml and model.json describe it, and the one that the plant brakes with in its place."""
+
+import dataclasses
+
+from wsp_env.parameters.contact import ContactParameters
+from wsp_env.parameters.quantity import Checked, ParameterError, quantity, shown
+from wsp_env.parameters.uic_z1 import usual_positions
+from wsp_env.parameters.vehicle import MOST_AXLES, Brake, Vehicle, usual_bodies
+
+_SOURCE = "the campaign"
+
+
+@dataclasses.dataclass(frozen=True)
+class CampaignVehicle(Checked):
+    """The vehicle as the test team believed it to be; every wheelset alike, the load shared equally."""
+
+    axles: int = quantity(4, "-", _SOURCE, 1, MOST_AXLES)
+    mass_kg: float = quantity(43000.0, "kg", _SOURCE, 0.0, 1e7, open_low=True)
+    wheelset_inertia_kgm2: float = quantity(160.0, "kg m2", _SOURCE, 0.0, 1e5, open_low=True)
+    wheel_radius_m: float = quantity(0.445, "m", _SOURCE, 0.05, 2.0)
+    gravity_mps2: float = quantity(9.81, "m/s2", _SOURCE, 9.0, 10.0)
+    axle_positions_m: tuple[float, ...] = quantity((), "m", _SOURCE, -1e4, 1e4)  # rising; made to start with 0
+    resistance_n: tuple[float, ...] = quantity((0.0, 0.0, 0.0), "N, N s/m, N s2/m2", _SOURCE, 0.0, 1e6)  # A + B v + C v2
+    # [Nm/bar] of a wheelset, for files with cylinder pressures but no torques; 0: the files have torques
+    torque_per_bar_nm: float = quantity(0.0, "N m/bar", _SOURCE, 0.0, 1e6)
+    brake_torque_source: str = "measured"  # or "cylinder pressure times the nominal gain": then itself a model
+
+    @property
+    def torque_is_measured(self) -> bool:
+        """Whether the brake torque was measured, not computed from the cylinder pressure."""
+        return self.brake_torque_source == "measured" and self.torque_per_bar_nm == 0.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges, and that tuples are as long as they must be; count the axles' positions from the leading one."""
+        super().__post_init__()
+        if not isinstance(self.axles, int):
+            raise ParameterError(f"axles = {shown(self.axles)} must be a whole number")
+        if self.axle_positions_m and len(self.axle_positions_m) != self.axles:
+            raise ParameterError(f"axle_positions_m has {len(self.axle_positions_m)} values for {self.axles} axles")
+        if list(self.axle_positions_m) != sorted(set(self.axle_positions_m)):
+            raise ParameterError(
+                f"axle_positions_m = {shown(list(self.axle_positions_m))} must rise from the leading axle to the last: "
+                "distances behind any point of the vehicle [m]"
+            )
+        object.__setattr__(self, "axle_positions_m", tuple(x - self.axle_positions_m[0] for x in self.axle_positions_m))
+        if len(self.resistance_n) != 3:
+            raise ParameterError(f"resistance_n must be the three numbers [A, B, C], got {list(self.resistance_n)}")
+        if self.brake_torque_source != "measured" and "pressure" not in str(self.brake_torque_source):
+            raise ParameterError(
+                f'brake_torque_source = {self.brake_torque_source!r} is unknown; valid: "measured", '
+                '"cylinder pressure times the nominal gain"'
+            )
+
+
+def plant_vehicle(
+    described: CampaignVehicle,
+    contact: ContactParameters,
+    name: str,
+    base: Vehicle | None = None,
+    mass_kg: float | None = None,
+    payload_kg: float | None = None,
+    brake: Brake | None = None,
+) -> Vehicle:
+    """Return a described vehicle as the plant takes it.
+
+    Parameters
+    ----------
+    described : masses, wheels, resistances; axle positions where they are given
+    contact : of its wheels
+    name : what it is called
+    base : gives what is not described: valve times, sensors, payload, which axles form a bogie. None: the coach's, with as
+        many axles as needed (`usual_bodies`). `ParameterError` for one with another number of axles than described
+    mass_kg, payload_kg, brake : in place of the described mass, and of the base's payload and brake
+
+    """
+    axles = described.axles
+    if base is None:
+        base = Vehicle(name, axle_positions_m=usual_positions(usual_bodies(axles)))
+    elif base.axles != axles:
+        raise ParameterError(
+            f"{name} is of a vehicle with {axles} axles, the {base.name} has {base.axles}: give a vehicle of {axles} axles"
+        )
+    a, b, c = described.resistance_n
+    return dataclasses.replace(
+        base,
+        name=name,
+        axle_positions_m=described.axle_positions_m or base.axle_positions_m,
+        mass_kg=described.mass_kg if mass_kg is None else mass_kg,
+        payload_kg=base.payload_kg if payload_kg is None else payload_kg,
+        wheelset_inertia_kgm2=described.wheelset_inertia_kgm2,
+        wheel_radius_m=described.wheel_radius_m,
+        gravity_mps2=described.gravity_mps2,
+        resistance_a_n=a,
+        resistance_b_ns_per_m=b,
+        resistance_c_ns2_per_m2=c,
+        contact=contact,
+        brake=brake or base.brake,
+    )

@@ -1,0 +1,142 @@
+"""Pneumatic brake: distributor of the vehicle, and on each axle a dump valve with dead time, a cylinder and discs.
+
+This is where a command becomes a cylinder pressure and a torque. A valve applies (+1: the cylinder fills towards the
+distributor's pressure), holds (0) or vents (-1); with pressure control a command is the wanted share of the demanded pressure.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from wsp_env.compiled import inlined
+from wsp_env.parameters.vehicle import Brake
+from wsp_env.plant.command import APPLIES, VENTS
+
+#: Pressure of one normal atmosphere [bar]: a normal litre is a litre of air at this pressure.
+ATMOSPHERE_BAR = 1.01325
+
+
+class BrakeConstants(NamedTuple):
+    """The brake as compiled code takes it."""
+
+    full_pressure: float  # [bar]
+    torque_per_bar: float  # per axle [N m/bar]
+    demand_rise: float  # rate of the distributor [bar/s]
+    fill_time: float  # time constant [s]
+    vent_time: float  # time constant [s]
+    air_per_bar: float  # air let in per rise of the cylinder pressure [Nl/bar]
+    dead_steps: int  # whole control intervals of the valves' dead time
+    dead_rest: float  # what is left of it [s]
+    pressure_control: bool  # commands are shares of the demanded pressure, 0 to 1, instead of valve commands
+
+
+class BrakeState(NamedTuple):
+    """The brakes of N vehicles with A axles."""
+
+    distributor: np.ndarray  # (N,) pressure that the distributor gives [bar]
+    pressure: np.ndarray  # (N, A) in the cylinders [bar]
+    commands: np.ndarray  # (N, K, A) commands on their way to the valves, newest first
+    air: np.ndarray  # (N, A) let into the cylinders [Nl]
+
+
+def constants(brake: Brake, control_interval_s: float, pressure_control: bool) -> BrakeConstants:
+    """Return a brake as compiled code takes it."""
+    dead_steps = math.floor(brake.dead_time_s / control_interval_s + 1e-9)
+    return BrakeConstants(
+        full_pressure=brake.full_pressure_bar,
+        torque_per_bar=brake.torque_per_bar_nm,
+        demand_rise=brake.full_pressure_bar / brake.demand_rise_s,
+        fill_time=brake.fill_time_constant_s,
+        vent_time=brake.vent_time_constant_s,
+        air_per_bar=brake.cylinder_volume_l / ATMOSPHERE_BAR,
+        dead_steps=dead_steps,
+        dead_rest=max(brake.dead_time_s - dead_steps * control_interval_s, 0.0),
+        pressure_control=pressure_control,
+    )
+
+
+def allocate(n: int, axles: int, b: BrakeConstants) -> BrakeState:
+    """Return the brakes of n vehicles, cylinders empty, valves applying."""
+    return BrakeState(np.zeros(n), np.zeros((n, axles)), np.ones((n, b.dead_steps + 2, axles)), np.zeros((n, axles)))
+
+
+def release(i: int, state: BrakeState) -> None:
+    """Put the brake of vehicle i as it is before a stop: released, valves open to the distributor."""
+    for array in state:
+        array[i] = 0.0
+    state.commands[i] = APPLIES
+
+
+@inlined
+def receive(i: int, command: np.ndarray, state: BrakeState) -> None:
+    """Send the commands (N, A) of vehicle i on their way to the valves."""
+    for k in range(command.shape[1]):
+        for age in range(state.commands.shape[1] - 1, 0, -1):
+            state.commands[i, age, k] = state.commands[i, age - 1, k]
+        state.commands[i, 0, k] = command[i, k]
+
+
+@inlined
+def distribute(i: int, demand: float, h: float, state: BrakeState, b: BrakeConstants) -> float:
+    """Let the distributor follow the demand, 0 to 1, for h [s]; return its mean pressure [bar]."""
+    aim, before = demand * b.full_pressure, state.distributor[i]
+    rise = b.demand_rise * h
+    after = min(max(aim, before - rise), before + rise)
+    state.distributor[i] = after
+    return 0.5 * (after + before)
+
+
+@inlined
+def _flow(h: float, pressure: float, command: float, offered: float, demanded: float, b: BrakeConstants) -> tuple[float, float]:
+    """Return the pressure after h [s] under one command, and its integral [bar s]; first order towards where air flows."""
+    if h <= 0.0:
+        return pressure, 0.0
+    if b.pressure_control:
+        target = min(command * demanded, offered)
+    elif command > 0.5 * APPLIES:
+        target = offered
+    elif command < 0.5 * VENTS:
+        target = 0.0
+    else:
+        return pressure, pressure * h
+    constant = b.fill_time if target > pressure else b.vent_time
+    decay = math.exp(-h / constant)
+    after = target + (pressure - target) * decay
+    return after, target * h + (pressure - target) * constant * (1.0 - decay)
+
+
+@inlined
+def fill(
+    i: int, k: int, elapsed: float, h: float, offered: float, demand: float, state: BrakeState, b: BrakeConstants
+) -> float:  # fmt: skip
+    """Let the valve of axle k act for the substep of h [s] that starts `elapsed` [s] into the control interval.
+
+    A command acts after the dead time, also in the middle of a substep; `offered` is the distributor's mean pressure [bar].
+    Returns the mean cylinder pressure [bar].
+    """
+    demanded = demand * b.full_pressure
+    early = min(max(b.dead_rest - elapsed, 0.0), h)
+    start = state.pressure[i, k]
+    middle, area = _flow(early, start, state.commands[i, b.dead_steps + 1, k], offered, demanded, b)
+    after, rest = _flow(h - early, middle, state.commands[i, b.dead_steps, k], offered, demanded, b)
+    state.air[i, k] += b.air_per_bar * max(after - start, 0.0)
+    state.pressure[i, k] = after
+    return (area + rest) / h
+
+
+@inlined
+def torque(pressure: float, factor: float, b: BrakeConstants) -> float:
+    """Torque of one axle [N m] at a cylinder pressure [bar], with the factor of the mechanisms on the brake [-]."""
+    return b.torque_per_bar * factor * pressure
+
+
+def pressure_to_come(state: BrakeState, b: BrakeConstants, interval_s: float) -> np.ndarray:
+    """Return the cylinder pressures (N, A) [bar] once the commands on their way have acted, in whole control intervals."""
+    pressure: np.ndarray = state.pressure.copy()
+    for age in range(b.dead_steps - 1, -1, -1):
+        command = state.commands[:, age]
+        target = np.where(command > 0.5 * APPLIES, state.distributor[:, None], 0.0)
+        moved = target + (pressure - target) * np.exp(-interval_s / np.where(target > pressure, b.fill_time, b.vent_time))
+        pressure = np.where(np.abs(command) > 0.5, moved, pressure)
+    return pressure

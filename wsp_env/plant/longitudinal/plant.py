@@ -1,0 +1,116 @@
+"""The longitudinal plant behind the port: owns the arrays, checks what comes in, calls the compiled step."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant import mechanisms as library
+from wsp_env.plant.components import brake, tachometer
+from wsp_env.plant.longitudinal.state import Constants, Physics, State, allocate, constants, physics
+from wsp_env.plant.longitudinal.step import ROWS, advance
+from wsp_env.plant.port import Choice, Conditions, Measurement, Plant, Setup, Stop, Truth, check_command, check_stop
+
+
+class LongitudinalPlant(Plant):
+    """N vehicles of one kind in longitudinal motion, each braking under its own conditions.
+
+    Parameters
+    ----------
+    vehicle : what brakes
+    n : number of vehicles in the batch
+    setup : clock, commands, physics, grid of the track
+
+    """
+
+    def __init__(self, vehicle: Vehicle, n: int = 1, setup: Setup | None = None) -> None:
+        if n < 1:
+            raise ParameterError(f"a batch of {n} vehicles is impossible: n must be at least 1")
+        self.vehicle = vehicle
+        self.n = n
+        self.setup = setup = setup or Setup()
+        self.constants: Constants = constants(vehicle, setup)
+        self.state: State = allocate(n, vehicle, self.constants)
+        self._mechanisms = library.make(setup.mechanisms)
+        own = physics(self._mechanisms, vehicle)
+        self._physics = Physics(*(np.tile(row, (n, 1)) for row in own))
+        axles = vehicle.axles
+        self.conditions = Conditions(
+            mu_cd=np.zeros(n),
+            tau=np.zeros(n),
+            mass=np.ones(n),
+            demand=np.zeros(n),
+            gradient=np.zeros(n),
+            noise=np.zeros(n),
+            key=np.zeros(n, dtype=np.uint64),
+            radius=np.ones((n, axles)),
+            profile=np.ones((n, setup.track_nodes)),
+            coverage=np.ones((n, setup.track_nodes)),
+        )
+        self.moving = np.zeros(n, dtype=bool)
+        self._work = np.empty((ROWS, axles))
+
+    def start(self, index: int, stop: Stop, mechanisms: Choice | None = None) -> None:
+        """Put vehicle `index` at the start of a stop, see `Plant.start`."""
+        check_stop(stop, self.vehicle)
+        own = self._mechanisms if mechanisms is None else library.make(mechanisms)
+        self._physics.mechanisms[index], self._physics.law[index] = physics(own, self.vehicle)
+        c, s = self.conditions, self.state
+        for array in (*s[: State._fields.index("brake")], *(array for memory in s.memory for array in memory)):
+            array[index] = 0.0
+        c.mu_cd[index] = stop.mu_cd
+        c.tau[index] = stop.tau
+        c.mass[index] = library.believed_to_true("mass", own, stop.mass)
+        c.demand[index] = stop.demand
+        c.gradient[index] = library.believed_to_true("gradient", own, stop.gradient)
+        c.noise[index] = stop.noise
+        c.key[index] = stop.key
+        c.radius[index] = library.believed_to_true("radii", own, stop.radius)
+        c.profile[index] = stop.profile
+        c.coverage[index] = stop.coverage
+        s.speed[index] = s.recorded_speed[index] = stop.initial_speed
+        s.wheel_speed[index] = stop.initial_speed / c.radius[index]
+        s.slip_speed[index] = s.speed[index] - c.radius[index] * s.wheel_speed[index]
+        brake.release(index, s.brake)
+        tachometer.begin(index, s.wheel_speed[index], s.tachometer)
+        self.moving[index] = True
+
+    def step(self, command: ArrayLike) -> None:
+        """Advance by one control interval under the commands (N, A), see `wsp_env.plant.command`.
+
+        `ValueError` for a wrong shape or a command that is not finite.
+        """
+        checked = check_command(command, self.n, self.vehicle.axles)
+        advance(checked, self.state, self.conditions, self._physics, self.constants, self.moving, self._work)
+
+    def reading(self) -> Measurement:
+        """Return what the sensors say now, cylinder pressures included; copies."""
+        s = self.state
+        return Measurement(s.time.copy(), s.tachometer.measured.copy(), self.conditions.demand.copy(), s.brake.pressure.copy())
+
+    def truth(self) -> Truth:
+        """Return what is; the arrays change with every step."""
+        s = self.state
+        return Truth(
+            s.time, s.position, s.speed, s.deceleration, s.wheel_speed, s.slip_speed, s.brake.pressure, s.brake.distributor,
+            s.adhesion, s.adhesion_d, s.adhesion_r, s.brake.air, s.contact_work, s.brake_work, s.resistance_work,
+        )  # fmt: skip
+
+    def preview(self) -> np.ndarray:
+        """Return the cylinder pressures (N, A) [bar] once the commands on their way have acted, in whole intervals."""
+        return brake.pressure_to_come(self.state.brake, self.constants.brake, self.setup.control_interval_s)
+
+    def set_state(self, index: int, wheel_speed_radps: np.ndarray, pressure_bar: np.ndarray) -> None:
+        """Let a stop that was just started begin with these wheel speeds and pressures (A,), the distributor filled."""
+        s = self.state
+        s.wheel_speed[index] = wheel_speed_radps
+        s.slip_speed[index] = s.speed[index] - self.conditions.radius[index] * s.wheel_speed[index]
+        s.brake.pressure[index] = pressure_bar
+        s.brake.distributor[index] = self.vehicle.brake.full_pressure_bar
+
+    @property
+    def kinetic_energy(self) -> np.ndarray:
+        """Kinetic energy of each vehicle with its wheelsets (N,) [J]."""
+        wheels = 0.5 * self.vehicle.wheelset_inertia_kgm2 * np.sum(self.state.wheel_speed**2, axis=1)
+        energy: np.ndarray = 0.5 * self.conditions.mass * self.state.speed**2 + wheels
+        return energy

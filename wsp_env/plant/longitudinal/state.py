@@ -1,0 +1,111 @@
+"""The arrays the longitudinal plant works on: what moves (`State`), each stop's physics (`Physics`), what stays (`Constants`).
+
+N is the number of vehicles of the batch, A the number of axles.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant import mechanisms
+from wsp_env.plant.components import brake, tachometer
+from wsp_env.plant.components.rail import RailConstants
+from wsp_env.plant.mechanisms import Derived, Mechanisms, Memory
+from wsp_env.plant.port import Setup
+
+#: Longest substep [s]. experiments/convergence.py: at 10 ms every stopping distance lies within 0.001 % of the converged one
+#: and the heat in the contacts within 0.3 %; with every mechanism on at once, of first order, distances within 0.15 %.
+SUBSTEP_S = 0.01
+
+
+class State(NamedTuple):
+    """Everything that changes in a step; float64 arrays of shape (N,) or (N, A), and the states of the components."""
+
+    time: np.ndarray  # [s]
+    position: np.ndarray  # of the leading axle along the track [m]
+    speed: np.ndarray  # [m/s]
+    deceleration: np.ndarray  # at the start of the last substep [m/s2]
+    wheel_speed: np.ndarray  # (N, A) [rad/s]
+    slip_speed: np.ndarray  # (N, A) v - r w [m/s]
+    recorded_speed: np.ndarray  # (N,) of the vehicle, as its own recorder has it, see clock_offset [m/s]
+    adhesion: np.ndarray  # (N, A) f = T / N [-], signed as the slip
+    adhesion_d: np.ndarray  # (N, A) its limit without recovery [-]
+    adhesion_r: np.ndarray  # (N, A) its limit after full recovery [-]
+    brake_work: np.ndarray  # (N,) heat in discs and pads [J]
+    contact_work: np.ndarray  # (N, A) heat in both contacts of the wheelset [J]
+    resistance_work: np.ndarray  # (N,) against running resistance and gradient [J]
+    brake: brake.BrakeState
+    tachometer: tachometer.TachometerState
+    memory: Memory  # of the mechanisms
+
+
+class Physics(NamedTuple):
+    """The physics of each stop, which may be its own."""
+
+    mechanisms: np.ndarray  # (N, mechanisms.ROW) parameters of all mechanisms
+    law: np.ndarray  # (N, fields) the traction law with the mechanisms that change it
+
+
+class Constants(NamedTuple):
+    """What is the same in every stop of a batch, as the compiled step takes it."""
+
+    law: Any  # the believed traction law: the type that the rows of `Physics.law` are read as
+    derived: Derived  # what mechanisms derive from the vehicle
+    brake: brake.BrakeConstants
+    tachometer: tachometer.TachometerConstants
+    rail: RailConstants
+    axle_offset: np.ndarray  # (A,) behind the leading axle [m]; no tuple: one compilation for any number of axles
+    inertia: float  # of a wheelset [kg m2]
+    gravity: float  # [m/s2]
+    resistance_a: float  # [N]
+    resistance_b: float  # [N s/m]
+    resistance_c: float  # [N s2/m2]
+    substeps: int  # per control interval
+    substep: float  # [s]
+
+
+def constants(vehicle: Vehicle, setup: Setup) -> Constants:
+    """Return the compiled step's constants of a vehicle."""
+    interval = setup.control_interval_s
+    substeps = math.ceil(interval / (setup.substep_s or SUBSTEP_S) - 1e-9)
+    return Constants(
+        law=vehicle.contact.law,
+        derived=mechanisms.derive(vehicle),
+        brake=brake.constants(vehicle.brake, interval, setup.pressure_control),
+        tachometer=tachometer.constants(vehicle.tachometer),
+        rail=RailConstants(setup.track_step_m),
+        axle_offset=np.array(vehicle.axle_positions_m),
+        inertia=vehicle.wheelset_inertia_kgm2,
+        gravity=vehicle.gravity_mps2,
+        resistance_a=vehicle.resistance_a_n,
+        resistance_b=vehicle.resistance_b_ns_per_m,
+        resistance_c=vehicle.resistance_c_ns2_per_m2,
+        substeps=substeps,
+        substep=interval / substeps,
+    )
+
+
+def allocate(n: int, vehicle: Vehicle, p: Constants) -> State:
+    """Return the state of n vehicles at rest with empty cylinders."""
+    axles = vehicle.axles
+    per_vehicle = {"time", "position", "speed", "deceleration", "recorded_speed", "brake_work", "resistance_work"}
+    names = [name for name in State._fields if name not in ("brake", "tachometer", "memory")]
+    return State(
+        **{name: np.zeros((n,) if name in per_vehicle else (n, axles)) for name in names},
+        brake=brake.allocate(n, axles, p.brake),
+        tachometer=tachometer.allocate(n, axles),
+        memory=mechanisms.remember(n, vehicle.axle_positions_m),
+    )
+
+
+def physics(m: Mechanisms, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+    """Return a row of `Physics`: all mechanisms' parameters, and the law with those that change it.
+
+    `ParameterError` for a mechanism on an axle that the vehicle does not have, or that the vehicle's traction law has no place
+    for.
+    """
+    mechanisms.check_axles(m, vehicle.axles)
+    law = mechanisms.believed_to_true("law", m, vehicle.contact.law)
+    return mechanisms.row(m), np.array(law, dtype=np.float64)

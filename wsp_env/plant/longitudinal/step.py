@@ -1,0 +1,296 @@
+"""One control interval of a braked vehicle: the compiled step of the plant.
+
+Equations, per wheelset k with both wheels alike (signs positive in braking; seed paper eqs. 1, 2 and 11):
+
+    J dw_k/dt = r_k T_k - C_k,   T_k = 2 N_k f(s_k, v),   s_k = v - r_k w_k
+    M dv/dt   = -sum T_k - R(v) - M g i
+
+The wheel equation is stiff at low speed (time constant about 2e-4 s per m/s) and set-valued when the wheel locks. Each
+substep integrates it for the slip by the exponential Rosenbrock-Euler method, of second order, with the law's exact
+derivatives: ds/dt = G + L (s - s_0) + H t gives s_1 = s_0 + h phi_1(h L) G + h^2 phi_2(h L) H (Hochbruck, Ostermann, Acta
+Numerica 19 (2010), section 2.4). A step that would cross s = 0 is taken anew from there, so that a wheel regaining grip
+lands in the steep part of the curve instead of jumping across it. The mean contact force of the substep follows from the
+wheel's own momentum and is what the vehicle feels: momentum is exact, and the works below balance to rounding until the
+vehicle stands.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wsp_env.compiled import inlined, loop
+from wsp_env.contact.port import law_at
+from wsp_env.contact.traction import Surface
+from wsp_env.plant.card import Passage
+from wsp_env.plant.components import brake, rail, tachometer
+from wsp_env.plant.longitudinal.state import Constants, Physics, State
+from wsp_env.plant.mechanisms import Active, mechanisms_at
+from wsp_env.plant.port import Conditions
+from wsp_env.plant.slots import (
+    after_contact,
+    after_passage,
+    contact,
+    recorded_speed,
+    resistance,
+    surface,
+    torque_factor,
+    wheel_load,
+)
+
+# Rows of the scratch array `work` (ROWS, A) that holds one substep of one vehicle.
+SLIP, FORCE, FORCE_BY_SLIP, FORCE_BY_SPEED, LOAD, MU_CD, LAYER, HELD, TORQUE, LOCKED, ROWS = range(11)
+
+
+class Stepping(NamedTuple):
+    """What the functions of a step work on."""
+
+    state: State
+    c: Conditions
+    p: Constants
+    law: Any  # the traction law of the vehicle at hand, with the mechanisms that change it
+    active: Active  # its mechanisms
+    work: np.ndarray  # (ROWS, A) scratch
+
+
+@inlined
+def _phi(z: float) -> tuple[float, float]:
+    """phi_1(z) = (e^z - 1) / z and phi_2(z) = (phi_1(z) - 1) / z, by series where they would cancel."""
+    if abs(z) < 1e-3:
+        return 1.0 + z * (0.5 + z / 6.0), 0.5 + z * (1.0 / 6.0 + z / 24.0)
+    phi_1 = (math.exp(z) - 1.0) / z
+    return phi_1, (phi_1 - 1.0) / z
+
+
+@inlined
+def _believed_resistance(i: int, speed: float, c: Conditions, p: Constants) -> float:
+    """Return running resistance and gradient [N]."""
+    return p.resistance_a + speed * (p.resistance_b + speed * p.resistance_c) + c.mass[i] * p.gravity * c.gradient[i]
+
+
+@inlined
+def _start(i: int, on_step: Stepping) -> float:
+    """Evaluate the contacts at the start of a substep into `work`; return the vehicle's deceleration [m/s2]."""
+    state, c, p, law, active, work = on_step
+    speed = state.speed[i]
+    mass = c.mass[i]
+    total = resistance(i, speed, _believed_resistance(i, speed, c, p), active)
+    static = mass * p.gravity / (2.0 * len(p.axle_offset))
+    rolled = speed * p.substep
+    for k in range(state.wheel_speed.shape[1]):
+        place = state.position[i] - p.axle_offset[k]
+        load = wheel_load(k, mass, state.deceleration[i], static, active)
+        mu_cd, layer = rail.look(i, place, c, p.rail)
+        on = surface(i, k, place, rolled, mu_cd, layer, law.mu_cr, active)
+        slip = speed - c.radius[i, k] * state.wheel_speed[i, k]
+        adhesion = contact(slip, speed, load, on, c.tau[i], law, active)
+        after_contact(active, i, k, rolled, adhesion.kept)
+        sign = 1.0 if slip >= 0.0 else -1.0
+        state.adhesion[i, k] = sign * adhesion.f
+        state.adhesion_d[i, k] = sign * adhesion.f_d
+        state.adhesion_r[i, k] = sign * adhesion.f_r
+        work[SLIP, k] = slip
+        work[FORCE, k] = 2.0 * load * sign * adhesion.f  # T [N]
+        work[FORCE_BY_SLIP, k] = 2.0 * load * adhesion.df_ds  # [N s/m]
+        work[FORCE_BY_SPEED, k] = 2.0 * load * sign * adhesion.df_dv  # [N s/m]
+        work[LOAD, k] = load
+        work[MU_CD, k] = on.mu_cd
+        work[LAYER, k] = on.layer
+        work[HELD, k] = on.held
+        total += work[FORCE, k]
+    return total / mass
+
+
+@inlined
+def _growth(force: float, torque: float, deceleration: float, radius: float, inertia: float) -> float:
+    """Rate of the slip speed [m/s2]."""
+    return -deceleration - radius * (radius * force - torque) / inertia
+
+
+@inlined
+def _drift(slope_v: float, torque_rate: float, deceleration: float, jerk: float, radius: float, inertia: float) -> float:
+    """Rate of that rate at a constant slip speed [m/s3]."""
+    return -jerk + radius * (radius * slope_v * deceleration + torque_rate) / inertia
+
+
+@inlined
+def _slip_after(h: float, slip: float, growth: float, rate: float, drift: float) -> float:
+    """Slip speed [m/s] after h [s] of the exponential Rosenbrock-Euler step; `rate` is L [1/s], see the module."""
+    phi_1, phi_2 = _phi(h * rate)
+    return slip + h * (phi_1 * growth + h * phi_2 * drift)
+
+
+@inlined
+def _slip(i: int, k: int, start_torque: float, deceleration: float, jerk: float, on_step: Stepping) -> float:
+    """Slip speed [m/s] of a turning wheelset after the substep."""
+    state, c, p, law, active, work = on_step
+    h = p.substep
+    radius = c.radius[i, k]
+    slip = work[SLIP, k]
+    torque_rate = 2.0 * (work[TORQUE, k] - start_torque) / h  # a linear torque with the same mean
+    growth = _growth(work[FORCE, k], start_torque, deceleration, radius, p.inertia)
+    drift = _drift(work[FORCE_BY_SPEED, k], torque_rate, deceleration, jerk, radius, p.inertia)
+    after = _slip_after(h, slip, growth, -radius * radius * work[FORCE_BY_SLIP, k] / p.inertia, drift)
+    if slip * after >= 0.0:
+        return after
+    used = h * slip / (slip - after)
+    speed = state.speed[i] - deceleration * used
+    on = Surface(work[MU_CD, k], law.mu_cr, work[LAYER, k], work[HELD, k])
+    rolling = contact(0.0, speed, work[LOAD, k], on, c.tau[i], law, active)
+    slope = 2.0 * work[LOAD, k] * rolling.df_ds
+    torque = start_torque + torque_rate * used
+    growth = _growth(0.0, torque, deceleration, radius, p.inertia)
+    drift = _drift(0.0, torque_rate, deceleration, jerk, radius, p.inertia)
+    return _slip_after(h - used, 0.0, growth, -radius * radius * slope / p.inertia, drift)
+
+
+@inlined
+def _solve_speed(i: int, resisted: float, on_step: Stepping) -> float:
+    """Vehicle speed [m/s] after the substep: its momentum balance, linear in the speed once the slips are known.
+
+    A turning wheelset gives T = (J dw / h + C) / r with w = (v - s) / r at the end, a locked one its contact force.
+    """
+    state, c, p, _, _, work = on_step
+    h, inertia = p.substep, p.inertia
+    momentum = c.mass[i] * state.speed[i] - h * resisted
+    mass = c.mass[i]
+    for k in range(state.wheel_speed.shape[1]):
+        if work[LOCKED, k] > 0.0:
+            momentum -= h * work[FORCE, k]
+        else:
+            radius = c.radius[i, k]
+            momentum += (inertia * (work[SLIP, k] / radius + state.wheel_speed[i, k]) - h * work[TORQUE, k]) / radius
+            mass += inertia / (radius * radius)
+    return momentum / mass
+
+
+@inlined
+def _brake(i: int, elapsed: float, deceleration: float, jerk: float, on_step: Stepping) -> None:
+    """Let valves, cylinders and discs act on every wheelset for a substep; note torques and new slips in `work`."""
+    state, c, p, _, active, work = on_step
+    h = p.substep
+    offered = brake.distribute(i, c.demand[i], h, state.brake, p.brake)
+    for k in range(state.wheel_speed.shape[1]):
+        start = state.brake.pressure[i, k]
+        mean = brake.fill(i, k, elapsed, h, offered, c.demand[i], state.brake, p.brake)
+        wheel_mps = c.radius[i, k] * state.wheel_speed[i, k]
+        factor = torque_factor(active, i, k, wheel_mps, start)
+        start = brake.torque(start, factor, p.brake)
+        work[TORQUE, k] = brake.torque(mean, factor, p.brake)
+        # A locked wheel stays so while the contact cannot turn it; its torque is a reaction.
+        work[LOCKED, k] = 1.0 if state.wheel_speed[i, k] == 0.0 and c.radius[i, k] * work[FORCE, k] <= start else 0.0
+        if work[LOCKED, k] > 0.0:
+            # The mean over the substep; next to standstill, where the force falls to nothing with the speed, half of it.
+            work[FORCE, k] = max(
+                work[FORCE, k] - 0.5 * h * deceleration * (work[FORCE_BY_SLIP, k] + work[FORCE_BY_SPEED, k]),
+                0.5 * work[FORCE, k],
+            )
+        else:
+            work[SLIP, k] = _slip(i, k, start, deceleration, jerk, on_step)
+
+
+@inlined
+def _move(i: int, h: float, after: float, on_step: Stepping) -> None:
+    """Move vehicle and wheelsets to the end of a substep of h [s], at which the vehicle runs with `after` [m/s]."""
+    state, c, p, _, active, work = on_step
+    travelled = 0.5 * h * (state.speed[i] + after)
+    rolled = state.position[i]
+    for k in range(state.wheel_speed.shape[1]):
+        before = state.wheel_speed[i, k]
+        radius = c.radius[i, k]
+        wheel, force, torque = 0.0, work[FORCE, k], work[TORQUE, k]
+        if work[LOCKED, k] > 0.0:
+            torque = radius * force + p.inertia * before / p.substep
+        else:
+            wheel = max(after - work[SLIP, k], 0.0) / radius
+            force = (p.inertia * (wheel - before) / h + torque) / radius
+        turned = 0.5 * h * (before + wheel)
+        spent = force * (travelled - radius * turned)
+        state.contact_work[i, k] += spent
+        state.brake_work[i] += torque * turned
+        place = rolled - p.axle_offset[k]
+        passage = Passage(
+            place, place + travelled, 0.5 * spent, torque * turned, h,
+            brake.torque(state.brake.pressure[i, k], 1.0, p.brake), brake.torque(p.brake.full_pressure, 1.0, p.brake),
+        )  # fmt: skip
+        after_passage(active, i, k, passage)
+        state.wheel_speed[i, k] = wheel
+        state.tachometer.angle[i, k] += turned
+    state.speed[i] = after
+    state.position[i] = rolled + travelled
+
+
+@inlined
+def _substep(i: int, elapsed: float, on_step: Stepping) -> bool:
+    """Advance vehicle i by one substep that starts `elapsed` [s] into the control interval; True when it has stopped."""
+    state, c, p, _, active, work = on_step
+    h = p.substep
+    axles = state.wheel_speed.shape[1]
+    speed = state.speed[i]
+    last = state.deceleration[i]
+    deceleration = _start(i, on_step)
+    jerk = (deceleration - last) / h if state.time[i] > 0.0 else 0.0
+    middle = speed - 0.5 * h * deceleration
+    resisted = resistance(i, middle, _believed_resistance(i, middle, c, p), active)
+    _brake(i, elapsed, deceleration, jerk, on_step)
+    after = _solve_speed(i, resisted, on_step)
+    locks = False
+    for k in range(axles):
+        if (
+            work[LOCKED, k] == 0.0 and after <= work[SLIP, k]
+        ):  # locks within the substep: the brake takes up what the contact gives
+            work[LOCKED, k] = 1.0
+            locks = True
+    if locks:
+        after = _solve_speed(i, resisted, on_step)
+    stopped = after <= 0.0
+    if stopped:  # within the substep, wheels and vehicle together
+        h *= speed / (speed - after)
+        after = 0.0
+    state.resistance_work[i] += resisted * (0.5 * h * (speed + after))
+    _move(i, h, after, on_step)
+    state.deceleration[i] = deceleration
+    state.time[i] += h
+    return stopped
+
+
+@inlined
+def _read_sensors(i: int, state: State, c: Conditions, p: Constants, active: Active) -> None:
+    """Read the sensors of vehicle i at the end of a control interval."""
+    state.recorded_speed[i] = recorded_speed(active, state.speed[i], -state.deceleration[i])
+    axles = state.wheel_speed.shape[1]
+    now, interval = state.time[i], p.substep * p.substeps
+    step = round(now / interval)
+    for k in range(axles):
+        noise = c.noise[i] * tachometer.normal(c.key[i], step * axles + k) if c.noise[i] > 0.0 else 0.0
+        tachometer.read(i, k, state.wheel_speed[i, k], now, interval, noise, state.tachometer, p.tachometer, active)
+        state.slip_speed[i, k] = state.speed[i] - c.radius[i, k] * state.wheel_speed[i, k]
+
+
+@loop
+def advance(
+    command: np.ndarray, state: State, c: Conditions, physics: Physics, p: Constants, moving: np.ndarray, work: np.ndarray
+) -> None:
+    """Advance every vehicle that moves by one control interval.
+
+    Parameters
+    ----------
+    command : (N, A) see `wsp_env.plant.command`
+    state : changed in place
+    c, physics, p : conditions of the stops, their physics, and constants
+    moving : (N,) bool, changed in place: False once a vehicle stands; such a vehicle is left as it is
+    work : (ROWS, A) scratch
+
+    """
+    for i in range(command.shape[0]):
+        if not moving[i]:
+            continue
+        law = law_at(p.law, physics.law, i)
+        active = Active(mechanisms_at(physics.mechanisms, i), p.derived, state.memory)
+        on_step = Stepping(state, c, p, law, active, work)
+        brake.receive(i, command, state.brake)
+        for j in range(p.substeps):
+            if _substep(i, j * p.substep, on_step):
+                moving[i] = False
+                break
+        _read_sensors(i, state, c, p, active)
