@@ -1,6 +1,7 @@
 """What all tests share: no time limit for random tests, and kernels that are compiled once before the tests begin."""
 
 import gc
+from collections.abc import Iterator
 
 import gymnasium as gym
 import pytest
@@ -14,14 +15,20 @@ settings.register_profile("wsp", deadline=None)
 settings.load_profile("wsp")
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """Compile the plant for every vehicle before pytest-xdist starts its workers, each of which would do it by itself."""
+@pytest.hookimpl(wrapper=True)
+def pytest_sessionstart(session: pytest.Session) -> Iterator[None]:
+    """Compile the plant for every vehicle, which pytest-xdist's workers would do each by itself.
+
+    They are started first: they collect the tests meanwhile, and get none to run before this is done.
+    """
+    config = session.config
     starts_workers = config.getoption("numprocesses", None) and not hasattr(config, "workerinput")
-    if starts_workers and not config.option.collectonly:
-        for name in VEHICLES:
-            env = gym.make(f"wsp_env/{name.capitalize()}-v0")
-            env.reset(seed=0)
-            env.step(env.action_space.sample())
+    compiles = starts_workers and not config.option.collectonly
+    envs = [gym.make(f"wsp_env/{name.capitalize()}-v0") for name in VEHICLES] if compiles else []
+    yield
+    for env in envs:
+        env.reset(seed=0)
+        env.step(env.action_space.sample())
 
 
 @pytest.fixture(scope="module", autouse=True)

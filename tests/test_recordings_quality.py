@@ -385,6 +385,20 @@ def test_damaged_binary_files_give_one_clear_error_or_a_recording(tmp_path_facto
         assert np.isfinite(run.wheel_speed_radps).all()
 
 
+def test_an_mdf_file_whose_records_are_larger_than_itself_is_refused_at_once(tmp_path, columns):
+    """By the count of invalidation bytes, which takes seconds and gigabytes to read."""
+    write_campaign(tmp_path, {}, tune=["A1"])
+    with (tmp_path / "campaign.toml").open("a") as toml:
+        toml.write('[runs.A1]\nfile = "A1.mf4"\n')
+    content = bytearray(_binary(tmp_path / "A1.mf4", columns))
+    count = content.index(b"##CG") + 100  # ASAM MDF 4.1, block CG: header, six links, and five fields before it
+    content[count : count + 4] = (3_355_443_200).to_bytes(4, "little")
+    (tmp_path / "A1.mf4").write_bytes(bytes(content))
+    run, refused = outcome(tmp_path)
+    assert run is None
+    assert "A1.mf4 is damaged or not an MDF4 file: it cannot hold a record of 3355443280 bytes" in refused
+
+
 @pytest.mark.parametrize("function", ["read_parquet", "read_parquet_schema"])
 def test_a_panic_of_the_parquet_reader_is_one_clear_error(tmp_path, columns, monkeypatch, function):
     """Polars panics at about one of a thousand damaged files, with what is no `Exception`."""

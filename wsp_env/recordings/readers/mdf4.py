@@ -9,6 +9,8 @@ from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.readers.channel_file import ChannelFile, Samples
 from wsp_env.recordings.readers.third_party import extra, one_sentence, vector
 
+_DEFLATE_RATIO = 1032  # [-] the most that deflate, by which MDF4 compresses, can save (zlib's own documentation)
+
 
 class Mdf(ChannelFile):
     """An MDF file of version 4; every channel brings its own clock."""
@@ -20,6 +22,10 @@ class Mdf(ChannelFile):
         with one_sentence(file, "an MDF4 file"):
             logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # it logs what it then raises
             self._mdf = asammdf.MDF(file)
+            for group in self._mdf.groups:  # asammdf would take that much memory
+                record = group.channel_group.samples_byte_nr + group.channel_group.invalidation_bytes_nr
+                if record > _DEFLATE_RATIO * file.stat().st_size:
+                    raise ValueError(f"it cannot hold a record of {record} bytes")
             units = {}
             for name, entries in self._mdf.channels_db.items():
                 group, index = entries[0]
