@@ -37,7 +37,7 @@ Choice = dict[str, dict[str, float]]
 
 
 @dataclasses.dataclass(frozen=True)
-class Fit:
+class CurveFit:
     """A model fitted to points."""
 
     names: tuple[str, ...]  # mechanisms that are on
@@ -98,11 +98,11 @@ class CreepModel:
         self,
         names: Sequence[str],
         measured: np.ndarray,
-        start: Fit | None = None,
+        start: CurveFit | None = None,
         keep: np.ndarray | None = None,
         held: Mapping[str, float] | None = None,
-    ) -> Fit:
-        """Fit level and sizes to adhesion coefficients (n,) by least squares, the best of several starts.
+    ) -> CurveFit:
+        """CurveFit level and sizes to adhesion coefficients (n,) by least squares, the best of several starts.
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ class CreepModel:
 
         unknown = any((name, p.name) not in known for name, p in parameters)
         fits = [_least_squares(residual, one, box, unit, keep) for one in starts[: 1 + unknown]]
-        return Fit(tuple(names), *min(fits, key=lambda one: one[2]))
+        return CurveFit(tuple(names), *min(fits, key=lambda one: one[2]))
 
 
 def _records(choice: Choice) -> Mechanisms:
@@ -141,7 +141,7 @@ def _law(believed: DegradedLaw, m: Mechanisms) -> DegradedLaw:
     return fall.law(m.falling_friction, initial_slope.law(m.initial_slope, believed))
 
 
-def _by_name(model: CreepModel, fit: Fit) -> dict[tuple[str, str], float]:
+def _by_name(model: CreepModel, fit: CurveFit) -> dict[tuple[str, str], float]:
     keys = [(name, p.name) for name in fit.names for p in model.sizes(name)]
     return dict(zip(keys, map(float, fit.values[1:]), strict=True))
 

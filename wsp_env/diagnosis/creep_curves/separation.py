@@ -9,8 +9,8 @@ from scipy.stats import rankdata
 from wsp_env.contact.polach import falling_friction
 from wsp_env.diagnosis.answer import Estimate
 from wsp_env.diagnosis.creep_curves.answer import Inseparable
-from wsp_env.diagnosis.creep_curves.model import Fit
-from wsp_env.diagnosis.creep_curves.search import CreepSearch, Gains
+from wsp_env.diagnosis.creep_curves.model import CurveFit
+from wsp_env.diagnosis.creep_curves.search import CreepSearch, Reductions
 from wsp_env.plant.mechanisms import wheel_radius
 
 _CLOSE = 0.9  # correlation from which on two parameters count as not separated
@@ -19,7 +19,7 @@ _PROFILE = 25  # values tried of a parameter
 _RADII = np.linspace(-0.02, 0.02, 9)  # relative errors of the wheel radius tried: assumption, wear that was not measured
 
 
-def quantities(search: CreepSearch, fit: Fit) -> dict[str, float]:
+def quantities(search: CreepSearch, fit: CurveFit) -> dict[str, float]:
     """Return the sizes of a fit, "mechanism.parameter", and its kinetic friction."""
     keys = [f"{name}.{p.name}" for name in fit.names for p in search.model.sizes(name)]
     law = search.model.law(search.model.choice(fit.names, fit.values))
@@ -27,7 +27,7 @@ def quantities(search: CreepSearch, fit: Fit) -> dict[str, float]:
     return {"kinetic_friction": kinetic, **dict(zip(keys, map(float, fit.values[1:]), strict=True))}
 
 
-def _meaning(search: CreepSearch, fit: Fit) -> dict[str, tuple[float, str]]:
+def _meaning(search: CreepSearch, fit: CurveFit) -> dict[str, tuple[float, str]]:
     """Return what the fitted law means, by its name: value and unit."""
     model = search.model
     law = model.law(model.choice(fit.names, fit.values))
@@ -48,13 +48,13 @@ class Spread:
     recordings alone would be too sure where the best fit stands at a bound.
     """
 
-    def __init__(self, search: CreepSearch, fit: Fit, last: Gains) -> None:
+    def __init__(self, search: CreepSearch, fit: CurveFit, last: Reductions) -> None:
         self.search, self.fit, self.refits = search, fit, last.refits
         sizes = [(f"{name}.{p.name}", p) for name in fit.names for p in search.model.sizes(name)]
         self.bounds = {key: (p.low, p.high) for key, p in sizes}
         self.profiles = {key: self._profile(key, p.low, p.high) for key, p in sizes}
 
-    def _profile(self, key: str, low: float, high: float) -> list[tuple[float, Fit]]:
+    def _profile(self, key: str, low: float, high: float) -> list[tuple[float, CurveFit]]:
         """Values of a size that fit as well, rising, each with its fit."""
         search, fit = self.search, self.fit
         spaced = low + (high - low) * np.linspace(0.0, 1.0, _PROFILE) ** 2  # denser where sizes are small
@@ -65,7 +65,7 @@ class Spread:
                 kept.append((value, held))
         return kept
 
-    def interval(self, of: Callable[[Fit], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    def interval(self, of: Callable[[CurveFit], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Return the 90 % interval of what a fit says, element by element: the wider of both kinds."""
         low, high = np.quantile([of(one) for one in self.refits], (0.05, 0.95), axis=0)
         along = [of(self.fit), *(of(one) for profile in self.profiles.values() for _, one in profile)]
@@ -127,7 +127,7 @@ def _said(
     return Inseparable((key, *others), (low, high), ends, text)
 
 
-def radius_note(search: CreepSearch, fit: Fit) -> str:
+def radius_note(search: CreepSearch, fit: CurveFit) -> str:
     """Say what the initial slope would be if the wheel radius, and with it every creepage, were not as believed."""
     if "initial_slope" not in fit.names:
         return ""

@@ -7,7 +7,7 @@ import numpy as np
 
 from wsp_env.diagnosis.answer import Closure
 from wsp_env.diagnosis.creep_curves.answer import Inseparable, NamedOnCurve
-from wsp_env.diagnosis.creep_curves.model import CreepModel, Fit
+from wsp_env.diagnosis.creep_curves.model import CreepModel, CurveFit
 from wsp_env.diagnosis.creep_curves.search import CreepSearch
 from wsp_env.diagnosis.creep_curves.separation import radius_note
 from wsp_env.diagnosis.words import said
@@ -55,7 +55,7 @@ def next_test(verdict: str, named: Sequence[NamedOnCurve], open_parameters: Sequ
     return "; ".join(tests) or "the same curve at another speed and wheel load"
 
 
-def notes(search: CreepSearch, fit: Fit, closure: Closure | None, seen: Mapping[str, Any]) -> tuple[str, ...]:
+def notes(search: CreepSearch, fit: CurveFit, closure: Closure | None, seen: Mapping[str, Any]) -> tuple[str, ...]:
     """Return what else there is to say."""
     found = []
     if blind := [name for name in search.candidates if name not in fit.names and name not in seen]:
