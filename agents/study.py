@@ -24,27 +24,8 @@ from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.plant.port import Stop
 
-#: Each mechanism at a size that a railway may meet (assumptions, within the sources of its parameters).
-SIZES: dict[str, dict[str, float]] = {
-    "leading_axle_cleaning": {"removal_m_per_j": 5e-5},
-    "contaminant_memory": {"distance_m": 5.0},
-    "adhesion_patch": {"change": -0.4, "start_m": 200.0, "length_m": 150.0},
-    "speed_dependent_friction": {"share": 0.5},
-    "recovery_shape": {"exponent": 2.0},
-    "flash_temperature": {"fall_per_k": 1e-3},
-    "load_transfer": {"body_height_m": 1.6, "pivot_height_m": 0.6},
-    "pad_friction": {"per_speed_s_per_m": -0.005, "per_temperature_1_per_k": -5e-4},
-    "brake_gain_imbalance": {"gain": -0.15},
-    "track_gradient": {"rise": -0.01},
-    "aerodynamic_drag": {"c_ns2_per_m2": 4.0},
-    "vehicle_mass": {"extra": 0.15},
-    "non_adhesive_brake": {"force_n": 2000.0},
-    "initial_slope": {"factor": 0.5},
-    "falling_friction": {"decrease": 2.0},
-    "wheel_radius": {"change": -0.01},
-    "wheel_speed_lag": {"lag_s": 0.1},
-    "clock_offset": {"offset_s": 0.1},
-}
+#: Each mechanism at a size that a railway may meet, see `Card.study`; where a card says none, its typical values.
+SIZES: dict[str, dict[str, float]] = {name: dict(card.study) for name, card in ALL.items()}
 
 #: Stops at the edges of the training's ranges and outside: name -> what replaces a quantity of each drawn stop.
 OUTSIDE: dict[str, dict[str, float]] = {
@@ -58,8 +39,8 @@ OUTSIDE: dict[str, dict[str, float]] = {
     "tau 1e-3 m/J": {"tau": 1e-3},
 }
 
-#: What is told of each controller.
-_TOLD = ("distance_m", "mean_slip_mps", "slip_deviation_mps", "contact_energy_mj", "locked_s", "largest_creepage")
+#: What is reported of each controller.
+_REPORTED = ("distance_m", "mean_slip_mps", "slip_deviation_mps", "contact_energy_mj", "locked_s", "largest_creepage")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,7 +75,7 @@ def compare(controllers: Mapping[str, Controller], yardstick: Yardstick) -> list
         found = yardstick.figures(controller)
         first = found["distance_m"] if first is None else first
         ratio, half = interval(found["distance_m"] / first)
-        means = {figure: float(np.mean(found[figure])) for figure in _TOLD}
+        means = {figure: float(np.mean(found[figure])) for figure in _REPORTED}
         rows.append(
             {"controller": name, "ratio": ratio, "ratio_ci": half, "ran_on": float(np.mean(~found["stopped"])), **means}
         )
@@ -110,7 +91,7 @@ def table(results: Mapping[str, list[dict[str, Any]]]) -> str:
     for world, rows in results.items():
         for row in rows[1:]:
             cells = [f"{row['ratio']:.3f} ± {row['ratio_ci']:.3f}" + (" (some ran on)" if row["ran_on"] else "")]
-            cells += [f"{row[figure] / rows[0][figure]:.2f}" for figure in _TOLD[1:4]]
+            cells += [f"{row[figure] / rows[0][figure]:.2f}" for figure in _REPORTED[1:4]]
             cells += [f"{row['locked_s']:.1f}", f"{row['largest_creepage']:.2f}"]
             lines.append(f"| {world} | {row['controller']} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
@@ -118,7 +99,6 @@ def table(results: Mapping[str, list[dict[str, Any]]]) -> str:
 
 def study(arguments: Arguments) -> dict[str, list[dict[str, Any]]]:
     """Return the rows of every world; the rules come first in each."""
-    assert set(SIZES) == set(ALL)
     shipped = Path("agents/trained") / arguments.vehicle
     controllers: dict[str, Controller] = {"rules": RuleBasedWSP(best_at(shipped, arguments.price))}
     for folder in arguments.folders or (shipped,):

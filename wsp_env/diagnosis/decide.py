@@ -186,9 +186,8 @@ def _shadow(search: LibrarySearch, trial: Trial, better: Sequence[Trial]) -> boo
     """Whether little is left of a mechanism beside one that explains more but is too small to matter."""
     index = search.data.columns_of(trial.found.which)
     small = [search.data.columns_of(one.found.which) for one in better if one.multiple < LEAST_MULTIPLE]
-    return any(
-        search.solve(index, beside=columns).reduction <= _least(search, trial.found, trial.listed, ()) for columns in small
-    )
+    least = _least(search, trial.found, trial.listed, ())
+    return any(search.solve(index, beside=columns).reduction <= least for columns in small)
 
 
 def _least(search: LibrarySearch, one: Found, listed: Variant, accepted: Sequence[Accepted]) -> float:

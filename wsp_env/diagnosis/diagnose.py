@@ -178,10 +178,7 @@ def _answer(
         next_test=next_test(verdict, named, reasons, closure),
         closure=closure,
         evidence=tuple(_evidence(balances, model, outcome.first, one) for one in outcome.screened),
-        pairs=tuple(
-            Pair((a.name, b.name), net + null, null)
-            for net, null, a, b in outcome.first.pairs(outcome.screened)[:_PAIRS_REPORTED]
-        ),
+        pairs=tuple(Pair((a.name, b.name), net + null, null) for net, null, a, b in pairs[:_PAIRS_REPORTED]),
         confounding=_confounding(outcome.first, outcome.screened),
         model=model_json(balances, extended),
         residuals=residual_map(balances, model, extended, weights),

@@ -10,16 +10,14 @@ import numpy as np
 from wsp_env.diagnosis.answer import Closure, Estimate, Evidence, FitQuality, Location
 from wsp_env.diagnosis.creep_curves.answer import CreepDiagnosis, CrossValidation, NamedOnCurve, ShownCurve
 from wsp_env.diagnosis.creep_curves.model import CreepModel, CurveFit
-from wsp_env.diagnosis.creep_curves.search import CLOSURE, FOLDS, NULLS, RARE, CreepSearch, Reductions
+from wsp_env.diagnosis.creep_curves.search import CLOSURE, CLOSURE_KIND, FOLDS, NULLS, RARE, CreepSearch, Reductions
 from wsp_env.diagnosis.creep_curves.separation import Spread, correlations, estimates, inseparable
 from wsp_env.diagnosis.creep_curves.words import next_test, notes, sentence
 from wsp_env.recordings.creep_curves import CreepCurves
 
-_INDISTINCT, _SHARE_OF_GAIN = (
-    9.0,
-    0.1,
-)  # a name that reductions less by no more than this, or by no more than this share, is not told apart
-_FORM = 0.03  # error of a mechanism's form, as share of its gain: as on stops
+#: A name that explains less by no more than this, or by no more than this share, is not told apart.
+_INDISTINCT, _SHARE_OF_REDUCTION = 9.0, 0.1
+_FORM = 0.03  # error of a mechanism's form, as share of its reduction of chi-square: as on stops
 _PLACES = 12  # parts of a curve in which the baseline is compared with the points
 _SEEN = 3.0  # deviations from which on a part counts as missed
 _GRID = 120  # points of a drawn curve
@@ -35,7 +33,7 @@ def diagnose_creep_curves(
     data : see `wsp_env.recordings.creep_curves.read_creep_curves`
     effort : multiplies the number of null recordings
     seed : of the null recordings
-    progress : is told each step
+    progress : is called with each step
 
     """
     model = CreepModel(data)
@@ -66,7 +64,7 @@ def diagnose_creep_curves(
 
 
 def _accepted(search: CreepSearch, fit: CurveFit, last: Reductions) -> tuple[CurveFit, dict[str, Reductions], Reductions]:
-    """Drop what the others explain as well; returns all names' reductions over the model without each mechanism that is left."""
+    """Drop what the others explain as well; returns all names' reductions beside the model without each mechanism left."""
     against: dict[str, Reductions] = {}
     for name in fit.names:
         others = tuple(one for one in fit.names if one != name)
@@ -92,24 +90,30 @@ def _named(
     mine = _index(reductions, name)
     top = float(reductions.data[mine])
     rivals = {names[0]: float(g) for names, g in zip(reductions.names[:-1], reductions.data[:-1], strict=True)}
-    free = {one: min(gain, top) for one, gain in rivals.items() if one != name and one not in fit.names}
+    free = {one: min(its, top) for one, its in rivals.items() if one != name and one not in fit.names}
     near = sorted(
-        (one for one in free if free[one] >= top - max(_INDISTINCT, _SHARE_OF_GAIN * top)), key=lambda one: -free[one]
+        (one for one in free if free[one] >= top - max(_INDISTINCT, _SHARE_OF_REDUCTION * top)), key=lambda one: -free[one]
     )
     scale = max(2.0, _FORM * top)
-    belief = 1.0 / (1.0 + sum(float(np.exp((gain - top) / (2.0 * scale))) for gain in free.values()))
+    belief = 1.0 / (1.0 + sum(float(np.exp((its - top) / (2.0 * scale))) for its in free.values()))
     held_out = float(np.sum(search.held_out(reductions.current) ** 2) - np.sum(search.held_out(fit) ** 2)) / search.variance
     return NamedOnCurve(
-        name, belief * (1.0 - reductions.probability(mine)), (name, *near), parameters, search.multiple(fit, reductions.current), top,
-        float(reductions.null[:, mine].max()), held_out,
-    )  # fmt: skip
+        name,
+        belief * (1.0 - reductions.probability(mine)),
+        (name, *near),
+        parameters,
+        search.multiple(fit, reductions.current),
+        top,
+        float(reductions.null[:, mine].max()),
+        held_out,
+    )
 
 
 def _closure(search: CreepSearch, fit: CurveFit, last: Reductions) -> Closure | None:
-    """Return what a smooth function of creepage still reductions, if no null recording reductions as much."""
+    """Return what a smooth function of creepage still explains, if it explains as much of no null recording."""
     if last.probability(len(last.names) - 1) > RARE:
         return None
-    return Closure(CLOSURE, float(last.data[-1]), search.closure_held_out(fit))
+    return Closure(CLOSURE_KIND, CLOSURE, float(last.data[-1]), search.closure_held_out(fit))
 
 
 def _location(search: CreepSearch, fit: CurveFit, runs: Sequence[str]) -> tuple[Location, ...]:
@@ -177,7 +181,7 @@ def _rms(errors: np.ndarray) -> float:
 
 
 def _detectable(search: CreepSearch, fit: CurveFit, last: Reductions) -> dict[str, dict[str, float]]:
-    """Smallest change of a size, the others typical, whose gain over the model would have passed every null recording."""
+    """Smallest change of a size, the others typical, whose reduction beside the model would have passed all null recordings."""
     needed = float(last.null[:, :-1].max()) if last.null.shape[1] > 1 else 0.0
     found = {}
     for name in (one for one in search.candidates if one not in fit.names):
@@ -185,17 +189,17 @@ def _detectable(search: CreepSearch, fit: CurveFit, last: Reductions) -> dict[st
         bound = size.high if size.typical >= size.null else size.low
         start = search.model.choice(fit.names, fit.values)
 
-        def gain(share: float, name: str = name, size: Any = size, bound: float = bound, start: Any = start) -> float:
+        def reduction(share: float, name: str = name, size: Any = size, bound: float = bound, start: Any = start) -> float:
             sizes = {p.name: p.typical for p in search.model.sizes(name)} | {size.name: size.null + share * (bound - size.null)}
             made = search.model.adhesion(float(fit.values[0]), start | {name: sizes})
             return search.model.fit(fit.names, made, fit).cost / search.variance
 
         low, high = 1e-4, 1.0
-        if gain(high) < needed:
+        if reduction(high) < needed:
             continue
         while high / low > 1.05:
             middle = float(np.sqrt(low * high))
-            low, high = (low, middle) if gain(middle) >= needed else (middle, high)
+            low, high = (low, middle) if reduction(middle) >= needed else (middle, high)
         found[name] = {size.name: abs(high * (bound - size.null))}
     return found
 
@@ -210,7 +214,7 @@ def _evidence(search: CreepSearch, first: Reductions) -> tuple[Evidence, ...]:
     base = float(np.sum(search.held_out(search.baseline) ** 2))
     listed = []
     for i, names in enumerate(first.names):
-        surprise = float(-np.log10((1 + np.sum(first.null[:, i] >= first.data[i])) / (1 + len(first.null))))
+        neg_log10_p = float(-np.log10((1 + np.sum(first.null[:, i] >= first.data[i])) / (1 + len(first.null))))
         if names == (CLOSURE,):
             held_out, multiple = search.closure_held_out(search.baseline), 0.0
         else:
@@ -218,7 +222,7 @@ def _evidence(search: CreepSearch, first: Reductions) -> tuple[Evidence, ...]:
             held_out = (base - float(np.sum(search.held_out(one) ** 2))) / search.variance
             multiple = search.multiple(one, search.baseline)
         listed.append(
-            Evidence(names[0], float(first.data[i]), tuple(map(float, first.null[:, i])), surprise, held_out, multiple)
+            Evidence(names[0], float(first.data[i]), tuple(map(float, first.null[:, i])), neg_log10_p, held_out, multiple)
         )
     return tuple(listed)
 

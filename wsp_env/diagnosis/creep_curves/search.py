@@ -1,7 +1,8 @@
 """The search on creep curves: null recordings, reductions of candidates against them, cross-validation, acceptance.
 
 The same spirit as on stops: a mechanism is accepted if no null recording of the model without it, passed through the same fits,
-reductions as much with any candidate searched, if it predicts points that were held out better, and if its effect is of interest.
+explains as much with any candidate searched, if it predicts points that were held out better, and if its effect is of
+interest.
 """
 
 import dataclasses
@@ -11,12 +12,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
+from wsp_env.diagnosis.answer import ClosureKind
 from wsp_env.diagnosis.creep_curves.model import CreepModel, CurveFit
+from wsp_env.diagnosis.words import described
 
 NULLS = 99  # null recordings at effort 1: the rarest probability that they can show is 1 in 100
-RARE = 0.01  # probability in a null recording below which a gain counts; forward search is stopped by the same
+RARE = 0.01  # probability in a null recording below which a candidate counts; forward search is stopped by the same
 FOLDS = 20  # blocks of neighbouring creepages, each held out once: at 10 and fewer the outer ones are extrapolated far
-CLOSURE = "function of creepage"
+CLOSURE_KIND = ClosureKind("adhesion", "creepage")
+CLOSURE = described(CLOSURE_KIND).name
 _DEGREE = 5  # of the closure, polynomials of the logarithm of the creepage: as many bends as points of 10 % scatter could show
 _BLOCK = 5  # neighbouring points whose scatter changes sign together in a null recording
 _LEAST_BLOCKS = 20  # fewer would leave too few different null recordings
@@ -25,7 +29,7 @@ _INTEREST = 0.01  # relative change of adhesion, at held creepage that of the st
 
 @dataclasses.dataclass(frozen=True)
 class Reductions:
-    """What candidates gain over a model."""
+    """By how much candidates reduce chi-square beside a model."""
 
     current: CurveFit
     names: tuple[tuple[str, ...], ...]  # each candidate: one or two mechanisms
@@ -35,7 +39,7 @@ class Reductions:
     refits: tuple[CurveFit, ...]  # of `current` to each null recording
 
     def probability(self, i: int) -> float:
-        """Share of null recordings in which any mechanism reductions as much, or the closure where candidate i is the closure."""
+        """Share of null recordings in which any mechanism explains as much, or the closure where candidate i is the closure."""
         rivals = self.null[:, i] if self.names[i] == (CLOSURE,) else self.null[:, :-1].max(axis=1)
         return float((1 + np.sum(rivals >= self.data[i])) / (1 + len(rivals)))
 
@@ -47,9 +51,7 @@ class CreepSearch:
         self.model, self.replicates, self.progress = model, replicates, progress
         self.measured = model.measured
         self._random = np.random.default_rng(seed)
-        self.candidates = ["initial_slope", "falling_friction", "flash_temperature"]
-        if len(np.unique(model.speed)) > 1:
-            self.candidates.append("speed_dependent_friction")
+        self.candidates = model.searched
         self.baseline = model.fit((), self.measured)
         self.scatter = _scatter(model, model.fit(self.candidates, self.measured))
         self.variance = float(np.mean(self.scatter**2))
@@ -67,7 +69,7 @@ class CreepSearch:
         return result
 
     def reductions(self, current: CurveFit, added: Sequence[tuple[str, ...]], step: str) -> Reductions:
-        """Return the reductions of candidates over a model, in the recording and in null recordings; the closure comes last."""
+        """Return by how much candidates reduce chi-square beside a model, also in null recordings; the closure is last."""
         fits = [self.model.fit((*current.names, *names), self.measured, current) for names in added]
         data = [*(current.cost - one.cost for one in fits), self.closure_reduction(current)]
         null, refits = np.empty((self.replicates, len(data))), []
@@ -81,8 +83,8 @@ class CreepSearch:
             null[r, -1] = self.closure_reduction(base)
         scale = 1.0 / self.variance
         every = (*added, (CLOSURE,))
-        gained = np.maximum(np.array(data), 0.0) * scale
-        return Reductions(current, every, tuple(fits), gained, np.maximum(null, 0.0) * scale, tuple(refits))
+        found = np.maximum(np.array(data), 0.0) * scale
+        return Reductions(current, every, tuple(fits), found, np.maximum(null, 0.0) * scale, tuple(refits))
 
     def closure_reduction(self, fit: CurveFit) -> float:
         """Fall of the sum of squares by a smooth function of creepage beside the model, its parameters free."""
@@ -141,7 +143,7 @@ class CreepSearch:
             current = self._settled(better)
 
     def _settled(self, fit: CurveFit) -> CurveFit:
-        """Exchange a mechanism for one that fits better, a further parameter being worth 2 of the gain (Akaike)."""
+        """Exchange a mechanism for one that fits better, a further parameter being worth 2 of chi-square (Akaike)."""
 
         def score(one: CurveFit) -> float:
             return one.cost / self.variance + 2.0 * len(one.values)

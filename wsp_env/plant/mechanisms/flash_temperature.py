@@ -4,8 +4,8 @@ A contact that slides heats its surfaces by theta = f p_0 s sqrt(a / v) / (2 e) 
 way (flash temperature of a moving source, H. Blok 1937; form as in M. Ertz, K. Knothe, Wear 253 (2002) 498-508, whose factor
 of order one for the distribution in the ellipse goes into `fall_per_k`). The friction falls as 1 / (1 + fall theta). As theta
 itself is proportional to the adhesion coefficient f, the heated f solves f (1 + c f) = f_cold: closed form, no state. It
-follows the slip at once, as heating takes a / v, less than a millisecond. The contaminant layer is removed by the work of the cold
-contact.
+follows the slip at once, as heating takes a / v, less than a millisecond. The contaminant layer is
+removed by the work of the cold contact.
 """
 
 import math
