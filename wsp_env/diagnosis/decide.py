@@ -25,7 +25,7 @@ OVER_NULLS = 2.0
 LEAST_REDUCTION = 25.0
 #: Share of the runs' part of the reduction that must show on the runs to validate, but for what chance may take of it.
 HELD_OUT_SHARE = 0.4
-_CHANCE = 1.645  # 5 % of true ones would show less
+CHANCE = 1.645  # 5 % of true ones would show less
 #: Another mechanism must reduce chi-square by this share of what the first did, times their squared cosine: less is the first
 #: one's form.
 LEAST_SHARE = 0.08
@@ -211,7 +211,7 @@ def _floor(one: str, other: str) -> float:
 
 def least_held_out(expected: float) -> float:
     """Return the reduction on held-out runs from which on an effect counts as seen there (one of g scatters by 2 sqrt(g))."""
-    return HELD_OUT_SHARE * expected - _CHANCE * 2.0 * float(np.sqrt(max(expected, 0.0)))
+    return HELD_OUT_SHARE * expected - CHANCE * 2.0 * float(np.sqrt(max(expected, 0.0)))
 
 
 def largest_cosine(gram: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
