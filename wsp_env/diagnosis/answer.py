@@ -3,6 +3,9 @@
 import dataclasses
 from typing import Any, Literal
 
+#: What a diagnosis may say.
+Verdict = Literal["adequate", "named", "ambiguous", "unknown", "insufficient"]
+
 #: What a closure leaves free, and over what.
 Quantity = Literal["adhesion", "rolling slip", "recorded speed", "torque", "force"]
 ClosureOver = Literal["slip", "speed", "work", "axle", "time", "deceleration", "pressure", "frequency", "creepage"]
@@ -160,7 +163,7 @@ class Diagnosis:
     """The answer."""
 
     campaign: str
-    verdict: str
+    verdict: Verdict
     sentence: str
     mechanisms: tuple[Named, ...]
     location: tuple[Location, ...]

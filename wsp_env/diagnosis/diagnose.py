@@ -10,7 +10,7 @@ from scipy.stats import gamma
 from threadpoolctl import threadpool_limits
 
 from wsp_env.diagnosis import null
-from wsp_env.diagnosis.answer import Closure, Diagnosis, Estimate, Evidence, Named, Pair
+from wsp_env.diagnosis.answer import Closure, Diagnosis, Estimate, Evidence, Named, Pair, Verdict
 from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, VEHICLE, Balances
 from wsp_env.diagnosis.candidates import Candidate, Variant, choice_of, parameter_of, unavailable, variants
 from wsp_env.diagnosis.closures import closures
@@ -188,7 +188,7 @@ def _answer(
     )
 
 
-def _verdict(named: Sequence[Named], closure: Closure | None, slides: bool) -> str:
+def _verdict(named: Sequence[Named], closure: Closure | None, slides: bool) -> Verdict:
     if closure is not None:
         least = _LEFT_OPEN_OWN if closure.kind.own_fault else _LEFT_OPEN
         if closure.gain > least * (closure.gain + sum(one.gain for one in named)):

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from wsp_env.diagnosis.answer import Closure, ClosureKind, ClosureOver, Estimate, Location, Named, Quantity
+from wsp_env.diagnosis.answer import Closure, ClosureKind, ClosureOver, Estimate, Location, Named, Quantity, Verdict
 from wsp_env.plant.mechanisms import ALL
 
 
@@ -103,7 +103,7 @@ _UNKNOWN_TESTS: dict[Quantity, str] = {
 }
 
 
-def next_test(verdict: str, named: Sequence[Named], reasons: Mapping[str, str], closure: Closure | None = None) -> str:
+def next_test(verdict: Verdict, named: Sequence[Named], reasons: Mapping[str, str], closure: Closure | None = None) -> str:
     """Return the test that would tell most next."""
     if verdict == "adequate":
         return "none is needed for what these stops can show; gentle and hard stops from other speeds would show more"
@@ -115,7 +115,7 @@ def next_test(verdict: str, named: Sequence[Named], reasons: Mapping[str, str], 
     return "; ".join(dict.fromkeys(tests))
 
 
-def sentence(verdict: str, named: Sequence[Named], closure: Closure | None, where: Sequence[Location]) -> str:
+def sentence(verdict: Verdict, named: Sequence[Named], closure: Closure | None, where: Sequence[Location]) -> str:
     """Return the verdict in one sentence."""
     if verdict == "adequate":
         return "The simulation is adequate: nothing is missing that these recordings could show and that matters in a stop."

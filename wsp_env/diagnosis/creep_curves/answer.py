@@ -3,7 +3,7 @@
 import dataclasses
 from typing import Any
 
-from wsp_env.diagnosis.answer import Closure, Estimate, Evidence, FitQuality, Location
+from wsp_env.diagnosis.answer import Closure, Estimate, Evidence, FitQuality, Location, Verdict
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,7 +62,7 @@ class CreepDiagnosis:
     """The answer on creep curves: the keys of that on stops, and what creep curves show besides."""
 
     campaign: str
-    verdict: str
+    verdict: Verdict
     sentence: str
     mechanisms: tuple[NamedOnCurve, ...]
     location: tuple[Location, ...]

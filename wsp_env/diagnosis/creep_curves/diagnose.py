@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.diagnosis.answer import Closure, Estimate, Evidence, FitQuality, Location
+from wsp_env.diagnosis.answer import Closure, Estimate, Evidence, FitQuality, Location, Verdict
 from wsp_env.diagnosis.creep_curves.answer import CreepDiagnosis, CrossValidation, NamedOnCurve, ShownCurve
 from wsp_env.diagnosis.creep_curves.model import CreepModel, CurveFit
 from wsp_env.diagnosis.creep_curves.search import CLOSURE, CLOSURE_KIND, FOLDS, NULLS, RARE, CreepSearch, Reductions
@@ -50,7 +50,7 @@ def diagnose_creep_curves(
     every = [_named(search, fit, name, reductions, parameters[name]) for name, reductions in against.items()]
     named = tuple(sorted(every, key=lambda one: -one.gain))
     seen = _detectable(search, fit, last)
-    verdict = "named" if all(len(one.alternatives) <= 2 for one in named) else "ambiguous"
+    verdict: Verdict = "named" if all(len(one.alternatives) <= 2 for one in named) else "ambiguous"
     if not named:
         verdict = "unknown" if unknown else "adequate" if _shows_typical(model, seen) else "insufficient"
     bound = inseparable(spread)

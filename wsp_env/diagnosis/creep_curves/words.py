@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.diagnosis.answer import Closure
+from wsp_env.diagnosis.answer import Closure, Verdict
 from wsp_env.diagnosis.creep_curves.answer import Inseparable, NamedOnCurve
 from wsp_env.diagnosis.creep_curves.model import CreepModel, CurveFit, creep_mechanisms
 from wsp_env.diagnosis.creep_curves.search import CreepSearch
@@ -14,7 +14,7 @@ from wsp_env.diagnosis.words import said
 from wsp_env.plant.mechanisms import ALL
 
 
-def sentence(verdict: str, named: Sequence[NamedOnCurve]) -> str:
+def sentence(verdict: Verdict, named: Sequence[NamedOnCurve]) -> str:
     """Return the verdict in one sentence."""
     if verdict == "adequate":
         return "The law is adequate: Kalker's slope and the believed friction explain these points as far as they can show."
@@ -30,7 +30,9 @@ def sentence(verdict: str, named: Sequence[NamedOnCurve]) -> str:
     return f"What the law lacks: {'; and '.join(parts)}."
 
 
-def next_test(verdict: str, named: Sequence[NamedOnCurve], open_parameters: Sequence[Inseparable], model: CreepModel) -> str:
+def next_test(
+    verdict: Verdict, named: Sequence[NamedOnCurve], open_parameters: Sequence[Inseparable], model: CreepModel
+) -> str:
     """Return the measurement that would tell most next."""
     if verdict == "adequate":
         return "none is needed for what these points can show; points at other creepages and speeds would show more"
