@@ -9,7 +9,10 @@ from hypothesis import strategies as st
 
 from wsp_env.diagnosis import decide
 from wsp_env.diagnosis.candidates import Candidate, Variant
-from wsp_env.diagnosis.decide import (
+from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.fitting import Fitted
+from wsp_env.diagnosis.gls import LeastSquares
+from wsp_env.diagnosis.rules import (
     CHANCE,
     HELD_OUT_SHARE,
     INDISTINCT,
@@ -23,13 +26,15 @@ from wsp_env.diagnosis.decide import (
     SHARE_OF_REDUCTION,
     Accepted,
     Trial,
+    alternatives_to,
     expected,
+    is_normal,
+    is_shadow,
     largest_cosine,
     least_held_out,
+    least_reduction,
+    least_share,
 )
-from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Fitted
-from wsp_env.diagnosis.gls import LeastSquares
 from wsp_env.diagnosis.search import Found, LibrarySearch, Products, Scan
 from wsp_env.plant.mechanisms import ALL
 
@@ -108,7 +113,7 @@ def test_least_reduction_of_a_first_mechanism():
     search = search_of({CLEANING: unit(1.0)}, 10.0 * unit(1.0))
     for largest in (1.0, 40.0):
         one = found(search, CLEANING, nulls=np.array([0.5, largest]))
-        least = decide._least(search, one, variant(CLEANING), ())
+        least = least_reduction(search, one, variant(CLEANING), ())
         assert least == max(LEAST_REDUCTION, OVER_NULLS * largest)
 
 
@@ -117,7 +122,7 @@ def test_least_reduction_beside_another_grows_with_what_they_have_in_common(over
     columns = {CLEANING: unit(1.0), MEMORY: unit(overlap, np.sqrt(1.0 - overlap**2))}
     search = search_of(columns, 100.0 * unit(1.0))
     first = accepted(found(search, CLEANING, reduction=1e4))
-    least = decide._least(search, found(search, MEMORY), variant(MEMORY), [first])
+    least = least_reduction(search, found(search, MEMORY), variant(MEMORY), [first])
     assert least == pytest.approx(share * 1e4)
 
 
@@ -133,7 +138,7 @@ def test_least_reduction_beside_another_grows_with_what_they_have_in_common(over
     ],
 )
 def test_floor_of_what_a_further_mechanism_must_explain(one, other, share):
-    assert decide._floor(one, other) == share
+    assert least_share(one, other) == share
 
 
 def test_what_must_show_on_held_out_runs():
@@ -174,17 +179,17 @@ def test_alternatives_explain_nearly_as_much(top, margin):
     fit = LeastSquares(top, np.zeros(1), np.eye(1))
     best = trial(Found(CLEANING, top, np.zeros(3), 0.0, 0, fit))
     rivals = others(top, -1.01 * margin, -0.99 * margin, -0.5 * margin)
-    names, _ = decide._alternatives(best, rivals)
+    names, _ = alternatives_to(best, rivals)
     assert names == (CLEANING, rivals[2].name, rivals[1].name)
 
 
 def test_belief_is_shared_with_those_that_explain_as_much():
     fit = LeastSquares(1000.0, np.zeros(1), np.eye(1))
     best = trial(Found(CLEANING, 1000.0, np.zeros(3), 0.0, 0, fit))
-    _, alone = decide._alternatives(best, [])
-    _, far = decide._alternatives(best, others(1000.0, -900.0))
-    _, equal = decide._alternatives(best, others(1000.0, 0.0))
-    _, linear = decide._alternatives(best, others(1000.0, 500.0))  # without a refit: no more than the best refit's
+    _, alone = alternatives_to(best, [])
+    _, far = alternatives_to(best, others(1000.0, -900.0))
+    _, equal = alternatives_to(best, others(1000.0, 0.0))
+    _, linear = alternatives_to(best, others(1000.0, 500.0))  # without a refit: no more than the best refit's
     assert alone == pytest.approx(1.0)
     assert far == pytest.approx(alone, abs=1e-5)
     assert equal == linear == pytest.approx(0.5)
@@ -194,7 +199,7 @@ def test_belief_is_no_larger_than_the_null_recordings_allow():
     fit = LeastSquares(30.0, np.zeros(1), np.eye(1))
     nulls = np.array([10.0, 20.0, 30.0])
     one = Found(CLEANING, 30.0, nulls, 0.0, 0, fit)
-    _, belief = decide._alternatives(trial(one), [])
+    _, belief = alternatives_to(trial(one), [])
     assert belief == pytest.approx(1.0 - 10.0**-one.neg_log10_p)
     assert belief < 0.95
 
@@ -205,12 +210,12 @@ def test_normal_variation_is_no_mechanism(name):
     null = next(one.null for one in ALL[name].parameters if one.name == size)
     one = Found(name, 100.0, np.zeros(3), 50.0, 0, LeastSquares(100.0, np.zeros(1), np.eye(1)))
     for change, normal in ((0.9, True), (-0.9, True), (1.1, False), (-1.1, False)):
-        assert decide._normal(trial(one, **{size: null + change * most})) == normal
+        assert is_normal(trial(one, **{size: null + change * most})) == normal
 
 
 def test_a_mechanism_that_sound_vehicles_do_not_vary_by_is_never_normal():
     one = Found(CLEANING, 100.0, np.zeros(3), 50.0, 0, LeastSquares(100.0, np.zeros(1), np.eye(1)))
-    assert not decide._normal(trial(one, removal_m_per_j=0.0))
+    assert not is_normal(trial(one, removal_m_per_j=0.0))
 
 
 @pytest.mark.parametrize(
@@ -225,7 +230,7 @@ def test_the_shadow_of_a_mechanism_too_small_to_matter(overlap, multiple, shadow
     columns = {CLEANING: unit(1.0), MEMORY: unit(overlap, np.sqrt(1.0 - overlap**2))}
     search = search_of(columns, 10.0 * unit(1.0) + 9.0 * unit(0.0, 1.0))
     better = trial(found(search, CLEANING), multiple)
-    assert decide._shadow(search, trial(found(search, MEMORY)), [better]) == shadow
+    assert is_shadow(search, trial(found(search, MEMORY)), [better]) == shadow
 
 
 @pytest.mark.parametrize(("lost", "names"), [(1.0, [MEMORY]), (400.0, [CLEANING, MEMORY])])

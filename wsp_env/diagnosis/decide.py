@@ -1,4 +1,4 @@
-"""Decides: forward selection among the library's mechanisms, what they cannot be told from, and whether structure remains."""
+"""Decides: forward selection among the library's mechanisms, by the rules of `wsp_env.diagnosis.rules`."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -11,48 +11,28 @@ from wsp_env.diagnosis.candidates import Variant, choice_of, parameter_of, refin
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.interest import effect
+from wsp_env.diagnosis.rules import (
+    LEAST_MULTIPLE,
+    NEG_LOG10_P,
+    Accepted,
+    Trial,
+    alternatives_to,
+    columns_in,
+    expected,
+    held_out_part,
+    is_normal,
+    is_shadow,
+    least_held_out,
+    least_reduction,
+)
 from wsp_env.diagnosis.search import Found, LibrarySearch, Scan, scan
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import rolling_radii
 
-#: Minus log10 of the probability in a null recording from which on a mechanism counts; some twenty names are searched.
-NEG_LOG10_P = 4.0
-#: Size over the smallest effect of interest from which on a mechanism counts.
-LEAST_MULTIPLE = 0.5
-#: Reduction of chi-square over the largest one in null recordings, and itself, from which on a mechanism counts: whatever few
-#: null recordings say of tails.
-OVER_NULLS = 2.0
-LEAST_REDUCTION = 25.0
-#: Share of the runs' part of the reduction that must show on the runs to validate, but for what chance may take of it.
-HELD_OUT_SHARE = 0.4
-CHANCE = 1.645  # 5 % of true ones would show less
-#: Another mechanism must reduce chi-square by this share of what the first did, times their squared cosine: less is the first
-#: one's form.
-LEAST_SHARE = 0.08
-#: And this share whatever the cosine: in general; where no balance shows both, or the vehicle's shows it but not the first; and
-#: where the first has but one form, so that next to nothing of it is left.
-LEAST_SHARE_ANY = 0.03
-LEAST_SHARE_APART = 0.005
-LEAST_SHARE_EXACT = 0.002
-#: Alternatives: reductions within this share of the best one's, or within `INDISTINCT`.
-SHARE_OF_REDUCTION = 0.1
-INDISTINCT = 9.0
+#: Mechanisms that are accepted at most.
 MOST = 3
 #: Mechanisms that are refitted in every round.
 TRIED = 5
-
-
-@dataclasses.dataclass(frozen=True)
-class Accepted:
-    """A mechanism that was accepted, and how."""
-
-    found: Found
-    listed: Variant  # as the scans have it
-    variant: Variant  # with what the refit moves free
-    alternatives: tuple[str, ...]
-    confidence: float
-    multiple: float
-    tilt: np.ndarray  # see `refit`
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,7 +66,7 @@ def select(
         if not passed:
             break
         best = passed[0]
-        alternatives, confidence = _alternatives(best, [one.found for one in passed[1:]] + others)
+        alternatives, confidence = alternatives_to(best, [one.found for one in passed[1:]] + others)
         accepted.append(Accepted(best.found, best.listed, best.variant, alternatives, confidence, best.multiple, best.tilt))
         accepted, fitted = _needed(balances, best.fitted, search, accepted, weights)
         given = np.concatenate([columns_in(nulls[0], a.listed) for a in accepted])
@@ -116,21 +96,9 @@ def _needed(
         without = refit(balances, model, [a.variant for a in others], weights, tilts=[a.tilt for a in others])
         lost = without.cost - fitted.cost
         whole = dataclasses.replace(last.found, reduction=last.found.reduction + one.found.reduction - lost)
-        if lost < _least(search, one.found, one.listed, [dataclasses.replace(last, found=whole)]):
+        if lost < least_reduction(search, one.found, one.listed, [dataclasses.replace(last, found=whole)]):
             return _needed(balances, without, search, [*others[:-1], dataclasses.replace(last, found=whole)], weights)
     return accepted, fitted
-
-
-@dataclasses.dataclass(frozen=True)
-class Trial:
-    """A mechanism refitted together with those accepted before."""
-
-    found: Found  # with the reduction of the refit
-    listed: Variant  # as the scans have it
-    variant: Variant  # with what the refit moves free
-    fitted: Fitted
-    multiple: float
-    tilt: np.ndarray
 
 
 def _trials(
@@ -166,63 +134,12 @@ def _trials(
     there = []
     for one, trial in zip(promising, pool.map(refitted, promising), strict=True):
         held_out = one.name in together or one.held_out >= least_held_out(expected(search, one)) or rolling is not None
-        if trial.found.reduction > _least(search, one, trial.listed, accepted) and held_out:
+        if trial.found.reduction > least_reduction(search, one, trial.listed, accepted) and held_out:
             there.append(trial)
     there.sort(key=lambda trial: -trial.found.net)
-    passed = [
-        t for i, t in enumerate(there) if t.multiple >= LEAST_MULTIPLE and not _normal(t) and not _shadow(search, t, there[:i])
-    ]
+    sized = [(i, trial) for i, trial in enumerate(there) if trial.multiple >= LEAST_MULTIPLE]
+    passed = [trial for i, trial in sized if not is_normal(trial) and not is_shadow(search, trial, there[:i])]
     return passed, left
-
-
-def _normal(trial: Trial) -> bool:
-    """Whether sound vehicles vary as much."""
-    name = trial.variant.name
-    normal, values = ALL[name].signature.normal, trial.fitted.model.choice[name]
-    return bool(normal) and all(abs(values[size] - parameter_of(name, size).null) < most for size, most in normal.items())
-
-
-def _shadow(search: LibrarySearch, trial: Trial, better: Sequence[Trial]) -> bool:
-    """Whether little is left of a mechanism beside one that explains more but is too small to matter."""
-    index = search.data.columns_of(trial.found.which)
-    small = [search.data.columns_of(one.found.which) for one in better if one.multiple < LEAST_MULTIPLE]
-    least = _least(search, trial.found, trial.listed, ())
-    return any(search.solve(index, beside=columns).reduction <= least for columns in small)
-
-
-def _least(search: LibrarySearch, one: Found, listed: Variant, accepted: Sequence[Accepted]) -> float:
-    """Return the reduction of chi-square that a mechanism must reach, beside those accepted before."""
-    least = max(LEAST_REDUCTION, OVER_NULLS * float(one.nulls.max()))
-    null = search.nulls[0]
-    for other in accepted:
-        cosine = largest_cosine(null.whole.gram, columns_in(null, listed), columns_in(null, other.listed))
-        least = max(least, max(LEAST_SHARE * cosine**2, _floor(one.name, other.found.name)) * other.found.reduction)
-    return least
-
-
-def _floor(one: str, other: str) -> float:
-    """Return the share of `other`'s reduction that `one` must reach beside it."""
-    if ALL[other].signature.exact:
-        return LEAST_SHARE_EXACT
-    mine, its = (ALL[name].signature.balances for name in (one, other))
-    # No wrong form of a contact's mechanism looks like a force on the vehicle.
-    return LEAST_SHARE_APART if not mine & its or "vehicle" in mine - its else LEAST_SHARE_ANY
-
-
-def least_held_out(expected: float) -> float:
-    """Return the reduction on held-out runs from which on an effect counts as seen there (one of g scatters by 2 sqrt(g))."""
-    return HELD_OUT_SHARE * expected - CHANCE * 2.0 * float(np.sqrt(max(expected, 0.0)))
-
-
-def largest_cosine(gram: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
-    """Largest cosine between what two sets of columns can do to the residuals, off the nuisances."""
-    roots = []
-    for index in (a, b):
-        values, vectors = np.linalg.eigh(gram[np.ix_(index, index)])
-        kept = values > 1e-9 * max(float(values[-1]), 1e-300)
-        roots.append(vectors[:, kept] / np.sqrt(values[kept]))
-    cosine = np.linalg.svd(roots[0].T @ gram[np.ix_(a, b)] @ roots[1], compute_uv=False).max(initial=0.0)
-    return float(min(cosine, 1.0))
 
 
 def _trial(
@@ -278,20 +195,8 @@ def _rolling(balances: Balances, search: LibrarySearch, found: Sequence[Found]) 
 def _held_out_together(search: LibrarySearch, pair: Sequence[Found]) -> set[str]:
     """Return the names of a pair that explains of the runs to validate what it should: there one may hide without the other."""
     index = np.concatenate([search.data.columns_of(one.which) for one in pair])
-    seen = search.held_out(index) >= least_held_out(_part(search, index) * search.solve(index).reduction)
+    seen = search.held_out(index) >= least_held_out(held_out_part(search, index) * search.solve(index).reduction)
     return {one.name for one in pair} if seen else set()
-
-
-def expected(search: LibrarySearch, one: Found) -> float:
-    """Share of the reduction that the runs to validate would have by their part of the columns' squares."""
-    return _part(search, search.data.columns_of(one.which)) * one.reduction
-
-
-def _part(search: LibrarySearch, index: np.ndarray) -> float:
-    part = np.trace(search.data.validate.gram[np.ix_(index, index)]) / max(
-        np.trace(search.data.whole.gram[np.ix_(index, index)]), 1e-12
-    )
-    return float(min(part, 1.0))
 
 
 def _variant(search: LibrarySearch, one: Found) -> Variant:
@@ -303,22 +208,3 @@ def _variant(search: LibrarySearch, one: Found) -> Variant:
 
 def _null(variant: Variant) -> np.ndarray:
     return np.array([parameter_of(variant.name, name).null for name in variant.sizes])
-
-
-def columns_in(null: Scan, variant: Variant) -> np.ndarray:
-    """Columns of a mechanism in a null scan: those of all its variants with the same fixed parameters, or the nearest."""
-    members = [i for i, one in enumerate(null.candidates) if one.variant and one.variant.name == variant.name]
-    same = [i for i in members if variant.fixed.items() <= (null.candidates[i].variant or variant).fixed.items()]
-    return null.columns_of((same or members)[0])
-
-
-def _alternatives(best: Trial, others: Sequence[Found]) -> tuple[tuple[str, ...], float]:
-    """Return the names that explain nearly as much, best first, and the share of belief in the best."""
-    top = best.found.net
-    # Without a refit a name is worth its linear reduction, which cannot be more than the best refit's.
-    net = {one.name: min(one.net, top) for one in others}
-    margin = max(INDISTINCT, SHARE_OF_REDUCTION * top)
-    near = sorted((name for name in net if net[name] >= top - margin), key=lambda name: -net[name])
-    scale = max(2.0, 0.03 * top)
-    belief = 1.0 / (1.0 + sum(float(np.exp((one - top) / (2.0 * scale))) for one in net.values()))
-    return (best.found.name, *near), belief * (1.0 - 10.0 ** -min(best.found.neg_log10_p, 15.0))

@@ -11,20 +11,20 @@ from threadpoolctl import threadpool_limits
 
 from wsp_env.diagnosis import null
 from wsp_env.diagnosis.answer import Closure, Diagnosis, Estimate, Evidence, Named, Pair, Verdict
-from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, VEHICLE, Balances
-from wsp_env.diagnosis.candidates import Candidate, Variant, choice_of, parameter_of, unavailable, variants
-from wsp_env.diagnosis.closures import closures
-from wsp_env.diagnosis.decide import HELD_OUT_SHARE, NEG_LOG10_P, Accepted, Outcome, expected, largest_cosine, select
+from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.candidates import Variant, choice_of, parameter_of, unavailable, variants
+from wsp_env.diagnosis.decide import Outcome, select
 from wsp_env.diagnosis.effects import course, curve, held_out
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights, baseline, sliding
 from wsp_env.diagnosis.interest import effect
 from wsp_env.diagnosis.locate import locate, residual_map
 from wsp_env.diagnosis.quality import quality
+from wsp_env.diagnosis.remains import closure_left
+from wsp_env.diagnosis.rules import NEG_LOG10_P, Accepted, largest_cosine
 from wsp_env.diagnosis.search import Found, LibrarySearch, Scan, scan
-from wsp_env.diagnosis.stops import VEHICLE_BLOCK_S, PreparedStop, prepare
-from wsp_env.diagnosis.variation import nuisances
-from wsp_env.diagnosis.words import described, next_test, sentence
+from wsp_env.diagnosis.stops import PreparedStop, prepare
+from wsp_env.diagnosis.words import next_test, sentence
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import Campaign, CampaignError
 
@@ -34,15 +34,10 @@ _BIAS_REPLICATES = 4
 _BIAS_SHARE = 0.5  # of what smoothing leaves in the null recordings counts as deviation too: assumption
 #: A run whose residuals are so many times the others' is left out as damaged.
 _DAMAGED = 5.0
-#: Closures: minus log10 of the probability in a null recording, and share of the deceleration or of the adhesion, from which on
-#: structure remains that matters.
-_CLOSURE_NEG_LOG10_P = 8.0
-_LEAST_CLOSURE = 0.01
 #: Mean squares of the baseline over those of null recordings, from which on nothing is called adequate: assumption. Sound
 #: campaigns of the proof's bank of seed 3 reach 2.0.
 _MISFIT = 5.0
 _PAIRS_REPORTED = 10  # in the answer
-_NEAR_NODE = 1e-3  # of the largest square of a closure's columns, from which on a node is reported
 #: Share of all reductions of chi-square, the mechanisms' and the closure's, from which on the mechanisms do not explain what is
 #: there: of a flexible closure, which may also take up what a mechanism's own form leaves, and of one that is a fault of its
 #: own. The first is an assumption; the second parts singles (at most 0.114) from effects outside the library in the bank of
@@ -155,7 +150,7 @@ def _answer(
     raws: np.ndarray,
     notes: list[str],
 ) -> Diagnosis:
-    closure = _closure(balances, outcome)
+    closure = closure_left(balances, outcome)
     named = tuple(_named(balances, weights, outcome, i) for i in range(len(outcome.accepted)))
     reasons = unavailable(balances)
     verdict = _verdict(named, closure, bool(sliding(balances).any()))
@@ -196,62 +191,6 @@ def _verdict(named: Sequence[Named], closure: Closure | None, slides: bool) -> V
     if named:
         return "ambiguous" if any(len(one.alternatives) > 2 for one in named) else "named"
     return "adequate" if slides else "insufficient"
-
-
-def _closure(balances: Balances, outcome: Outcome) -> Closure | None:
-    """Return the closure that best explains what the library leaves, if that is structured and matters."""
-    search = outcome.last
-    left = [one for one in outcome.rest if search.data.candidates[one.which].closure]
-    structured = [one for one in left if one.neg_log10_p >= _CLOSURE_NEG_LOG10_P]
-    structured.sort(key=lambda one: -one.net)
-    model = outcome.fitted.model
-    listed = {}
-    if structured:
-        friction = nuisances(balances, model, balances.raw(model)).friction
-        listed = {one.name: (one, one.closure) for one in closures(balances, model, friction) if one.closure}
-    for one in structured:
-        its, kind = listed[one.name]
-        index = search.data.columns_of(one.which)
-        # Columns of single runs cannot be held out: these must explain something in the runs to validate too.
-        elsewhere = search.solve(index, "validate").reduction if kind.by_run else one.held_out
-        if (
-            elsewhere > HELD_OUT_SHARE * expected(search, one)
-            and _share(balances, model, its.columns @ one.fit.amplitude) > _LEAST_CLOSURE
-        ):
-            words = described(kind)
-            return Closure(kind, one.name, one.net, elsewhere, words.over, words.unit, _shape(its, one))
-    return None
-
-
-def _shape(closure: Candidate, found: Found) -> tuple[tuple[float, float, float], ...]:
-    """Return place, value and deviation at the nodes that rows were near; it is minus what it changes in the residuals."""
-    squares = np.einsum("nk,nk->k", closure.columns, closure.columns)
-    points = np.column_stack([closure.nodes, -found.fit.amplitude, np.sqrt(np.diag(found.fit.covariance))])
-    return tuple((float(x), float(y), float(d)) for x, y, d in points[squares > _NEAR_NODE * squares.max()])
-
-
-def _share(balances: Balances, model: Model, explained: np.ndarray) -> float:
-    """Size of a closure's change of the residuals (n,) [-]: of its deceleration, adhesion or torque, over the stops' own."""
-    rows = balances.rows
-    wheels = (rows.balance == ADHESION) & (rows.slip > 0.01 * rows.speed)
-    braked = (rows.balance == VEHICLE) & (rows.deceleration > 0.2)
-    shares = [0.0]
-    if wheels.any():
-        own = [part.wheel_rows(one.adhesion) for part, one in zip(balances.parts, balances.evaluate(model), strict=True)]
-        adhesion = np.zeros(len(rows))
-        adhesion[rows.wheels] = np.concatenate(own)
-        shares.append(float(np.sqrt(np.mean(explained[wheels] ** 2) / np.mean(adhesion[wheels] ** 2))))
-    brakes = rows.balance == ACTUATOR
-    if brakes.any():
-        torque = np.concatenate(
-            [part.wheel_rows(one.torque) for part, one in zip(balances.parts, balances.evaluate(model), strict=True)]
-        )
-        shares.append(float(np.sqrt(np.mean(explained[brakes] ** 2) / max(np.mean(torque**2), 1.0))))
-    if braked.sum() > 2:
-        rate = np.gradient(explained[braked], VEHICLE_BLOCK_S)
-        inside = np.gradient(rows.time[braked]) < 1.5 * VEHICLE_BLOCK_S  # not across two stops
-        shares.append(float(np.sqrt(np.mean(rate[inside] ** 2)) / np.mean(rows.deceleration[braked])))
-    return max(shares)
 
 
 def _named(balances: Balances, weights: Weights, outcome: Outcome, i: int) -> Named:
