@@ -25,27 +25,8 @@ from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.plant.port import Stop
 
-#: Each mechanism at a size that a railway may meet (assumptions, within the sources of its parameters).
-SIZES: dict[str, dict[str, float]] = {
-    "leading_axle_cleaning": {"removal_m_per_j": 5e-5},
-    "contaminant_memory": {"distance_m": 5.0},
-    "adhesion_patch": {"change": -0.4, "start_m": 200.0, "length_m": 150.0},
-    "speed_dependent_friction": {"share": 0.5},
-    "recovery_shape": {"exponent": 2.0},
-    "flash_temperature": {"fall_per_k": 1e-3},
-    "load_transfer": {"body_height_m": 1.6, "pivot_height_m": 0.6},
-    "pad_friction": {"per_speed_s_per_m": -0.005, "per_temperature_1_per_k": -5e-4},
-    "brake_gain_imbalance": {"gain": -0.15},
-    "track_gradient": {"rise": -0.01},
-    "aerodynamic_drag": {"c_ns2_per_m2": 4.0},
-    "vehicle_mass": {"extra": 0.15},
-    "non_adhesive_brake": {"force_n": 2000.0},
-    "initial_slope": {"factor": 0.5},
-    "falling_friction": {"decrease": 2.0},
-    "wheel_radius": {"change": -0.01},
-    "wheel_speed_lag": {"lag_s": 0.1},
-    "clock_offset": {"offset_s": 0.1},
-}
+#: Each mechanism at a size that a railway may meet, see `Card.study`; where a card says none, its typical values.
+SIZES: dict[str, dict[str, float]] = {name: dict(card.study) for name, card in ALL.items()}
 
 #: Stops at the edges of the training's ranges and outside: name -> what replaces a quantity of each drawn stop.
 OUTSIDE: dict[str, dict[str, float]] = {
@@ -119,7 +100,6 @@ def table(results: Mapping[str, list[dict[str, Any]]]) -> str:
 
 def study(arguments: Arguments) -> dict[str, list[dict[str, Any]]]:
     """Return the rows of every world; the rules come first in each."""
-    assert set(SIZES) == set(ALL)
     shipped = Path("agents/trained") / arguments.vehicle
     controllers: dict[str, Controller] = {"rules": RuleBasedWSP(best_at(shipped, arguments.price))}
     for folder in arguments.folders or (shipped,):

@@ -6,8 +6,8 @@ import pytest
 
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import variants
-from wsp_env.diagnosis.decide import largest_cosine
 from wsp_env.diagnosis.fitting import baseline
+from wsp_env.diagnosis.rules import largest_cosine
 from wsp_env.diagnosis.search import scan
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.plant.mechanisms import ALL

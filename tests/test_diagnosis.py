@@ -161,7 +161,7 @@ def test_stops_without_sliding_are_insufficient_for_adhesion(tmp_path):
     gentle = {f"A{i}": stop(2e-4, 0.06, speed_mps=30.0 + i, peak=0.001, noise=1.0, seed=i) for i in range(2)}
     found = diagnose(campaign_of(write_campaign(tmp_path / "gentle", gentle)), effort=0.4)
     assert found.verdict in ("insufficient", "adequate")
-    assert not any("adhesion" in ALL[one.name].trace for one in found.mechanisms)
+    assert not any("adhesion" in ALL[one.name].signature.balances for one in found.mechanisms)
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from wsp_env.diagnosis.balances import Rows
 from wsp_env.diagnosis.gls import Projector, fit
 from wsp_env.diagnosis.locate import change_points
-from wsp_env.diagnosis.search import Products, conditioned, held_out_rows, surprise
+from wsp_env.diagnosis.search import Products, conditioned, held_out_rows, neg_log10_p
 
 
 def augmented_cost(columns: np.ndarray, prior: np.ndarray, y: np.ndarray) -> float:
@@ -33,17 +33,17 @@ def test_projection_is_the_augmented_least_squares(seed, nuisances, wanted):
     assert cost == pytest.approx(augmented_cost(z, prior, y), rel=1e-9)
     found = fit(projector.inner(x, x), projector.inner(x, y[:, None])[:, 0])
     together = augmented_cost(np.column_stack([z, x]), np.concatenate([prior, np.zeros(wanted, dtype=bool)]), y)
-    assert cost - found.gain == pytest.approx(together, rel=1e-7, abs=1e-9)
+    assert cost - found.reduction == pytest.approx(together, rel=1e-7, abs=1e-9)
     assert projector.rest(y) == pytest.approx(y - z @ projector.amplitudes(y))
 
 
-def test_a_column_that_the_nuisances_explain_gains_nothing():
+def test_a_column_that_the_nuisances_span_explains_nothing():
     rng = np.random.default_rng(0)
     z, y = rng.standard_normal((50, 3)), rng.standard_normal(50)
     projector = Projector(z, np.zeros(3, dtype=bool))
     x = z[:, :1] * 2.0
     squares = (x**2).sum(axis=0)
-    assert fit(projector.inner(x, x), projector.inner(x, y[:, None])[:, 0], squares).gain == pytest.approx(0.0, abs=1e-6)
+    assert fit(projector.inner(x, x), projector.inner(x, y[:, None])[:, 0], squares).reduction == pytest.approx(0.0, abs=1e-6)
 
 
 @given(st.integers(0, 10_000))
@@ -59,15 +59,15 @@ def test_conditioning_on_columns_is_projecting_off_them(seed):
 
 
 @given(st.floats(0.0, 1e6), st.floats(1.0, 100.0))
-def test_surprise_rises_with_the_gain_and_stays_finite(gain, mean):
+def test_improbability_rises_with_the_reduction_and_stays_finite(reduction, mean):
     nulls = mean * np.array([0.5, 1.0, 1.5])
-    assert 0.0 <= surprise(gain, nulls) <= surprise(gain + 1.0, nulls) <= 300.0
+    assert 0.0 <= neg_log10_p(reduction, nulls) <= neg_log10_p(reduction + 1.0, nulls) <= 300.0
 
 
-def test_surprise_of_a_chi_square():
-    # A gain of one column in Gaussian noise: 3.84 is exceeded in 5 % of cases.
+def test_probability_of_a_chi_square():
+    # The reduction by one column in Gaussian noise: 3.84 is exceeded in 5 % of cases.
     nulls = np.random.default_rng(0).chisquare(1, 20_000)
-    assert surprise(3.84, nulls) == pytest.approx(-np.log10(0.05), abs=0.05)
+    assert neg_log10_p(3.84, nulls) == pytest.approx(-np.log10(0.05), abs=0.05)
 
 
 def rows_of(run, validate, time):

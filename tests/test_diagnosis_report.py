@@ -4,7 +4,18 @@ import dataclasses
 
 import pytest
 
-from wsp_env.diagnosis.answer import Closure, Course, Diagnosis, Estimate, Evidence, FitQuality, Named, Pair, RunFigures
+from wsp_env.diagnosis.answer import (
+    Closure,
+    ClosureKind,
+    Diagnosis,
+    Estimate,
+    Evidence,
+    FitQuality,
+    Named,
+    Pair,
+    RunFigures,
+    RunTrace,
+)
 from wsp_env.diagnosis.report import write_report
 from wsp_env.diagnosis.report_runs import figures, still_high
 
@@ -37,7 +48,8 @@ def found() -> Diagnosis:
         fit=FitQuality(1.0, {"tune": 5.0, "validate": 6.0}, {"tune": 1.1, "validate": 1.5}, 0.9),
         detectable={"track_gradient": {"rise": 3e-4}},
         next_test="coasting over the same track in both directions",
-        closure=Closure("force on the vehicle over time", 60.0, 30.0, "time in each run [s]", "speed lost [m/s]",
+        closure=Closure(ClosureKind("force", "time"), "force on the vehicle over time", 60.0, 30.0, "time in each run [s]",
+                        "speed lost [m/s]",
                         ((0.0, 0.1, 0.01), (3.0, 0.2, 0.01), (0.0, -0.1, 0.01), (3.0, -0.2, 0.01))),
         evidence=evidence,
         pairs=(Pair(("adhesion_patch", "track_gradient"), 310.0, 12.0),),
@@ -46,7 +58,7 @@ def found() -> Diagnosis:
         residuals={"cells": cells, "places": places},
         runs=(figures_of("A1", "tune"), figures_of("B1", "validate")),
         notes=(),
-        course=Course("B1", "validate", 2, (0.0, 1.0), (0.1, 0.11), (0.09, 0.1), (0.1, 0.11), (0.0, 1.0), (0.2, 0.3),
+        course=RunTrace("B1", "validate", 2, (0.0, 1.0), (0.1, 0.11), (0.09, 0.1), (0.1, 0.11), (0.0, 1.0), (0.2, 0.3),
                       (0.0, 0.1)),
     )  # fmt: skip
 

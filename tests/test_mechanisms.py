@@ -18,7 +18,7 @@ from wsp_env.contact.recovery import _WORK_FLOOR, kept_by_shape
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import BOGIE, COACH
 from wsp_env.plant.card import Passage
-from wsp_env.plant.longitudinal.along import Run, Trajectory, along, model
+from wsp_env.plant.longitudinal.along import Belief, Trajectory, along, model
 from wsp_env.plant.mechanisms import ALL, NULL, leading_axle_cleaning, make, wheel_speed_lag
 
 every = pytest.mark.parametrize("name", ALL)
@@ -74,7 +74,7 @@ def trajectory():
     return recorded()[0]
 
 
-RUN = Run(mu_cd=0.035, tau=1.9e-4, mass_kg=COACH.mass_kg, radius_m=COACH.wheel_radius_m)
+RUN = Belief(mu_cd=0.035, tau=1.9e-4, mass_kg=COACH.mass_kg, radius_m=COACH.wheel_radius_m)
 
 
 @every
@@ -291,7 +291,7 @@ def test_trajectory_refuses(changes, message):
 @pytest.mark.parametrize("changes", [{"mu_cd": 0.0}, {"tau": -1.0}, {"mass_kg": -1.0}, {"radius_m": 0.0}])
 def test_run_refuses(changes, trajectory):
     with pytest.raises(ParameterError, match=next(iter(changes))):
-        along(trajectory, Run(**({"mu_cd": 0.06, "tau": 1e-4, "mass_kg": 4e4, "radius_m": 0.4} | changes)), model(COACH))
+        along(trajectory, Belief(**({"mu_cd": 0.06, "tau": 1e-4, "mass_kg": 4e4, "radius_m": 0.4} | changes)), model(COACH))
     with pytest.raises(ParameterError, match="4 axles, the vehicle 2"):
         along(trajectory, RUN, model(BOGIE))
 

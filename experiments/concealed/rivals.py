@@ -20,7 +20,7 @@ from experiments.concealed.workers import each, quietly_read, write_whole
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import step, variants
 from wsp_env.diagnosis.fitting import baseline
-from wsp_env.diagnosis.gls import Fit, fit
+from wsp_env.diagnosis.gls import LeastSquares, fit
 from wsp_env.diagnosis.search import Products, Scan, conditioned, scan
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.plant.mechanisms import ALL
@@ -44,13 +44,13 @@ class Rule(NamedTuple):
     margin: Callable[[float], float]  # of the best one's worth
 
 
-def _fit(products: Products, index: np.ndarray, given: np.ndarray = _NONE) -> tuple[Fit, np.ndarray, np.ndarray]:
+def _fit(products: Products, index: np.ndarray, given: np.ndarray = _NONE) -> tuple[LeastSquares, np.ndarray, np.ndarray]:
     gram, against, squares = conditioned(products, index, given, np.zeros(len(products.against)))
     return fit(gram, against, squares, _LEAST), gram, against
 
 
 def _bic(data: Scan, index: np.ndarray, given: np.ndarray) -> float:
-    return _fit(data.whole, index, given)[0].gain - len(index) * float(np.log(data.whole.rows))
+    return _fit(data.whole, index, given)[0].reduction - len(index) * float(np.log(data.whole.rows))
 
 
 def _held_out(data: Scan, index: np.ndarray, given: np.ndarray) -> float:
@@ -123,7 +123,7 @@ def examine(campaign: Path) -> tuple[dict[str, dict[str, Any]], dict[str, float]
     data = scan(balances, model, weights, list(variants(balances)))
     gains = dict.fromkeys((*ALL, *(one.name for one in data.candidates)), 0.0)
     for i, one in enumerate(data.candidates):
-        gains[one.name] = max(gains[one.name], _fit(data.whole, data.columns_of(i))[0].gain)
+        gains[one.name] = max(gains[one.name], _fit(data.whole, data.columns_of(i))[0].reduction)
     answers = {name: select(data, rule) for name, rule in RULES.items()}
     return answers, black_box.features(balances, model, weights, gains)
 

@@ -18,7 +18,7 @@ class Surface(NamedTuple):
     mu_cd: float  # kinetic friction coefficient with the layer [-]
     mu_cr: float  # the same of the clean rail [-]
     layer: float = 1.0  # share of the contaminant layer that this wheel's work acts on [-]
-    held: float = 0.0  # share that lags behind it, see contaminant_memory [-]
+    held: float = 0.0  # share that lags behind it, for a mechanism that remembers [-]
 
 
 class Adhesion(NamedTuple):

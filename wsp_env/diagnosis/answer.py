@@ -1,7 +1,14 @@
 """What a diagnosis answers: typed, and as the JSON of diagnosis.json."""
 
 import dataclasses
-from typing import Any
+from typing import Any, Literal
+
+#: What a diagnosis may say.
+Verdict = Literal["adequate", "named", "ambiguous", "unknown", "insufficient"]
+
+#: What a closure leaves free, and over what.
+Quantity = Literal["adhesion", "rolling slip", "recorded speed", "torque", "force"]
+ClosureOver = Literal["slip", "speed", "work", "axle", "time", "deceleration", "pressure", "frequency", "creepage"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,7 +54,7 @@ class RunFigures:
 
 
 @dataclasses.dataclass(frozen=True)
-class Course:
+class RunTrace:
     """One run before and after: the axle that slides most, and the vehicle; at most 200 points each."""
 
     run: str
@@ -71,8 +78,8 @@ class Named:
     alternatives: tuple[str, ...]  # what these data cannot tell from it, its own name included
     parameters: dict[str, Estimate]
     multiple: float  # size over the smallest effect of interest
-    gain: float  # fall of the sum of squares
-    null_gain: float  # largest gain of the same name in null recordings
+    gain: float  # reduction of chi-square
+    null_gain: float  # largest one of the same name in null recordings
     held_out_gain: float
     curve: Curve | None = None  # none for creep curves, which are drawn themselves
 
@@ -93,16 +100,16 @@ class Evidence:
     """One candidate of the search."""
 
     name: str
-    gain: float
-    null: tuple[float, ...]  # gains in null recordings
-    surprise: float  # -log10 of the probability in a null recording
+    gain: float  # reduction of chi-square
+    null: tuple[float, ...]  # the same in null recordings
+    surprise: float  # minus log10 of the probability in a null recording
     held_out: float
     multiple: float  # size over the smallest effect of interest; 0 where not computed
 
 
 @dataclasses.dataclass(frozen=True)
 class Pair:
-    """Two mechanisms searched together; gains as in `Evidence`, linear, of the better variant of each."""
+    """Two mechanisms searched together; reductions of chi-square as in `Evidence`, linear, of the better variant of each."""
 
     names: tuple[str, str]
     gain: float
@@ -120,11 +127,31 @@ class FitQuality:
 
 
 @dataclasses.dataclass(frozen=True)
+class ClosureKind:
+    """What a closure is: a quantity left free over something measured."""
+
+    quantity: Quantity
+    over: ClosureOver
+    frequency_hz: float = 0.0  # of a force that swings
+
+    @property
+    def by_run(self) -> bool:
+        """Whether every run has columns of its own, which no other run can hold out."""
+        return self.over in ("time", "frequency")
+
+    @property
+    def own_fault(self) -> bool:
+        """Whether it stands for a fault of its own: what a mechanism's form leaves hardly looks like it."""
+        return self.quantity in ("torque", "recorded speed") or self.over == "frequency"
+
+
+@dataclasses.dataclass(frozen=True)
 class Closure:
     """A data-driven description of what no mechanism explains."""
 
-    depends_on: str
-    gain: float
+    kind: ClosureKind
+    depends_on: str  # the kind in words
+    gain: float  # reduction of chi-square
     held_out_gain: float
     over: str = ""  # what its shape is drawn over, with its unit
     unit: str = ""  # of its values
@@ -136,7 +163,7 @@ class Diagnosis:
     """The answer."""
 
     campaign: str
-    verdict: str
+    verdict: Verdict
     sentence: str
     mechanisms: tuple[Named, ...]
     location: tuple[Location, ...]
@@ -151,7 +178,7 @@ class Diagnosis:
     residuals: dict[str, Any]  # for the report: mean squares by balance, run, axle, before and after
     runs: tuple[RunFigures, ...]
     notes: tuple[str, ...]
-    course: Course | None = None  # none where no axle has blocks to show
+    course: RunTrace | None = None  # none where no axle has blocks to show
 
     def to_json(self) -> dict[str, Any]:
         """Return plain data."""

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
-from wsp_env.diagnosis.stops import BLOCK_S, ROLLING_SHARE, VEHICLE_BLOCK_S, Stop, thinned
+from wsp_env.diagnosis.stops import BLOCK_S, ROLLING_SHARE, VEHICLE_BLOCK_S, PreparedStop, thinned
 from wsp_env.recordings import Campaign
 
 #: Error of the vehicle balance beside noise [m/s]: quantisation and the trapezoidal sum.
@@ -65,7 +65,7 @@ class Rows:
 class Balances:
     """The balances of a campaign's stops: residuals of a model, and how normal variation would move them."""
 
-    def __init__(self, campaign: Campaign, stops: Sequence[Stop]) -> None:
+    def __init__(self, campaign: Campaign, stops: Sequence[PreparedStop]) -> None:
         self.campaign, self.sources = campaign, tuple(stops)  # the latter with all samples
         self.stops = tuple(map(thinned, stops))
         self._evaluator = Evaluator(campaign, self.stops)
@@ -87,7 +87,7 @@ class Balances:
         """Residuals (n,) of a model: adhesion coefficients [-], speeds [m/s]."""
         return np.concatenate([part.residuals(one) for part, one in zip(self.parts, self.evaluate(model), strict=True)])
 
-    def like(self, stops: Sequence[Stop]) -> "Balances":
+    def like(self, stops: Sequence[PreparedStop]) -> "Balances":
         """Return the balances of null recordings of the same stops, cut into the same rows."""
         other = Balances(self.campaign, stops)
         for mine, its in zip(self.parts, other.parts, strict=True):
@@ -104,7 +104,7 @@ class Balances:
 class _Blocks:
     """One stop cut into blocks."""
 
-    def __init__(self, stop: Stop, owner: Balances) -> None:
+    def __init__(self, stop: PreparedStop, owner: Balances) -> None:
         self.stop, self.owner = stop, owner
         self.length = max(round(BLOCK_S / stop.step_s), 1)
         self.vehicle_length = max(round(VEHICLE_BLOCK_S / stop.step_s), 1)

@@ -9,25 +9,14 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from wsp_env.diagnosis.answer import ClosureKind
 from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, Balances
 from wsp_env.diagnosis.evaluate import Choice, Model
-from wsp_env.plant.card import Card
+from wsp_env.plant.card import Parameter, Recorded
 from wsp_env.plant.mechanisms import ALL
 
-#: Lengths of a patch that are tried [m]; half of one apart along the track.
-_PATCH_LENGTHS_M = (30.0, 60.0, 120.0)
-#: Bands of speed that a track brake is tried in [m/s].
-_BANDS_MPS = ((-10.0, 200.0), (8.0, 200.0), (15.0, 200.0), (22.0, 200.0))
 #: Finite-difference steps as share of the typical change.
 _STEP = 0.05
-_BRAKES = ("pad_friction", "brake_gain_imbalance")
-#: Sizes left to another mechanism that has the same trace, or a smaller one of the same mechanism.
-_LEFT_OUT = {
-    ("aerodynamic_drag", "a_n"),  # the gradient's
-    ("aerodynamic_drag", "b_ns_per_m"),
-    ("pad_friction", "per_pressure_1_per_bar"),
-}
-_NEED_AXLES = {"leading_axle_cleaning": 2, "load_transfer": 2}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,79 +32,54 @@ class Variant:
 class Candidate:
     """Columns of one variant or closure."""
 
-    name: str
+    name: str  # of the mechanism, or of the closure in words
     columns: np.ndarray  # (n, k) raw change of the residuals per step
     variant: Variant | None = None  # None: a closure
     steps: tuple[float, ...] = ()  # of each size parameter
+    closure: ClosureKind | None = None  # None: a mechanism
     nodes: tuple[float, ...] = ()  # of a closure: what its columns are at
-    over: str = ""  # of a closure: what its nodes are, with its unit
-    unit: str = ""  # of a closure: of its amplitudes
 
 
 def unavailable(balances: Balances) -> dict[str, str]:
     """Return the mechanisms that such recordings can say nothing on, and why."""
-    reasons: dict[str, str] = {}
-    if balances.campaign.vehicle.torque_is_measured and not (balances.rows.balance == ACTUATOR).any():
-        reasons |= dict.fromkeys(_BRAKES, "the torque itself is measured, and no cylinder pressure beside it")
-    for name, axles in _NEED_AXLES.items():
-        if balances.axles < axles:
-            reasons[name] = f"needs {axles} axles"
-    if not (balances.rows.balance == ADHESION).any():
-        reasons |= {
-            name: "no wheel slides" for name, one in ALL.items() if "adhesion" in one.signature.balances and name not in reasons
-        }
-    return reasons
+    rows, measured = balances.rows, balances.campaign.vehicle.torque_is_measured
+    blind = measured and not (rows.balance == ACTUATOR).any()
+    slides = bool((rows.balance == ADHESION).any())
+    brakes: dict[str, str] = {}
+    axles: dict[str, str] = {}
+    contacts: dict[str, str] = {}
+    for name, card in ALL.items():
+        signature = card.signature
+        if blind and signature.acts_on == "brake":
+            brakes[name] = "the torque itself is measured, and no cylinder pressure beside it"
+        elif balances.axles < signature.least_axles:
+            axles[name] = f"needs {signature.least_axles} axles"
+        elif not slides and "adhesion" in signature.balances:
+            contacts[name] = "no wheel slides"
+    return brakes | axles | contacts
 
 
 def variants(balances: Balances) -> Iterator[Variant]:
     """Every mechanism that these recordings can show, in all its variants."""
-    closed = unavailable(balances)
-    for name, mechanism in ALL.items():
-        if name in closed:
-            continue
-        sizes = tuple(parameter.name for parameter in mechanism.sizes if _separate(name, parameter.name))
-        for fixed in _fixed(mechanism, balances):
-            yield Variant(name, sizes, fixed)
+    closed, rows = unavailable(balances), balances.rows
+    slides = (rows.balance == ADHESION) & (rows.slip > 0.005 * rows.speed)
+    recorded = Recorded(balances.axles, rows.place[slides])
+    for name, card in ALL.items():
+        if name not in closed:
+            sizes = tuple(size.name for size in card.sizes if size.fitted)
+            for fixed in card.signature.variants(recorded):
+                yield Variant(name, sizes, fixed)
 
 
-def _separate(mechanism: str, parameter: str) -> bool:
-    """Whether a size is fitted: those that another mechanism has exactly are left to it."""
-    return (mechanism, parameter) not in _LEFT_OUT
-
-
-def _fixed(mechanism: Card, balances: Balances) -> list[dict[str, float]]:
-    if any(parameter.kind == "axle" for parameter in mechanism.parameters):
-        return [{"axle": float(k + 1)} for k in range(balances.axles)]
-    if mechanism.name == "adhesion_patch":
-        rows = balances.rows
-        place = rows.place[(rows.balance == ADHESION) & (rows.slip > 0.005 * rows.speed)]
-        if not len(place):
-            return []
-        first, last = np.quantile(place, [0.01, 0.99])
-        return [
-            {"start_m": float(start), "length_m": length}
-            for length in _PATCH_LENGTHS_M
-            for start in np.arange(first - length / 2, last - length / 4, length / 2)
-        ]
-    if mechanism.name == "non_adhesive_brake":
-        return [{"lowest_mps": low, "highest_mps": high} for low, high in _BANDS_MPS]
-    return [{}]
-
-
-#: Steps of parameters that say where, which the refit moves too.
-_SHAPE_STEPS = {
-    ("adhesion_patch", "start_m"): 2.0,
-    ("adhesion_patch", "length_m"): 2.0,
-    ("non_adhesive_brake", "lowest_mps"): 0.5,
-}
+def parameter_of(mechanism: str, name: str) -> Parameter:
+    """Return one parameter of a mechanism."""
+    return next(one for one in ALL[mechanism].parameters if one.name == name)
 
 
 def step(mechanism: str, parameter: str) -> tuple[float, float]:
     """Return null value and finite-difference step of a parameter."""
-    if (mechanism, parameter) in _SHAPE_STEPS:
-        return 0.0, _SHAPE_STEPS[mechanism, parameter]
-    one = next(p for p in ALL[mechanism].parameters if p.name == parameter)
-    change = _STEP * (one.typical - one.null)
+    one = parameter_of(mechanism, parameter)
+    change = one.refit_step or _STEP * (one.typical - one.null)
     if change == 0.0:  # typical is the null: a small share of the way to the upper bound
         change = 1e-3 * (one.high - one.null) or 1e-3 * (one.low - one.null)
     return one.null, change
@@ -123,7 +87,7 @@ def step(mechanism: str, parameter: str) -> tuple[float, float]:
 
 def refined(variant: Variant) -> tuple[Variant, dict[str, float]]:
     """Return the variant with the parameters free that say where, and their present values."""
-    free = {name: value for name, value in variant.fixed.items() if (variant.name, name) in _SHAPE_STEPS}
+    free = {name: value for name, value in variant.fixed.items() if parameter_of(variant.name, name).refit_step}
     fixed = {name: value for name, value in variant.fixed.items() if name not in free}
     return Variant(variant.name, (*variant.sizes, *free), fixed), free
 
@@ -159,28 +123,19 @@ def library(
 
     Parameters
     ----------
-    friction : (n,) derivative of the residuals by log mu_cd, of which a patch is a stretch
+    friction : (n,) derivative of the residuals by log mu_cd, which a mechanism may scale by place
 
     """
     found = []
     for variant in tried:
         if variant.name in model.choice:
             continue
-        if variant.name == "adhesion_patch":
-            inside = _inside(balances.rows.place, variant.fixed["start_m"], variant.fixed["length_m"])
-            _, change = step(variant.name, "change")
-            column = change * friction * inside * balances.rows.wheels
+        if pattern := ALL[variant.name].signature.friction_pattern:
+            (size,) = variant.sizes
+            change = step(variant.name, size)[1]
+            column = change * friction * pattern(variant.fixed, balances.rows.place) * balances.rows.wheels
             found.append(Candidate(variant.name, column[:, None], variant, (change,)))
         else:
-            found.append(Candidate(variant.name, *_swapped(columns(balances, model, base, variant), variant)))
+            moved, steps = columns(balances, model, base, variant)
+            found.append(Candidate(variant.name, moved, variant, steps))
     return found
-
-
-def _swapped(found: tuple[np.ndarray, tuple[float, ...]], variant: Variant) -> tuple[np.ndarray, Variant, tuple[float, ...]]:
-    return found[0], variant, found[1]
-
-
-def _inside(place: np.ndarray, start: float, length: float) -> np.ndarray:
-    edge = 2.0
-    result: np.ndarray = 0.5 * (np.tanh((place - start) / edge) - np.tanh((place - start - length) / edge))
-    return result

@@ -5,15 +5,14 @@ from typing import Any
 
 import numpy as np
 
+from wsp_env.diagnosis.answer import ClosureKind, ClosureOver, Quantity
 from wsp_env.diagnosis.balances import ACTUATOR, KINEMATICS, VEHICLE, Balances
 from wsp_env.diagnosis.candidates import Candidate
 from wsp_env.diagnosis.evaluate import Evaluation, Model
+from wsp_env.diagnosis.words import described
 
 _NODES = 6  # of a function of slip speed, speed or work, at quantiles
 _TIME_NODE_S = 3.0
-_RELATIVE = "relative change of friction [-]"
-#: How closures begin that stand for a fault of their own: what a mechanism's form leaves hardly looks like them.
-OF_THEIR_OWN = ("torque", "recorded speed over deceleration", "force on the vehicle swinging")
 _FREQUENCIES_HZ = tuple(np.geomspace(0.15, 1.2, 13))
 
 
@@ -31,60 +30,45 @@ def closures(balances: Balances, model: Model, friction: np.ndarray) -> list[Can
     own = (rows.axle[:, None] == np.arange(balances.axles)).astype(float)
     by_run = (rows.run[:, None] == np.arange(len(balances.stops))).astype(float)
 
-    def add(name: str, columns: np.ndarray, nodes: Iterable[float], over: str, unit: str) -> None:
-        found.append(Candidate(name, columns, nodes=tuple(map(float, nodes)), over=over, unit=unit))
+    def add(
+        quantity: Quantity, over: ClosureOver, columns: np.ndarray, nodes: Iterable[float], frequency_hz: float = 0.0
+    ) -> None:
+        kind = ClosureKind(quantity, over, frequency_hz)
+        found.append(Candidate(described(kind).name, columns, closure=kind, nodes=tuple(map(float, nodes))))
 
     axles, runs = range(1, balances.axles + 1), range(1, len(balances.stops) + 1)
     if slides.any():
-        for name, over, values in (
-            ("slip speed", "slip speed [m/s]", rows.slip),
-            ("speed", "speed [m/s]", rows.speed),
-            ("friction work", "friction work W_sp [J/m]", rows.work),
-        ):
+        measured: tuple[tuple[ClosureOver, np.ndarray], ...] = (("slip", rows.slip), ("speed", rows.speed), ("work", rows.work))
+        for over, values in measured:
             nodes = _quantiles(values[slides])
-            add(f"adhesion over {name}", (friction * slides)[:, None] * _interpolation(values, nodes), nodes, over, _RELATIVE)
-        add("adhesion of each axle", (friction * slides)[:, None] * own, axles, "axle [-]", _RELATIVE)
+            add("adhesion", over, (friction * slides)[:, None] * _interpolation(values, nodes), nodes)
+        add("adhesion", "axle", (friction * slides)[:, None] * own, axles)
         nodes = _clock(rows.time)
         clock = _interpolation(rows.time, nodes)
         columns = np.column_stack([(friction * slides * run)[:, None] * clock for run in by_run.T])
-        add("adhesion over time", columns, np.tile(nodes, len(runs)), "time in each run [s]", _RELATIVE)
+        add("adhesion", "time", columns, np.tile(nodes, len(runs)))
     steepness, offset, drift, resisted = _parts(balances, model)
     free = (rows.balance == KINEMATICS).astype(float)
     columns = (steepness * free)[:, None] * np.column_stack([own, own * rows.speed[:, None]])
-    add(
-        "slip while rolling freely",
-        columns,
-        (*axles, *axles),
-        "axle [-]: offset, then per speed",
-        "recorded less true slip [m/s], [-]",
-    )
+    add("rolling slip", "axle", columns, (*axles, *axles))
     columns = (rows.deceleration * (1.0 * vehicle - steepness) * rows.speed)[:, None]
-    add("recorded speed over deceleration", columns, (1.0,), "deceleration times speed", "true less recorded speed [s2/m]")
-    add(
-        "torque of each axle",
-        np.column_stack([offset, drift]),
-        (*axles, *axles),
-        "axle [-]: offset, then drift",
-        "true less believed torque [N m], [N m/s]",
-    )
+    add("recorded speed", "deceleration", columns, (1.0,))
+    add("torque", "axle", np.column_stack([offset, drift]), (*axles, *axles))
     if (rows.balance == ACTUATOR).any():
         pressed = np.concatenate(
             [part.joined(brakes=part.wheel_rows(one.braking)) for part, one in _evaluated(balances, model)]
         )
         nodes = _quantiles(pressed[rows.balance == ACTUATOR])
-        columns = -1.0 * (rows.balance == ACTUATOR)[:, None] * _interpolation(pressed, nodes)
-        over = "torque by the nominal gain [N m]"
-        add("torque over cylinder pressure", columns, nodes, over, "measured less believed torque [N m]")
-    add("force on the vehicle over speed", resisted, _quantiles(rows.speed), "speed [m/s]", "resisting force [N]")
+        add("torque", "pressure", -1.0 * (rows.balance == ACTUATOR)[:, None] * _interpolation(pressed, nodes), nodes)
+    add("force", "speed", resisted, _quantiles(rows.speed))
     for frequency in _FREQUENCIES_HZ:
         phase = 2.0 * np.pi * frequency * rows.time
         waves = np.column_stack([np.sin(phase), np.cos(phase)]) * vehicle[:, None]
         columns = np.column_stack([waves * run[:, None] for run in by_run.T])
-        over = "run [-]: sine, cosine"
-        add(f"force on the vehicle swinging at {frequency:.2g} Hz", columns, np.repeat(runs, 2), over, "speed lost [m/s]")
+        add("force", "frequency", columns, np.repeat(runs, 2), float(frequency))
     nodes = _clock(rows.time)
     columns = np.column_stack([_interpolation(rows.time, nodes) * (vehicle * run)[:, None] for run in by_run.T])
-    add("force on the vehicle over time", columns, np.tile(nodes, len(runs)), "time in each run [s]", "speed lost [m/s]")
+    add("force", "time", columns, np.tile(nodes, len(runs)))
     return found
 
 

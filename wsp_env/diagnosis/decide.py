@@ -1,4 +1,4 @@
-"""Decides: forward selection among the library's mechanisms, what they cannot be told from, and whether structure remains."""
+"""Decides: forward selection among the library's mechanisms, by the rules of `wsp_env.diagnosis.rules`."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -7,58 +7,32 @@ from concurrent.futures import Executor
 import numpy as np
 
 from wsp_env.diagnosis.balances import Balances
-from wsp_env.diagnosis.candidates import Variant, choice_of, refined
+from wsp_env.diagnosis.candidates import Variant, choice_of, parameter_of, refined
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.interest import effect
-from wsp_env.diagnosis.search import Found, Scan, Search, scan
+from wsp_env.diagnosis.rules import (
+    LEAST_MULTIPLE,
+    NEG_LOG10_P,
+    Accepted,
+    Trial,
+    alternatives_to,
+    columns_in,
+    expected,
+    held_out_part,
+    is_normal,
+    is_shadow,
+    least_held_out,
+    least_reduction,
+)
+from wsp_env.diagnosis.search import Found, LibrarySearch, Scan, scan
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import rolling_radii
 
-#: -log10 of the probability in a null recording from which on a mechanism counts; some twenty names are searched.
-SURPRISE = 4.0
-#: Size over the smallest effect of interest from which on a mechanism counts.
-LEAST_MULTIPLE = 0.5
-#: Gain over the largest one in null recordings, and gain, from which on it counts: whatever few null recordings say of tails.
-OVER_NULLS = 2.0
-LEAST_GAIN = 25.0
-#: Share of the runs' part of the gain that must show on the runs to validate, but for what chance may take of it.
-HELD_OUT_SHARE = 0.4
-_CHANCE = 1.645  # 5 % of true ones would show less
-#: Another mechanism must gain this share of what the first gained, times their squared cosine: less is the first one's form.
-LEAST_SHARE = 0.08
-#: And this share whatever the cosine: in general; where no balance shows both, or the vehicle's shows it but not the first; and
-#: where the first has but one form, so that next to nothing of it is left.
-LEAST_SHARE_ANY = 0.03
-LEAST_SHARE_APART = 0.005
-LEAST_SHARE_EXACT = 0.002
-EXACT = (
-    "track_gradient", "aerodynamic_drag", "vehicle_mass", "wheel_radius", "brake_gain_imbalance", "wheel_speed_lag",
-    "clock_offset",
-)  # fmt: skip
-#: Alternatives: gains within this share of the best one's, or within `INDISTINCT`.
-SHARE_OF_GAIN = 0.1
-INDISTINCT = 9.0
+#: Mechanisms that are accepted at most.
 MOST = 3
 #: Mechanisms that are refitted in every round.
 TRIED = 5
-#: Wheel radius [-] off by more than this is no normal variation: three times its tolerance.
-ABNORMAL_RADIUS = 1.5e-3
-#: The same of the factor of the creep stiffness [-]: twice the 3 % by which sound contacts vary.
-ABNORMAL_STIFFNESS = 0.06
-
-
-@dataclasses.dataclass(frozen=True)
-class Accepted:
-    """A mechanism that was accepted, and how."""
-
-    found: Found
-    listed: Variant  # as the scans have it
-    variant: Variant  # with what the refit moves free
-    alternatives: tuple[str, ...]
-    confidence: float
-    multiple: float
-    tilt: np.ndarray  # see `refit`
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,8 +41,8 @@ class Outcome:
 
     fitted: Fitted
     accepted: tuple[Accepted, ...]
-    first: Search  # about the baseline
-    last: Search  # about the extended model
+    first: LibrarySearch  # about the baseline
+    last: LibrarySearch  # about the extended model
     screened: tuple[Found, ...]  # about the baseline
     rest: tuple[Found, ...]  # about the extended model
 
@@ -83,7 +57,7 @@ def select(
     pool: Executor,
 ) -> Outcome:
     """Accept mechanisms one after the other, each refitted with all before it; what competes is refitted side by side."""
-    first = search = Search(data, nulls, np.zeros(0, dtype=int), np.zeros(0))
+    first = search = LibrarySearch(data, nulls, np.zeros(0, dtype=int), np.zeros(0))
     screened = found = search.found()
     accepted: list[Accepted] = []
     fitted = refit(balances, model, (), weights)
@@ -92,12 +66,12 @@ def select(
         if not passed:
             break
         best = passed[0]
-        alternatives, confidence = _alternatives(best, [one.found for one in passed[1:]] + others)
+        alternatives, confidence = alternatives_to(best, [one.found for one in passed[1:]] + others)
         accepted.append(Accepted(best.found, best.listed, best.variant, alternatives, confidence, best.multiple, best.tilt))
         accepted, fitted = _needed(balances, best.fitted, search, accepted, weights)
         given = np.concatenate([columns_in(nulls[0], a.listed) for a in accepted])
         rescan = scan(balances, fitted.model, weights, tried, [a.variant for a in accepted])
-        search = Search(rescan, nulls, given, np.concatenate([a.tilt for a in accepted]))
+        search = LibrarySearch(rescan, nulls, given, np.concatenate([a.tilt for a in accepted]))
         found = search.found()
     accepted.sort(key=lambda one: -one.found.net)
     order = [[v.name for v in fitted.variants].index(one.variant.name) for one in accepted]
@@ -111,9 +85,9 @@ def select(
 
 
 def _needed(
-    balances: Balances, fitted: Fitted, search: Search, accepted: list[Accepted], weights: Weights
+    balances: Balances, fitted: Fitted, search: LibrarySearch, accepted: list[Accepted], weights: Weights
 ) -> tuple[list[Accepted], Fitted]:
-    """Drop what is not needed any more beside the last, which then has the gain of both: it was the last's form."""
+    """Drop what is not needed any more beside the last, which then has the reduction of both: it was the last's form."""
     last = accepted[-1]
     for one in accepted[:-1]:
         others = [other for other in accepted if other is not one]
@@ -121,28 +95,16 @@ def _needed(
         model = dataclasses.replace(fitted.model, choice=choice)
         without = refit(balances, model, [a.variant for a in others], weights, tilts=[a.tilt for a in others])
         lost = without.cost - fitted.cost
-        whole = dataclasses.replace(last.found, gain=last.found.gain + one.found.gain - lost)
-        if lost < _least(search, one.found, one.listed, [dataclasses.replace(last, found=whole)]):
+        whole = dataclasses.replace(last.found, reduction=last.found.reduction + one.found.reduction - lost)
+        if lost < least_reduction(search, one.found, one.listed, [dataclasses.replace(last, found=whole)]):
             return _needed(balances, without, search, [*others[:-1], dataclasses.replace(last, found=whole)], weights)
     return accepted, fitted
-
-
-@dataclasses.dataclass(frozen=True)
-class Trial:
-    """A mechanism refitted together with those accepted before."""
-
-    found: Found  # with the gain of the refit
-    listed: Variant  # as the scans have it
-    variant: Variant  # with what the refit moves free
-    fitted: Fitted
-    multiple: float
-    tilt: np.ndarray
 
 
 def _trials(
     balances: Balances,
     fitted: Fitted,
-    search: Search,
+    search: LibrarySearch,
     found: Sequence[Found],
     weights: Weights,
     accepted: Sequence[Accepted],
@@ -150,9 +112,9 @@ def _trials(
 ) -> tuple[list[Trial], list[Found]]:
     """Refit the mechanisms that promise most.
 
-    Returns those that pass every test, the one that gains most first, and the promising ones that were not refitted.
+    Returns those that pass every test, the one that explains most first, and the promising ones that were not refitted.
     """
-    library = [one for one in found if one.name in ALL and one.surprise >= SURPRISE]
+    library = [one for one in found if one.name in ALL and one.neg_log10_p >= NEG_LOG10_P]
     library.sort(key=lambda one: -one.net)
     promising, together = library[:TRIED], set()
     if not accepted and (pairs := search.pairs(found)):  # two together may show what neither does alone
@@ -172,66 +134,18 @@ def _trials(
     there = []
     for one, trial in zip(promising, pool.map(refitted, promising), strict=True):
         held_out = one.name in together or one.held_out >= least_held_out(expected(search, one)) or rolling is not None
-        if trial.found.gain > _least(search, one, trial.listed, accepted) and held_out:
+        if trial.found.reduction > least_reduction(search, one, trial.listed, accepted) and held_out:
             there.append(trial)
     there.sort(key=lambda trial: -trial.found.net)
-    passed = [
-        t for i, t in enumerate(there) if t.multiple >= LEAST_MULTIPLE and not _normal(t) and not _shadow(search, t, there[:i])
-    ]
+    sized = [(i, trial) for i, trial in enumerate(there) if trial.multiple >= LEAST_MULTIPLE]
+    passed = [trial for i, trial in sized if not is_normal(trial) and not is_shadow(search, trial, there[:i])]
     return passed, left
-
-
-def _normal(trial: Trial) -> bool:
-    """Whether sound contacts vary as much."""
-    factor = trial.fitted.model.choice[trial.variant.name].get("factor", np.inf)
-    return trial.variant.name == "initial_slope" and abs(factor - 1.0) < ABNORMAL_STIFFNESS
-
-
-def _shadow(search: Search, trial: Trial, better: Sequence[Trial]) -> bool:
-    """Whether little is left of a mechanism beside one that gains more but is too small to matter."""
-    index = search.data.columns_of(trial.found.which)
-    small = [search.data.columns_of(one.found.which) for one in better if one.multiple < LEAST_MULTIPLE]
-    return any(search.gain(index, beside=columns).gain <= _least(search, trial.found, trial.listed, ()) for columns in small)
-
-
-def _least(search: Search, one: Found, listed: Variant, accepted: Sequence[Accepted]) -> float:
-    """Return the gain that a mechanism must have, beside those accepted before."""
-    least = max(LEAST_GAIN, OVER_NULLS * float(one.nulls.max()))
-    null = search.nulls[0]
-    for other in accepted:
-        cosine = largest_cosine(null.whole.gram, columns_in(null, listed), columns_in(null, other.listed))
-        least = max(least, max(LEAST_SHARE * cosine**2, _floor(one.name, other.found.name)) * other.found.gain)
-    return least
-
-
-def _floor(one: str, other: str) -> float:
-    if other in EXACT:
-        return LEAST_SHARE_EXACT
-    mine, its = (ALL[name].signature.balances for name in (one, other))
-    # No wrong form of a contact's mechanism looks like a force on the vehicle.
-    return LEAST_SHARE_APART if not mine & its or "vehicle" in mine - its else LEAST_SHARE_ANY
-
-
-def least_held_out(expected: float) -> float:
-    """Return the gain on held-out runs from which on an effect counts as seen there (a gain of g scatters by 2 sqrt(g))."""
-    return HELD_OUT_SHARE * expected - _CHANCE * 2.0 * float(np.sqrt(max(expected, 0.0)))
-
-
-def largest_cosine(gram: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
-    """Largest cosine between what two sets of columns can do to the residuals, off the nuisances."""
-    roots = []
-    for index in (a, b):
-        values, vectors = np.linalg.eigh(gram[np.ix_(index, index)])
-        kept = values > 1e-9 * max(float(values[-1]), 1e-300)
-        roots.append(vectors[:, kept] / np.sqrt(values[kept]))
-    cosine = np.linalg.svd(roots[0].T @ gram[np.ix_(a, b)] @ roots[1], compute_uv=False).max(initial=0.0)
-    return float(min(cosine, 1.0))
 
 
 def _trial(
     balances: Balances,
     fitted: Fitted,
-    search: Search,
+    search: LibrarySearch,
     one: Found,
     start: np.ndarray,
     weights: Weights,
@@ -249,52 +163,43 @@ def _trial(
         again = refit(balances, dataclasses.replace(fitted.model, choice=choice), variants, weights, tilts=tilts)
         if best is None or again.cost < best.cost:
             best = again
-        if best.cost < fitted.cost - 0.5 * one.gain:
+        if best.cost < fitted.cost - 0.5 * one.reduction:
             break
     assert best is not None
-    gain = max(fitted.cost - best.cost, 0.0)
+    reduction = max(fitted.cost - best.cost, 0.0)
     added = effect(balances, fitted.model, {variant.name: best.model.choice[variant.name]})
-    return Trial(dataclasses.replace(one, gain=gain), variant, free, best, added.multiple, tilt)
+    return Trial(dataclasses.replace(one, reduction=reduction), variant, free, best, added.multiple, tilt)
 
 
-def _rolling(balances: Balances, search: Search, found: Sequence[Found]) -> tuple[Found, np.ndarray] | None:
-    """Return the wheel radius that free rolling contradicts most, if beyond what is normal."""
+def _rolling(balances: Balances, search: LibrarySearch, found: Sequence[Found]) -> tuple[Found, np.ndarray] | None:
+    """Return the wheelset that free rolling contradicts most, if beyond what is normal, as the mechanism that it shows."""
+    measures = {name: card.signature.rolls_freely for name, card in ALL.items()}
+    template = next((one for one in found if measures.get(one.name)), None)
+    if template is None or (measured := measures[template.name]) is None:
+        return None
     change = rolling_radii(balances.campaign) / balances.radius - 1.0
     axle = int(np.argmax(np.abs(change)))
-    if abs(change[axle]) < ABNORMAL_RADIUS:
-        return None
-    template = next((one for one in found if one.name == "wheel_radius"), None)
-    if template is None:
+    if abs(change[axle]) < measured.least:
         return None
     which = next(
         i
         for i, c in enumerate(search.data.candidates)
-        if c.variant and c.name == "wheel_radius" and c.variant.fixed["axle"] == axle + 1
+        if c.variant and c.name == template.name and c.variant.fixed["axle"] == axle + 1
     )
-    gain = search.gain(search.data.columns_of(which))
-    return dataclasses.replace(template, which=which, fit=gain, gain=gain.gain), np.array([change[axle]])
+    alone = search.solve(search.data.columns_of(which))
+    variant = _variant(search, dataclasses.replace(template, which=which))
+    start = np.where(np.array(variant.sizes) == measured.size, change[axle], _null(variant))
+    return dataclasses.replace(template, which=which, fit=alone, reduction=alone.reduction), start
 
 
-def _held_out_together(search: Search, pair: Sequence[Found]) -> set[str]:
-    """Return the names of a pair that gains on the runs to validate as it should: there one may hide without the other."""
+def _held_out_together(search: LibrarySearch, pair: Sequence[Found]) -> set[str]:
+    """Return the names of a pair that explains of the runs to validate what it should: there one may hide without the other."""
     index = np.concatenate([search.data.columns_of(one.which) for one in pair])
-    seen = search.held_out(index) >= least_held_out(_part(search, index) * search.gain(index).gain)
+    seen = search.held_out(index) >= least_held_out(held_out_part(search, index) * search.solve(index).reduction)
     return {one.name for one in pair} if seen else set()
 
 
-def expected(search: Search, one: Found) -> float:
-    """Share of the gain that the runs to validate would have by their part of the columns' squares."""
-    return _part(search, search.data.columns_of(one.which)) * one.gain
-
-
-def _part(search: Search, index: np.ndarray) -> float:
-    part = np.trace(search.data.validate.gram[np.ix_(index, index)]) / max(
-        np.trace(search.data.whole.gram[np.ix_(index, index)]), 1e-12
-    )
-    return float(min(part, 1.0))
-
-
-def _variant(search: Search, one: Found) -> Variant:
+def _variant(search: LibrarySearch, one: Found) -> Variant:
     variant = search.data.candidates[one.which].variant
     if variant is None:
         raise ValueError(f"{one.name} is no mechanism")
@@ -302,24 +207,4 @@ def _variant(search: Search, one: Found) -> Variant:
 
 
 def _null(variant: Variant) -> np.ndarray:
-    nulls = {parameter.name: parameter.null for parameter in ALL[variant.name].parameters}
-    return np.array([nulls[name] for name in variant.sizes])
-
-
-def columns_in(null: Scan, variant: Variant) -> np.ndarray:
-    """Columns of a mechanism in a null scan: those of all its variants with the same fixed parameters, or the nearest."""
-    members = [i for i, one in enumerate(null.candidates) if one.variant and one.variant.name == variant.name]
-    same = [i for i in members if variant.fixed.items() <= (null.candidates[i].variant or variant).fixed.items()]
-    return null.columns_of((same or members)[0])
-
-
-def _alternatives(best: Trial, others: Sequence[Found]) -> tuple[tuple[str, ...], float]:
-    """Return the names that gain nearly as much, best first, and the share of belief in the best."""
-    top = best.found.net
-    # Without a refit a name is worth its linear gain, which cannot be more than the best refit's.
-    net = {one.name: min(one.net, top) for one in others}
-    margin = max(INDISTINCT, SHARE_OF_GAIN * top)
-    near = sorted((name for name in net if net[name] >= top - margin), key=lambda name: -net[name])
-    scale = max(2.0, 0.03 * top)
-    belief = 1.0 / (1.0 + sum(float(np.exp((gain - top) / (2.0 * scale))) for gain in net.values()))
-    return (best.found.name, *near), belief * (1.0 - 10.0 ** -min(best.found.surprise, 15.0))
+    return np.array([parameter_of(variant.name, name).null for name in variant.sizes])

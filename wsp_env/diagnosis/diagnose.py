@@ -10,20 +10,20 @@ from scipy.stats import gamma
 from threadpoolctl import threadpool_limits
 
 from wsp_env.diagnosis import null
-from wsp_env.diagnosis.answer import Closure, Diagnosis, Estimate, Evidence, Named, Pair
-from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, VEHICLE, Balances
-from wsp_env.diagnosis.candidates import Candidate, Variant, choice_of, unavailable, variants
-from wsp_env.diagnosis.closures import OF_THEIR_OWN, closures
-from wsp_env.diagnosis.decide import HELD_OUT_SHARE, SURPRISE, Accepted, Outcome, expected, largest_cosine, select
+from wsp_env.diagnosis.answer import Closure, Diagnosis, Estimate, Evidence, Named, Pair, Verdict
+from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.candidates import Variant, choice_of, parameter_of, unavailable, variants
+from wsp_env.diagnosis.decide import Outcome, select
 from wsp_env.diagnosis.effects import course, curve, held_out
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights, baseline, sliding
 from wsp_env.diagnosis.interest import effect
 from wsp_env.diagnosis.locate import locate, residual_map
 from wsp_env.diagnosis.quality import quality
-from wsp_env.diagnosis.search import Found, Scan, Search, scan
-from wsp_env.diagnosis.stops import VEHICLE_BLOCK_S, Stop, prepare
-from wsp_env.diagnosis.variation import nuisances
+from wsp_env.diagnosis.remains import closure_left
+from wsp_env.diagnosis.rules import NEG_LOG10_P, Accepted, largest_cosine
+from wsp_env.diagnosis.search import Found, LibrarySearch, Scan, scan
+from wsp_env.diagnosis.stops import PreparedStop, prepare
 from wsp_env.diagnosis.words import next_test, sentence
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import Campaign, CampaignError
@@ -34,17 +34,14 @@ _BIAS_REPLICATES = 4
 _BIAS_SHARE = 0.5  # of what smoothing leaves in the null recordings counts as deviation too: assumption
 #: A run whose residuals are so many times the others' is left out as damaged.
 _DAMAGED = 5.0
-#: Closures: surprise, and share of the deceleration or of the adhesion, from which on structure remains that matters.
-_CLOSURE_SURPRISE = 8.0
-_LEAST_CLOSURE = 0.01
 #: Mean squares of the baseline over those of null recordings, from which on nothing is called adequate: assumption. Sound
 #: campaigns of the proof's bank of seed 3 reach 2.0.
 _MISFIT = 5.0
-_PAIRS_TOLD = 10  # in the answer
-_NEAR_NODE = 1e-3  # of the largest square of a closure's columns, from which on a node is told of
-#: Share of all gains, the mechanisms' and the closure's, from which on the mechanisms do not explain what is there: of a
-#: flexible closure, which may also take up what a mechanism's own form leaves, and of one that is a fault of its own. The first
-#: is an assumption; the second parts singles (at most 0.114) from effects outside the library in the bank of seed 2.
+_PAIRS_REPORTED = 10  # in the answer
+#: Share of all reductions of chi-square, the mechanisms' and the closure's, from which on the mechanisms do not explain what is
+#: there: of a flexible closure, which may also take up what a mechanism's own form leaves, and of one that is a fault of its
+#: own. The first is an assumption; the second parts singles (at most 0.114) from effects outside the library in the bank of
+#: seed 2.
 _LEFT_OPEN = 0.25
 _LEFT_OPEN_OWN = 0.15
 _Z90 = 1.645
@@ -66,7 +63,7 @@ def diagnose(
     ----------
     effort : multiplies the number of null recordings
     seed : of the null recordings
-    progress : is told what is done next
+    progress : is called with what is done next
     workers : threads that search null recordings and refit mechanisms side by side; the answer does not depend on them
 
     Raises
@@ -104,7 +101,7 @@ def _diagnose(campaign: Campaign, effort: float, seed: int, progress: Progress, 
     return _answer(balances, model, weights, outcome, nulls, raws, notes)
 
 
-def _sound(campaign: Campaign, stops: list[Stop]) -> tuple[Balances, Model, Weights, list[str]]:
+def _sound(campaign: Campaign, stops: list[PreparedStop]) -> tuple[Balances, Model, Weights, list[str]]:
     """Fit the baseline; a run that fits far worse than the others is left out."""
     notes: list[str] = []
     while True:
@@ -132,7 +129,7 @@ def _null_scans(
     progress: Progress,
     pool: Executor,
 ) -> list[Scan]:
-    def search(stops: list[Stop]) -> Scan:
+    def search(stops: list[PreparedStop]) -> Scan:
         return scan(maker.balances.like(stops), maker.model, weights, tried, held_out=False)
 
     # Drawn one after the other: whoever searches them, they are the same.
@@ -153,7 +150,7 @@ def _answer(
     raws: np.ndarray,
     notes: list[str],
 ) -> Diagnosis:
-    closure = _closure(balances, outcome)
+    closure = closure_left(balances, outcome)
     named = tuple(_named(balances, weights, outcome, i) for i in range(len(outcome.accepted)))
     reasons = unavailable(balances)
     verdict = _verdict(named, closure, bool(sliding(balances).any()))
@@ -163,8 +160,8 @@ def _answer(
     if verdict == "adequate" and max(fit.baseline.values()) > _MISFIT:
         verdict = "unknown"
     extended = outcome.fitted.model if named else model
-    where = locate(balances, model, extended, weights, closure.depends_on if closure and not named else "")
-    detectable = _detectable(outcome.first)
+    where = locate(balances, model, extended, weights, None if named else closure)
+    detectable, pairs = _detectable(outcome.first), outcome.first.pairs(outcome.screened)
     return Diagnosis(
         campaign=balances.campaign.name,
         verdict=verdict,
@@ -176,9 +173,7 @@ def _answer(
         next_test=next_test(verdict, named, reasons, closure),
         closure=closure,
         evidence=tuple(_evidence(balances, model, outcome.first, one) for one in outcome.screened),
-        pairs=tuple(
-            Pair((a.name, b.name), net + null, null) for net, null, a, b in outcome.first.pairs(outcome.screened)[:_PAIRS_TOLD]
-        ),
+        pairs=tuple(Pair((a.name, b.name), net + null, null) for net, null, a, b in pairs[:_PAIRS_REPORTED]),
         confounding=_confounding(outcome.first, outcome.screened),
         model=model_json(balances, extended),
         residuals=residual_map(balances, model, extended, weights),
@@ -188,71 +183,14 @@ def _answer(
     )
 
 
-def _verdict(named: Sequence[Named], closure: Closure | None, slides: bool) -> str:
+def _verdict(named: Sequence[Named], closure: Closure | None, slides: bool) -> Verdict:
     if closure is not None:
-        least = _LEFT_OPEN_OWN if closure.depends_on.startswith(OF_THEIR_OWN) else _LEFT_OPEN
+        least = _LEFT_OPEN_OWN if closure.kind.own_fault else _LEFT_OPEN
         if closure.gain > least * (closure.gain + sum(one.gain for one in named)):
             return "unknown"
     if named:
         return "ambiguous" if any(len(one.alternatives) > 2 for one in named) else "named"
     return "adequate" if slides else "insufficient"
-
-
-def _closure(balances: Balances, outcome: Outcome) -> Closure | None:
-    """Return the closure that best explains what the library leaves, if that is structured and matters."""
-    search = outcome.last
-    structured = [
-        one for one in outcome.rest if search.data.candidates[one.which].variant is None and one.surprise >= _CLOSURE_SURPRISE
-    ]
-    structured.sort(key=lambda one: -one.net)
-    model = outcome.fitted.model
-    listed = {}
-    if structured:
-        friction = nuisances(balances, model, balances.raw(model)).friction
-        listed = {one.name: one for one in closures(balances, model, friction)}
-    for one in structured:
-        index = search.data.columns_of(one.which)
-        # Columns of single runs cannot be held out: these must gain in the runs to validate too.
-        alone = "over time" in one.name or "swinging" in one.name
-        elsewhere = search.gain(index, "validate").gain if alone else one.held_out
-        if (
-            elsewhere > HELD_OUT_SHARE * expected(search, one)
-            and _share(balances, model, listed[one.name].columns @ one.fit.amplitude) > _LEAST_CLOSURE
-        ):
-            its = listed[one.name]
-            return Closure(one.name, one.net, elsewhere, its.over, its.unit, _shape(its, one))
-    return None
-
-
-def _shape(closure: Candidate, found: Found) -> tuple[tuple[float, float, float], ...]:
-    """Return place, value and deviation at the nodes that rows were near; it is minus what it changes in the residuals."""
-    squares = np.einsum("nk,nk->k", closure.columns, closure.columns)
-    points = np.column_stack([closure.nodes, -found.fit.amplitude, np.sqrt(np.diag(found.fit.covariance))])
-    return tuple((float(x), float(y), float(d)) for x, y, d in points[squares > _NEAR_NODE * squares.max()])
-
-
-def _share(balances: Balances, model: Model, explained: np.ndarray) -> float:
-    """Size of a closure's change of the residuals (n,) [-]: of its deceleration, adhesion or torque, over the stops' own."""
-    rows = balances.rows
-    wheels = (rows.balance == ADHESION) & (rows.slip > 0.01 * rows.speed)
-    braked = (rows.balance == VEHICLE) & (rows.deceleration > 0.2)
-    shares = [0.0]
-    if wheels.any():
-        own = [part.wheel_rows(one.adhesion) for part, one in zip(balances.parts, balances.evaluate(model), strict=True)]
-        adhesion = np.zeros(len(rows))
-        adhesion[rows.wheels] = np.concatenate(own)
-        shares.append(float(np.sqrt(np.mean(explained[wheels] ** 2) / np.mean(adhesion[wheels] ** 2))))
-    brakes = rows.balance == ACTUATOR
-    if brakes.any():
-        torque = np.concatenate(
-            [part.wheel_rows(one.torque) for part, one in zip(balances.parts, balances.evaluate(model), strict=True)]
-        )
-        shares.append(float(np.sqrt(np.mean(explained[brakes] ** 2) / max(np.mean(torque**2), 1.0))))
-    if braked.sum() > 2:
-        rate = np.gradient(explained[braked], VEHICLE_BLOCK_S)
-        inside = np.gradient(rows.time[braked]) < 1.5 * VEHICLE_BLOCK_S  # not across two stops
-        shares.append(float(np.sqrt(np.mean(rate[inside] ** 2)) / np.mean(rows.deceleration[braked])))
-    return max(shares)
 
 
 def _named(balances: Balances, weights: Weights, outcome: Outcome, i: int) -> Named:
@@ -271,21 +209,21 @@ def _named(balances: Balances, weights: Weights, outcome: Outcome, i: int) -> Na
         estimates[name] = Estimate(float(fixed), units[name].unit, (float(fixed), float(fixed)))
     nulls, confidence = one.found.nulls, one.confidence * (_BESIDE if i else 1.0)
     return Named(
-        one.variant.name, confidence, one.alternatives, estimates, one.multiple, one.found.gain, float(nulls.max()),
+        one.variant.name, confidence, one.alternatives, estimates, one.multiple, one.found.reduction, float(nulls.max()),
         one.found.held_out, curve(balances, outcome.fitted.model, weights, one.variant.name, estimates),
     )  # fmt: skip
 
 
-def _detectable(search: Search) -> dict[str, dict[str, float]]:
+def _detectable(search: LibrarySearch) -> dict[str, dict[str, float]]:
     """Smallest amplitude of every size that would have been seen."""
     found: dict[str, dict[str, float]] = {}
     for i, one in enumerate(search.data.candidates):
         if one.variant is None:
             continue
-        nulls = search.null_gains(i)
+        nulls = search.null_reductions(i)
         mean = max(float(nulls.mean()), 1.0)
         variance = max(float(nulls.var()), 2.0 * mean)
-        needed = float(gamma.isf(10.0**-SURPRISE, mean**2 / variance, scale=variance / mean))
+        needed = float(gamma.isf(10.0**-NEG_LOG10_P, mean**2 / variance, scale=variance / mean))
         index = search.data.columns_of(i)
         for j, size in enumerate(one.variant.sizes):
             square = max(float(search.data.whole.gram[index[j], index[j]]), 1e-12)
@@ -295,17 +233,16 @@ def _detectable(search: Search) -> dict[str, dict[str, float]]:
     return found
 
 
-def _evidence(balances: Balances, model: Model, search: Search, one: Found) -> Evidence:
+def _evidence(balances: Balances, model: Model, search: LibrarySearch, one: Found) -> Evidence:
     candidate, multiple = search.data.candidates[one.which], 0.0
     if candidate.variant is not None:
-        nulls = {parameter.name: parameter.null for parameter in ALL[candidate.name].parameters}
-        start = np.array([nulls[name] for name in candidate.variant.sizes])
+        start = np.array([parameter_of(candidate.name, name).null for name in candidate.variant.sizes])
         values = start - one.fit.amplitude * candidate.steps
         multiple = effect(balances, model, choice_of(candidate.variant, values)).multiple
-    return Evidence(one.name, one.gain, tuple(map(float, one.nulls)), one.surprise, one.held_out, multiple)
+    return Evidence(one.name, one.reduction, tuple(map(float, one.nulls)), one.neg_log10_p, one.held_out, multiple)
 
 
-def _confounding(search: Search, screened: Sequence[Found]) -> dict[str, dict[str, float]]:
+def _confounding(search: LibrarySearch, screened: Sequence[Found]) -> dict[str, dict[str, float]]:
     """Cosines of every two mechanisms."""
     gram, chosen = search.data.whole.gram, [one for one in screened if one.name in ALL]
     index = {one.name: search.data.columns_of(one.which) for one in chosen}

@@ -5,26 +5,20 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from wsp_env.diagnosis.answer import Course, Curve, Estimate, RunFigures
+from wsp_env.diagnosis.answer import Curve, Estimate, RunFigures, RunTrace
 from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, BALANCES, VEHICLE, Balances
+from wsp_env.diagnosis.candidates import parameter_of
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.gls import Projector
-from wsp_env.diagnosis.interest import SENSORS
 from wsp_env.diagnosis.variation import nuisances
+from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import Recording, Smoothing, derive, replay, rolling_radii
 from wsp_env.recordings.derive import braking
 
 _BINS = 16
 _LEAST_ROWS = 5  # in a bin
 _ACTS = 0.02  # of a mechanism's largest change of a residual, from which on a row is one that it acts on
-#: What a mechanism's curve is drawn over where it is not the slip speed.
-_OVER = {
-    "contaminant_memory": "work", "recovery_shape": "work", "adhesion_patch": "place", "track_gradient": "time",
-    "vehicle_mass": "time", "aerodynamic_drag": "speed", "non_adhesive_brake": "speed", "pad_friction": "speed",
-    "speed_dependent_friction": "speed", "load_transfer": "axle", "brake_gain_imbalance": "axle", "wheel_radius": "speed",
-    "wheel_speed_lag": "deceleration", "clock_offset": "deceleration",
-}  # fmt: skip
 _COURSE_POINTS = 200
 _UNITS = {"slip": "slip speed [m/s]", "work": "W_sp [J/m]", "place": "place [m]", "time": "time [s]", "speed": "speed [m/s]",
           "axle": "axle [-]", "deceleration": "deceleration [m/s2]"}  # fmt: skip
@@ -44,7 +38,7 @@ def curve(balances: Balances, extended: Model, weights: Weights, name: str, para
     rows, shown = balances.rows, (explained / weights.deviation) ** 2
     balance = int(np.argmax([shown[rows.balance == i].sum() for i in range(len(BALANCES))]))
     mine = (rows.balance == balance) & (np.abs(explained) > _ACTS * np.abs(explained[rows.balance == balance]).max(initial=0.0))
-    over = _OVER.get(name, "slip")
+    over = ALL[name].signature.over
     values = rows.axle + 1.0 if over == "axle" else getattr(rows, over)
     edges = np.unique(np.quantile(values[mine], np.linspace(0.0, 1.0, _BINS + 1))) if mine.any() else np.zeros(0)
     if over == "axle":
@@ -70,12 +64,12 @@ def curve(balances: Balances, extended: Model, weights: Weights, name: str, para
 
 def _interval(name: str, parameters: Mapping[str, Estimate]) -> tuple[float, float]:
     """Bounds of the first size over its value: how much smaller or larger the whole curve may be."""
-    first = next(iter(parameters.values()))
-    null = {"falling_friction": 1.0, "recovery_shape": 1.0, "initial_slope": 1.0}.get(name, 0.0)
-    size = first.value - null
-    if size == 0.0:
+    size, first = next(iter(parameters.items()))
+    null = parameter_of(name, size).null
+    change = first.value - null
+    if change == 0.0:
         return 1.0, 1.0
-    low, high = sorted((bound - null) / size for bound in first.interval90)
+    low, high = sorted((bound - null) / change for bound in first.interval90)
     return float(low), float(high)
 
 
@@ -107,7 +101,7 @@ def held_out(balances: Balances, before: Model, after: Model) -> tuple[RunFigure
     return tuple(figures)
 
 
-def course(balances: Balances, before: Model, after: Model) -> Course | None:
+def course(balances: Balances, before: Model, after: Model) -> RunTrace | None:
     """Return the course of the run and axle that slides most, of the runs to validate if there are any."""
     rows = balances.rows
     wheels = rows.wheels & (rows.validate if rows.validate.any() else True)
@@ -122,7 +116,7 @@ def course(balances: Balances, before: Model, after: Model) -> Course | None:
     one = balances.evaluate(before)[run]
     measured = np.zeros(len(rows))
     measured[(rows.run == run) & rows.wheels] = balances.parts[run].wheel_rows(one.force / (2.0 * one.load))
-    return Course(
+    return RunTrace(
         balances.stops[run].name, balances.stops[run].group, axle + 1,
         *(tuple(map(float, values)) for values in (
             rows.time[mine], measured[mine], (measured - base)[mine], (measured - extended)[mine], rows.time[vehicle],
@@ -155,6 +149,6 @@ def _slide(balances: Balances, run: Recording, radii: np.ndarray, smoothing: Smo
     start, end = braking(run, campaign.sample_time_s, smoothing)
     fast = np.flatnonzero(derived.speed_mps > smoothing.least_speed_mps)
     end = max(min(end, int(fast[-1]) + 1 if fast.size else start), start + 2)
-    choice = {name: values for name, values in model.choice.items() if name not in SENSORS}
+    choice = {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on != "sensor"}
     whole = replay.simulate(campaign, run, derived, radii, np.array([start]), end - start, model.mu_cd[i], model.tau, choice)
     return replay.slide(derived, whole, start)

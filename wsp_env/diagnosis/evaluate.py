@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.diagnosis.stops import Stop, torque_per_bar
+from wsp_env.diagnosis.stops import PreparedStop, torque_per_bar
 from wsp_env.parameters.campaign_vehicle import plant_vehicle
 from wsp_env.parameters.vehicle import Brake, Vehicle
 from wsp_env.plant.longitudinal import along
@@ -38,7 +38,7 @@ class Evaluation:
     braking: np.ndarray  # what the model's brake gives at the recorded pressure, else C [N m]
     impulse: np.ndarray  # (T,) J w / r summed over the wheelsets [N s]
     brake_force: np.ndarray  # (T,) C / r summed over the wheelsets [N]
-    recorded_speed: np.ndarray  # (T,) raw, the recorder's clock mended [m/s]
+    recorded_speed: np.ndarray  # (T,) raw, with the mechanisms on its recorder undone [m/s]
     resistance: np.ndarray  # (T,) beside the wheels [N]
     mass: float  # [kg]
 
@@ -61,7 +61,7 @@ def _brake(campaign: Campaign) -> Brake:
 class Evaluator:
     """Evaluates models along the stops of a campaign."""
 
-    def __init__(self, campaign: Campaign, stops: Sequence[Stop]) -> None:
+    def __init__(self, campaign: Campaign, stops: Sequence[PreparedStop]) -> None:
         self.vehicle = vehicle_of(campaign)
         self.stops = tuple(stops)
         self._trajectories = [
@@ -78,13 +78,9 @@ class Evaluator:
 
     def _one(self, i: int, constants: Any, model: Model) -> Evaluation:
         stop, inertia = self.stops[i], self.vehicle.wheelset_inertia_kgm2
-        run = along.Run(model.mu_cd[i], model.tau, stop.mass, self.vehicle.wheel_radius_m, stop.gradient)
-        p = along.along(self._trajectories[i], run, constants)
-        # A mechanism on the sensors gives the true wheel speed from the recorded one and its rates.
-        rate = stop.wheel_rate
-        lag = model.choice.get("wheel_speed_lag", {}).get("lag_s", 0.0)
-        if lag:
-            rate = rate + lag * stop.wheel_jerk
+        belief = along.Belief(model.mu_cd[i], model.tau, stop.mass, self.vehicle.wheel_radius_m, stop.gradient)
+        p = along.along(self._trajectories[i], belief, constants)
+        rate = along.true_wheel_acceleration(constants, stop.wheel_rate, stop.wheel_jerk)
         braking = p.torque_factor * (stop.torque if stop.pressed is None else stop.pressed)
         torque = braking if stop.pressed is None else stop.torque
         return Evaluation(

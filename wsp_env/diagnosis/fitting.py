@@ -9,9 +9,8 @@ from wsp_env.diagnosis import candidates
 from wsp_env.diagnosis.balances import ADHESION, Balances
 from wsp_env.diagnosis.candidates import Variant, choice_of
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.gls import Fit, Projector, fit
+from wsp_env.diagnosis.gls import LeastSquares, Projector, fit
 from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, nuisances, unresolved
-from wsp_env.plant.mechanisms import ALL
 
 _TAU_START = 2e-4  # [m/J]
 _ITERATIONS = 8
@@ -47,7 +46,7 @@ class Fitted:
 
 
 def baseline(balances: Balances) -> tuple[Model, Weights]:
-    """Fit tau and mu_cd of every run; returns the deviations by noise too, without bias."""
+    """LeastSquares tau and mu_cd of every run; returns the deviations by noise too, without bias."""
     model = Model(_TAU_START, tuple(stop.believed_mu_cd for stop in balances.stops))
     for _ in range(2):  # the deviations depend on the law, a little
         base = balances.raw(model)
@@ -73,14 +72,14 @@ def refit(
     free_law: bool = True,
     tilts: Sequence[np.ndarray] = (),
 ) -> Fitted:
-    """Fit tau, mu_cd and the free parameters of the variants from where `model` is, by Gauss and Newton.
+    """LeastSquares tau, mu_cd and the free parameters of the variants from where `model` is, by Gauss and Newton.
 
     Parameters
     ----------
     keep : (n,) bool, rows to fit to
     free_law : whether tau moves; mu_cd of a run always does
     tilts : for every variant the mean inner product of its columns with the residual in null recordings (zeros: none). Columns
-        and residual share their noise, so that without it a fit to noise gains.
+        and residual share their noise, so that without it a fit to noise would explain something.
 
     """
     keep = np.ones(len(balances.rows), dtype=bool) if keep is None else keep
@@ -139,8 +138,8 @@ class _State:
         matrix = np.column_stack([columns for columns, _ in found]) / self.weights.deviation[:, None]
         return matrix[self.keep], np.array([step for _, steps in found for step in steps])
 
-    def _solve(self) -> tuple[Fit, np.ndarray]:
-        """Fit the variants' columns and those of the law's parameters that move; returns the variants' steps too."""
+    def _solve(self) -> tuple[LeastSquares, np.ndarray]:
+        """LeastSquares the variants' columns and those of the law's parameters that move; returns the variants' steps too."""
         columns, steps, tilt = np.zeros((len(self.y), 0)), np.zeros(0), np.zeros(0)
         if self.variants:
             columns, steps = self._columns()
@@ -192,12 +191,11 @@ class _State:
         return linear * min(whole / max(little, 1e-12), 1.0)
 
     def _nulls(self, variant: Variant) -> np.ndarray:
-        return np.array([candidates.step(variant.name, name)[0] for name in variant.sizes])
+        return np.array([candidates.parameter_of(variant.name, name).null for name in variant.sizes])
 
     def _values(self, variant: Variant) -> np.ndarray:
         present = self.model.choice.get(variant.name, {})
-        nulls = {parameter.name: parameter.null for parameter in ALL[variant.name].parameters}
-        return np.array([present.get(name, nulls[name]) for name in variant.sizes])
+        return np.array([present.get(name, candidates.parameter_of(variant.name, name).null) for name in variant.sizes])
 
     def fitted(self) -> Fitted:
         covariances = []

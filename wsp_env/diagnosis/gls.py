@@ -1,8 +1,8 @@
-"""Generalised least squares with nuisances that carry a prior: projection, gains, estimates.
+"""Generalised least squares with nuisances that carry a prior: projection, reductions of chi-square, estimates.
 
 Rows are whitened. A nuisance with a prior deviation d is a column scaled by d with one more row that says 0 +- 1; one without
-is free. Projecting everything off the nuisances makes the gain of any set of columns a matter of small matrices:
-the gain is the fall of the sum of squares, in the prior's metric, that the best amplitudes of the set give.
+is free. Projecting everything off the nuisances makes what any set of columns explains a matter of small
+matrices: the reduction of chi-square, the sum of squares in the prior's metric, that the best amplitudes of the set give.
 """
 
 import dataclasses
@@ -50,15 +50,15 @@ class Projector:
 
 
 @dataclasses.dataclass(frozen=True)
-class Fit:
-    """Amplitudes of some columns and what they gain."""
+class LeastSquares:
+    """Amplitudes of some columns and by how much they reduce chi-square."""
 
-    gain: float  # fall of the sum of squares
+    reduction: float  # of chi-square, the sum of squares
     amplitude: np.ndarray  # (k,)
     covariance: np.ndarray  # (k, k) for rows of deviation 1
 
 
-def fit(gram: np.ndarray, against: np.ndarray, squares: np.ndarray | None = None, least: float = 1e-9) -> Fit:
+def fit(gram: np.ndarray, against: np.ndarray, squares: np.ndarray | None = None, least: float = 1e-9) -> LeastSquares:
     """Fit columns with Gram matrix (k, k) to rows with which their inner products are `against` (k,).
 
     Parameters
@@ -74,4 +74,4 @@ def fit(gram: np.ndarray, against: np.ndarray, squares: np.ndarray | None = None
     half = (vectors[:, kept] / np.sqrt(values[kept])) / scale[:, None]
     inverse = half @ half.T
     amplitude = inverse @ against
-    return Fit(float(against @ amplitude), amplitude, inverse)
+    return LeastSquares(float(against @ amplitude), amplitude, inverse)

@@ -11,10 +11,10 @@ import numpy as np
 
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.evaluate import Choice, Evaluation, Model
+from wsp_env.plant.mechanisms import ALL
 
 DISTANCE = 0.01  # [-]
 SLIP_MPS = 0.1
-SENSORS = ("wheel_radius", "wheel_speed_lag", "clock_offset")
 _SLIDES = 0.01  # creepage from which on the contact limits the force, not the brake
 _LEAST_SAMPLES = 50  # of sliding, for a mean
 _LEAST_STEEPNESS = 0.01  # [s/m] of a creep curve; flatter, an axle has no slip of its own: assumption
@@ -22,7 +22,7 @@ _BRAKED_MPS2 = 0.2  # deceleration from which on a vehicle counts as braked
 
 
 @dataclasses.dataclass(frozen=True)
-class Effect:
+class StopChange:
     """What a mechanism does to the recorded stops."""
 
     distance: float  # relative change of the stopping distance [-], mean of the stops that it changes most, gentle or sliding
@@ -34,11 +34,11 @@ class Effect:
         return max(abs(self.distance) / DISTANCE, abs(self.slip) / SLIP_MPS)
 
 
-def effect(balances: Balances, model: Model, choice: Choice) -> Effect:
+def effect(balances: Balances, model: Model, choice: Choice) -> StopChange:
     """Return what the mechanisms of `choice` add to a model."""
     before = balances.evaluate(dataclasses.replace(model, choice={}))
     after = balances.evaluate(dataclasses.replace(model, choice=choice))
-    sensor = all(name in SENSORS for name in choice)
+    sensor = all(ALL[name].signature.acts_on == "sensor" for name in choice)
     distances: dict[bool, list[float]] = {True: [], False: []}
     slips = []
     for stop, one, other in zip(balances.stops, before, after, strict=True):
@@ -52,7 +52,7 @@ def effect(balances: Balances, model: Model, choice: Choice) -> Effect:
             distances[bool(slides.mean() > 0.2)].append(float(change / travelled[braked].sum()))
     means = [float(np.mean(kind)) for kind in distances.values() if kind]
     slip = float(np.ma.masked_invalid(slips).mean(axis=0).filled(0.0).max())
-    return Effect(max(means, key=abs, default=0.0), slip)
+    return StopChange(max(means, key=abs, default=0.0), slip)
 
 
 def _moved(speed: np.ndarray, one: Evaluation, other: Evaluation, slides: np.ndarray, radius: float | None) -> np.ndarray:

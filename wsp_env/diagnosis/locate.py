@@ -5,19 +5,19 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.diagnosis.answer import Location
+from wsp_env.diagnosis.answer import Closure, Location
 from wsp_env.diagnosis.balances import BALANCES, VEHICLE, Balances
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.variation import nuisances
 
-_LEAST_SHARE = 0.1  # of what a mechanism removed, from which on a balance is told of
+_LEAST_SHARE = 0.1  # of what a mechanism removed, from which on a balance is reported
 _LEAST_CONTRAST = 0.2  # of what is removed, that a range must hold more than its share of the rows
 _STRETCHES = 30  # of the track, in the map
 _UNITS = {"place": "m", "time": "s", "speed": "m/s", "slip": "m/s", "work": "J/m"}
-_TOLD = {"slip": "slip speed", "work": "friction work W_sp"}
-_AXLE_SHARE = 0.5  # of an equal share, from which on an axle or a run is told of
+_CALLED = {"slip": "slip speed", "work": "friction work W_sp"}
+_AXLE_SHARE = 0.5  # of an equal share, from which on an axle or a run is reported
 
 
 def rests(balances: Balances, model: Model, weights: Weights) -> np.ndarray:
@@ -31,12 +31,14 @@ def _rest(balances: Balances, model: Model, weights: Weights, base: np.ndarray) 
     return projector.rest(weights(base))
 
 
-def locate(balances: Balances, model: Model, extended: Model, weights: Weights, closure: str) -> tuple[Location, ...]:
+def locate(
+    balances: Balances, model: Model, extended: Model, weights: Weights, closure: Closure | None = None
+) -> tuple[Location, ...]:
     """Return where each mechanism removed what, or, without one, where the largest residuals are.
 
     Parameters
     ----------
-    closure : what a closure depends on, in place of mechanisms; empty: none
+    closure : in place of mechanisms
 
     """
     if not extended.choice:
@@ -51,28 +53,30 @@ def locate(balances: Balances, model: Model, extended: Model, weights: Weights, 
         # With normal variation as it is beside the mechanism: fitted anew it would hide some of what is missing.
         removed_by.append((without - normal) ** 2 - (weights(base) - normal) ** 2)
     total = float(sum(removed.sum() for removed in removed_by))
-    found = [one for removed in removed_by for one in _places_of(balances, removed, total, "")]
+    found = [one for removed in removed_by for one in _places_of(balances, removed, total)]
     return tuple(sorted(found, key=lambda one: -one.share))
 
 
-def _places_of(balances: Balances, removed: np.ndarray, total: float, closure: str) -> tuple[Location, ...]:
+def _places_of(balances: Balances, removed: np.ndarray, total: float, closure: Closure | None = None) -> tuple[Location, ...]:
     """Return in which balances the squares `removed` (n,) lie, and where in them; shares are of `total`."""
     rows, own, found = balances.rows, max(float(removed.sum()), 1e-12), []
     for balance, name in enumerate(BALANCES):
         mine = rows.balance == balance
         share = float(removed[mine].sum())
-        if not mine.any() or share < _LEAST_SHARE * own or (closure.startswith("force") and balance != VEHICLE):
+        elsewhere = closure is not None and closure.kind.quantity == "force" and balance != VEHICLE
+        if not mine.any() or share < _LEAST_SHARE * own or elsewhere:
             continue
         axles = [k for k in range(balances.axles) if _stands_out(removed, mine & (rows.axle == k), mine, balances.axles)]
         runs = [
             i for i in range(len(balances.stops)) if _stands_out(removed, mine & (rows.run == i), mine, len(balances.stops))
         ]
+        over = ("place", "time", "speed") if balance == VEHICLE else tuple(_UNITS)
         found.append(
             Location(
                 name,
                 () if balance == VEHICLE else tuple(k + 1 for k in axles),
                 tuple(balances.stops[i].name for i in runs),
-                closure or _range(balances, removed, mine, ("place", "time", "speed") if balance == VEHICLE else tuple(_UNITS)),
+                closure.depends_on if closure else _range(balances, removed, mine, over),
                 round(min(share / max(total, 1e-12), 1.0), 3),
             )
         )
@@ -88,9 +92,9 @@ def _range(balances: Balances, removed: np.ndarray, mine: np.ndarray, over: tupl
     best, where = 0.0, "everywhere"
     for name in over:
         low, high, contrast, inside = change_points(getattr(balances.rows, name)[mine], removed[mine])
-        told = contrast / np.sqrt(max(inside * (1.0 - inside), 1e-6))  # as a step of a signal stands out of noise
-        if contrast > _LEAST_CONTRAST and told > best:
-            best, where = told, f"{_TOLD.get(name, name)} from {low:.3g} to {high:.3g} {_UNITS[name]}"
+        stands_out = contrast / np.sqrt(max(inside * (1.0 - inside), 1e-6))  # as a step of a signal stands out of noise
+        if contrast > _LEAST_CONTRAST and stands_out > best:
+            best, where = stands_out, f"{_CALLED.get(name, name)} from {low:.3g} to {high:.3g} {_UNITS[name]}"
     return where
 
 

@@ -15,7 +15,7 @@ from wsp_env.contact.degraded import DegradedLaw, adhesion, adhesion_slope, degr
 from wsp_env.contact.traction import Surface
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
-from wsp_env.diagnosis.stops import LEAST_SPEED_MPS, Stop, smooth_speed, smooth_torque, smooth_wheels
+from wsp_env.diagnosis.stops import LEAST_SPEED_MPS, PreparedStop, smooth_speed, smooth_torque, smooth_wheels
 from wsp_env.diagnosis.variation import GAIN, RADIUS, STIFFNESS, TRACK, gain_deviation
 
 _SLIDES = 0.01  # creepage from which on the measured one is kept
@@ -69,13 +69,13 @@ class Maker:
         self._evaluations = Evaluator(balances.campaign, balances.sources)(self.model)
         self._creepages = [_creepage(balances, one, self.model, i) for i, one in enumerate(self._evaluations)]
 
-    def make(self, replicates: int, rng: np.random.Generator) -> list[list[Stop]]:
+    def make(self, replicates: int, rng: np.random.Generator) -> list[list[PreparedStop]]:
         """Return null campaigns, each a list of stops prepared as the recorded ones are."""
         varied = draw(self.balances, replicates, rng)
         per_stop = [self._stop(i, varied, rng) for i in range(len(self.balances.sources))]
         return [[stops[r] for stops in per_stop] for r in range(replicates)]
 
-    def _stop(self, index: int, varied: Draw, rng: np.random.Generator) -> list[Stop]:
+    def _stop(self, index: int, varied: Draw, rng: np.random.Generator) -> list[PreparedStop]:
         balances, model, creepage = self.balances, self.model, self._creepages[index]
         stop, vehicle = balances.sources[index], balances.vehicle
         step, inertia, radius = stop.step_s, vehicle.wheelset_inertia_kgm2, vehicle.wheel_radius_m
@@ -154,7 +154,9 @@ def _creepage(balances: Balances, one: Evaluation, model: Model, index: int) -> 
     return result
 
 
-def _recorded(balances: Balances, stop: Stop, channels: tuple[np.ndarray, ...], rng: np.random.Generator) -> list[Stop]:
+def _recorded(
+    balances: Balances, stop: PreparedStop, channels: tuple[np.ndarray, ...], rng: np.random.Generator
+) -> list[PreparedStop]:
     """Add noise, round, and smooth as recordings are: speed, wheel speeds, torques and those by the cylinders' pressures."""
     speed, wheel, torque, pressed = channels
     noise, step = stop.noise, stop.step_s

@@ -4,10 +4,11 @@ import numpy as np
 
 from wsp_env.diagnosis.answer import FitQuality
 from wsp_env.diagnosis.balances import Balances
-from wsp_env.diagnosis.decide import Accepted, Outcome
+from wsp_env.diagnosis.decide import Outcome
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights, refit
 from wsp_env.diagnosis.gls import Projector
+from wsp_env.diagnosis.rules import Accepted
 from wsp_env.diagnosis.variation import nuisances
 
 _BEYOND = 2.0  # deviations of null recordings by which the baseline must misfit, that a share of it can be removed: assumption

@@ -50,20 +50,20 @@ def _what(found: Diagnosis) -> Section:
          f"{one.held_out:.0f}", f"{one.multiple:.2f}" if one.multiple else "-")
         for one in shown
     ]  # fmt: skip
-    header = ("Candidate", "Gain", "Null band", "Surprise", "Held-out gain", "Size / smallest of interest")
+    header = ("Candidate", "Reduction", "Null band", "-log10 p", "Held out", "Size / smallest of interest")
     text = [
-        "Every candidate's gain in the recordings, alone, against its gain in null recordings: what the fitted baseline would "
-        "have recorded with noise and normal variation alone.",
-        "Gain: by how much the sum of squared residuals falls, counted in deviations of noise, when the candidate is added. "
-        f"Null band: the least to the largest gain in {len(shown[0].null) if shown else 0} null recordings. "
-        "Surprise: -log10 of the probability of such a gain in a null recording; 4 is 1 in 10 000. "
-        "Held-out gain: the same in the runs to validate, with amplitudes fitted to the runs to tune on. "
+        "By how much every candidate, alone, reduces chi-square in the recordings, and in null recordings: what the fitted "
+        "baseline would have recorded with noise and normal variation alone.",
+        "Reduction of chi-square: by how much the sum of squared residuals, in deviations of noise, falls when the candidate "
+        f"is added. Null band: the least to the largest in {len(shown[0].null) if shown else 0} null recordings. "
+        "p: the probability of such a reduction in a null recording; -log10 p = 4 is 1 in 10 000. "
+        "Held out: the reduction in the runs to validate, with amplitudes fitted to the runs to tune on. "
         "A closure is a free function: it shows what is there, not what it is.",
     ]
     pairs = Table(
-        ("Two together", "Gain", "In null recordings"),
+        ("Two together", "Reduction", "In null recordings"),
         [(" and ".join(pair.names).replace("_", " "), f"{pair.gain:.0f}", f"{pair.null_gain:.0f}") for pair in found.pairs],
-        "The pairs of mechanisms that gain most.",
+        "The pairs of mechanisms that reduce chi-square most.",
     )
     return Section("What", text, [_evidence(shown), Table(header, rows), pairs, _confounding(found)])
 
@@ -82,10 +82,10 @@ def _evidence(shown: Sequence[Evidence]) -> Any:
         x=[x for band in bands for x in band], y=[y for name in names for y in (name, name, None)], mode="lines",
         name="null band", line={"color": COLOURS[1], "width": 6},
     )  # fmt: skip
-    figure.update_layout(title="Gain of each candidate, alone", height=140 + 26 * len(shown))
+    figure.update_layout(title="Reduction of chi-square by each candidate, alone", height=140 + 26 * len(shown))
     figure.update_xaxes(type="log")
     figure.update_yaxes(autorange="reversed")
-    axes(figure, "fall of the sum of squares [-]", "", legend={"orientation": "h", "y": 1.08, "x": 0.5})
+    axes(figure, "reduction of chi-square [-]", "", legend={"orientation": "h", "y": 1.08, "x": 0.5})
     figure.update_layout(margin={"l": 290})
     return figure
 
@@ -112,17 +112,17 @@ def _fitted(found: Diagnosis) -> list[Section]:
         others = ", ".join(name.replace("_", " ") for name in one.alternatives[1:])
         text = [
             f"{_capital(said(one.name, one.parameters))}. What it leaves: {ALL[one.name].signature.trace}.",
-            f"Confidence {one.confidence:.2f}; {one.multiple:.1f} times the smallest effect of interest; gain {one.gain:.0f} "
-            f"against at most {one.null_gain:.0f} in null recordings; held-out gain {one.held_out_gain:.0f}.",
+            f"Confidence {one.confidence:.2f}; {one.multiple:.1f} times the smallest effect of interest; reduces chi-square "
+            f"by {one.gain:.0f}, against at most {one.null_gain:.0f} in null recordings; held out, by {one.held_out_gain:.0f}.",
             f"These data cannot tell it from: {others}." if others else "No other mechanism of the library comes near.",
         ]
         table = Table(("Parameter", "Value", "Unit", "90 % interval"), rows)
-        shows = [table, _curve(one.curve)] if one.curve else [table]
+        shows = [table, _curve(one.name, one.curve)] if one.curve else [table]
         sections.append(Section(f"The fitted mechanism: {one.name.replace('_', ' ')}", text, shows))
     return sections
 
 
-def _curve(curve: Curve) -> Any:
+def _curve(name: str, curve: Curve) -> Any:
     objects, _ = plotly()
     figure = objects.Figure()
     figure.add_scatter(
@@ -135,7 +135,7 @@ def _curve(curve: Curve) -> Any:
         error_y={"array": curve.deviation},
     )  # fmt: skip
     figure.update_layout(title=f"What it changes in the {curve.equation} balance", height=420)
-    if curve.over.startswith("axle"):
+    if ALL[name].signature.over == "axle":
         figure.update_xaxes(dtick=1)
     return axes(figure, curve.over, curve.change)
 
@@ -167,7 +167,7 @@ def _remains(found: Diagnosis) -> Section:
     text, shows = [], []
     if found.closure:
         text.append(
-            f"Still structured: {found.closure.depends_on}, gain {found.closure.gain:.0f} "
+            f"Still structured: {found.closure.depends_on}, reduction of chi-square {found.closure.gain:.0f} "
             f"(held out: {found.closure.held_out_gain:.0f})."
         )
         if found.closure.shape:
@@ -198,8 +198,8 @@ def _shape(closure: Closure) -> Any:
             error_y={"array": deviations}, showlegend=len(curves) > 1,
         )  # fmt: skip
     title = f"What remains: {closure.depends_on}, with its standard deviation"
-    figure.update_layout(title=title, height=420, legend_title="run" if "each run" in closure.over else "part")
-    if closure.over.startswith(("axle", "run")):
+    figure.update_layout(title=title, height=420, legend_title="run" if closure.kind.over == "time" else "part")
+    if closure.kind.over in ("axle", "frequency"):
         figure.update_xaxes(dtick=1)
     return axes(figure, closure.over, closure.unit)
 

@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from wsp_env.diagnosis.answer import Course, Diagnosis
+from wsp_env.diagnosis.answer import Diagnosis, RunTrace
 from wsp_env.report import COLOURS, Table, axes, plotly
 
-#: Mean squares from which on a cell is told of: twice what noise alone leaves.
+#: Mean squares from which on a cell is reported: twice what noise alone leaves.
 HIGH = 2.0
-_TOLD = 8  # cells told of
+_REPORTED = 8  # cells at most
 _SCALE = {"colorscale": "YlOrRd", "cmin": 0.5, "cmax": 5.0}
 
 
@@ -52,12 +52,12 @@ def still_high(found: Diagnosis) -> str:
     so = "after the extension" if found.mechanisms else "beside the baseline"
     if not high:
         return f"No cell stays above {HIGH:g} {so}."
-    told = [f"{series_name(one['balance'], one['axle'])} in {one['run']} ({one[side]:.1f})" for one in high[:_TOLD]]
-    more = f", and {len(high) - _TOLD} more" if len(high) > _TOLD else ""
-    return f"Above {HIGH:g} {so}: {'; '.join(told)}{more}."
+    worst = [f"{series_name(one['balance'], one['axle'])} in {one['run']} ({one[side]:.1f})" for one in high[:_REPORTED]]
+    more = f", and {len(high) - _REPORTED} more" if len(high) > _REPORTED else ""
+    return f"Above {HIGH:g} {so}: {'; '.join(worst)}{more}."
 
 
-def course_plot(course: Course, extended: bool) -> Any:
+def course_plot(course: RunTrace, extended: bool) -> Any:
     """Draw the adhesion of one axle and the speed's residual over a run."""
     objects, subplots = plotly()
     held_out = ", held out" if course.group == "validate" else ""

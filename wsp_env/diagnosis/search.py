@@ -1,4 +1,4 @@
-"""Screens all candidates at once about a model: gains in the data and in null recordings, by small matrices.
+"""Screens all candidates at once about a model: reductions of chi-square in the data and in null recordings, by small matrices.
 
 Every null recording passes the very same steps as the data, sensitivities included: a column is computed from noisy channels,
 its inner product with the residual therefore has a mean of its own, and that mean, seen in the null recordings, is taken away.
@@ -13,11 +13,11 @@ from scipy.stats import gamma
 
 from wsp_env.diagnosis import candidates
 from wsp_env.diagnosis.balances import Balances, Rows
-from wsp_env.diagnosis.candidates import Candidate, Variant, library
+from wsp_env.diagnosis.candidates import Candidate, Variant, library, parameter_of
 from wsp_env.diagnosis.closures import closures
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights
-from wsp_env.diagnosis.gls import Fit, Projector, fit
+from wsp_env.diagnosis.gls import LeastSquares, Projector, fit
 from wsp_env.diagnosis.variation import nuisances
 from wsp_env.plant.mechanisms import ALL
 
@@ -27,7 +27,7 @@ _LEFT = 1e-3
 _SPANNED = 1e-6
 #: Stretches of a single run that are held out in turn [s]: some slides long.
 _STRETCH_S = 4.0
-#: Pairs that gain most, of which null recordings are asked too.
+#: Pairs that reduce chi-square most, of which null recordings are asked too.
 _PAIRS = 20
 _NONE = np.zeros(0, dtype=int)
 _LOG10 = float(np.log(10.0))
@@ -140,46 +140,46 @@ def conditioned(
 
 @dataclasses.dataclass(frozen=True)
 class Found:
-    """The best variant of one name in the data, and the name's gains in null recordings."""
+    """The best variant of one name in the data, and the name's reductions in null recordings."""
 
     name: str
-    gain: float
+    reduction: float  # of chi-square, the sum of squares
     nulls: np.ndarray  # (R,) of the best variant in each
-    held_out: float  # gain on the runs to validate of amplitudes fitted to those to tune on
+    held_out: float  # reduction on the runs to validate of amplitudes fitted to those to tune on
     which: int  # candidate of the scan
-    fit: Fit
+    fit: LeastSquares
 
     @property
     def net(self) -> float:
         """Gain over that in null recordings."""
-        return self.gain - float(self.nulls.mean())
+        return self.reduction - float(self.nulls.mean())
 
     @property
-    def surprise(self) -> float:
-        """-log10 of the probability of such a gain in a null recording."""
-        return surprise(self.gain, self.nulls)
+    def neg_log10_p(self) -> float:
+        """Minus log10 of the probability of such a reduction in a null recording."""
+        return neg_log10_p(self.reduction, self.nulls)
 
 
-def surprise(gain: float, nulls: np.ndarray) -> float:
-    """-log10 of the probability of a gain under the gamma distribution of the nulls' mean and variance."""
-    # A gain is at least a chi-square of one degree of freedom, whatever few null recordings say.
+def neg_log10_p(reduction: float, nulls: np.ndarray) -> float:
+    """Minus log10 of the probability of a reduction under the gamma distribution of the nulls' mean and variance."""
+    # A reduction is at least a chi-square of one degree of freedom, whatever few null recordings say.
     mean = max(float(nulls.mean()), 1.0)
     variance = max(float(nulls.var(ddof=1)) if len(nulls) > 1 else 0.0, 2.0 * mean)
     # Beyond some 300 the tail is nothing a float holds.
-    return float(min(-gamma.logsf(gain, mean**2 / variance, scale=variance / mean) / _LOG10, 300.0))
+    return float(min(-gamma.logsf(reduction, mean**2 / variance, scale=variance / mean) / _LOG10, 300.0))
 
 
-def can_be(one: Candidate, fitted: Fit) -> bool:
+def can_be(one: Candidate, fitted: LeastSquares) -> bool:
     """Whether a mechanism of one size whose null is a bound (no brake pushes) was fitted to its possible side."""
     if one.variant is None or len(one.variant.sizes) != 1:
         return True
-    size = next(p for p in ALL[one.name].parameters if p.name == one.variant.sizes[0])
+    size = parameter_of(one.name, one.variant.sizes[0])
     change = -float(fitted.amplitude[0]) * one.steps[0]
     return (size.null > size.low or change >= 0.0) and (size.null < size.high or change <= 0.0)
 
 
-class Search:
-    """Gains of all candidates in the data against those in null recordings.
+class LibrarySearch:
+    """Reductions of chi-square by all candidates in the data against those in null recordings.
 
     Parameters
     ----------
@@ -220,18 +220,18 @@ class Search:
                 offset[own] = np.minimum(share, 1.0) * self.mean[index]
         return offset
 
-    def gain(self, index: np.ndarray, part: str = "whole", beside: np.ndarray = _NONE) -> Fit:
+    def solve(self, index: np.ndarray, part: str = "whole", beside: np.ndarray = _NONE) -> LeastSquares:
         """Fit some columns to the data, off those of the accepted mechanisms and some others'."""
         given = np.concatenate([self.own, beside])
         return fit(*conditioned(getattr(self.data, part), index, given, self.offsets[part]), _LEFT)
 
     def held_out(self, index: np.ndarray) -> float:
         """Gain on the rows to validate of amplitudes fitted to the others."""
-        amplitude = self.gain(index, "tune").amplitude
+        amplitude = self.solve(index, "tune").amplitude
         gram, against, _ = conditioned(self.data.validate, index, self.own, self.offsets["validate"])
         return float(2.0 * amplitude @ against - amplitude @ gram @ amplitude)
 
-    def null_gains(self, *which: int) -> np.ndarray:
+    def null_reductions(self, *which: int) -> np.ndarray:
         """Gains (R,) of a candidate of the data's scan, or of some together, in the null recordings."""
         twins = [self.twin[one] for one in which if self.twin[one] >= 0]
         if not twins:
@@ -239,39 +239,39 @@ class Search:
         index = np.concatenate([self.nulls[0].columns_of(its) for its in twins])
         # Each is freed from the mean of the others: its own would make it look smaller than the data's.
         mean, count = self.mean, len(self.nulls)
-        gains = []
+        reductions = []
         for null in self.nulls:
             offset = (count * mean - null.whole.against) / max(count - 1, 1)
             one = fit(*conditioned(null.whole, index, self.given, offset), _LEFT)
-            gains.append(one.gain if len(twins) > 1 or can_be(null.candidates[twins[0]], one) else 0.0)
-        return np.array(gains)
+            reductions.append(one.reduction if len(twins) > 1 or can_be(null.candidates[twins[0]], one) else 0.0)
+        return np.array(reductions)
 
     def pairs(self, found: Sequence[Found]) -> list[tuple[float, float, Found, Found]]:
-        """Return net gain, mean gain in null recordings and members of pairs of mechanisms, the best pair first."""
-        library = [one for one in found if one.name in ALL and one.gain > 0.0]
+        """Return net reduction, mean reduction in null recordings and members of pairs of mechanisms, the best pair first."""
+        library = [one for one in found if one.name in ALL and one.reduction > 0.0]
         joint = []
         for a, b in itertools.combinations(library, 2):
             columns = np.concatenate([self.data.columns_of(one.which) for one in (a, b)])
-            joint.append((self.gain(columns).gain, a, b))
+            joint.append((self.solve(columns).reduction, a, b))
         joint.sort(key=lambda pair: -pair[0])
         result = []
-        for gain, a, b in joint[:_PAIRS]:
-            null = float(self.null_gains(a.which, b.which).mean())
-            result.append((gain - null, null, a, b))
+        for reduction, a, b in joint[:_PAIRS]:
+            null = float(self.null_reductions(a.which, b.which).mean())
+            result.append((reduction - null, null, a, b))
         return sorted(result, key=lambda pair: -pair[0])
 
     def found(self) -> list[Found]:
-        """Return the best variant of every name with the name's null gains, largest surprise first."""
+        """Return the best variant of every name with the name's null reductions, least probable first."""
         by_name: dict[str, list[int]] = {}
         for i, one in enumerate(self.data.candidates):
             by_name.setdefault(one.name, []).append(i)
         result = []
         for name, members in by_name.items():
-            fits = [self.gain(self.data.columns_of(i)) for i in members]
-            gains = [one.gain * can_be(self.data.candidates[i], one) for i, one in zip(members, fits, strict=True)]
-            best = int(np.argmax(gains))
-            nulls = np.max([self.null_gains(i) for i in members], axis=0)
+            fits = [self.solve(self.data.columns_of(i)) for i in members]
+            reductions = [one.reduction * can_be(self.data.candidates[i], one) for i, one in zip(members, fits, strict=True)]
+            best = int(np.argmax(reductions))
+            nulls = np.max([self.null_reductions(i) for i in members], axis=0)
             which = members[best]
             held_out = self.held_out(self.data.columns_of(which))
-            result.append(Found(name, gains[best], nulls, held_out, which, fits[best]))
-        return sorted(result, key=lambda one: -one.surprise)
+            result.append(Found(name, reductions[best], nulls, held_out, which, fits[best]))
+        return sorted(result, key=lambda one: -one.neg_log10_p)

@@ -62,7 +62,7 @@ class Noise:
 
 
 @dataclasses.dataclass(frozen=True)
-class Stop:
+class PreparedStop:
     """One recorded stop; T samples, A axles."""
 
     name: str
@@ -86,7 +86,7 @@ class Stop:
     noise: Noise
 
 
-def prepare(campaign: Campaign) -> tuple[list[Stop], list[str]]:
+def prepare(campaign: Campaign) -> tuple[list[PreparedStop], list[str]]:
     """Return the stops that can be used, and what was left out and why, with what the reader said of the runs."""
     stops, left_out = [], [sentence for run in campaign.runs.values() for sentence in run.warnings]
     per_bar = torque_per_bar(campaign)
@@ -103,14 +103,14 @@ def prepare(campaign: Campaign) -> tuple[list[Stop], list[str]]:
             left_out.append(f"run {name}: left out, no sample can be compared with the law")
             continue
         if stop.pressed is not None and (strange := _strange_pressures(stop, stop.pressed)):
-            told = ", ".join(map(str, strange))
-            left_out.append(f"run {name}: torque and cylinder pressure of axle {told} do not go together; pressures left out")
+            axles = ", ".join(map(str, strange))
+            left_out.append(f"run {name}: torque and cylinder pressure of axle {axles} do not go together; pressures left out")
             stop = dataclasses.replace(stop, pressed=None)
         stops.append(stop)
     return stops, left_out
 
 
-def _strange_pressures(stop: Stop, whole: np.ndarray) -> list[int]:
+def _strange_pressures(stop: PreparedStop, whole: np.ndarray) -> list[int]:
     """Return the axles, from 1, whose torque is not even roughly in proportion to their pressure: a dead channel, say."""
     found = []
     for k in range(stop.torque.shape[1]):
@@ -121,7 +121,7 @@ def _strange_pressures(stop: Stop, whole: np.ndarray) -> list[int]:
     return found
 
 
-def thinned(stop: Stop) -> Stop:
+def thinned(stop: PreparedStop) -> PreparedStop:
     """Return the stop with neighbouring samples averaged until they are about `EVALUATED_S` apart."""
     stride = max(round(EVALUATED_S / stop.step_s), 1)
     if stride == 1:
@@ -133,7 +133,7 @@ def thinned(stop: Stop) -> Stop:
 
     mean = {
         field.name: cut(getattr(stop, field.name)).mean(axis=1)
-        for field in dataclasses.fields(Stop)
+        for field in dataclasses.fields(PreparedStop)
         if isinstance(getattr(stop, field.name), np.ndarray) and field.name not in ("usable", "segment")
     }
     segment = cut(stop.segment)
@@ -182,7 +182,7 @@ def channel_noise(run: Recording, per_bar: float = 0.0) -> Noise:
     return Noise(max(speed, 1e-3), max(wheel, 1e-3), max(torque, 1.0), _step(run), per_bar * pressure)
 
 
-def _prepared(campaign: Campaign, run: Recording, group: str, noise: Noise, per_bar: float) -> Stop:
+def _prepared(campaign: Campaign, run: Recording, group: str, noise: Noise, per_bar: float) -> PreparedStop:
     vehicle, step = campaign.vehicle, _step(run)
     wheel, rate, jerk, torque = smooth_wheels(run.wheel_speed_radps, run.brake_torque_nm, step)
     pressed: np.ndarray | None = None
@@ -206,7 +206,7 @@ def _prepared(campaign: Campaign, run: Recording, group: str, noise: Noise, per_
     raw = run.vehicle_speed_mps[: len(speed) // stride * stride].reshape(-1, stride).mean(axis=1)
     kept = len(raw)
     pressed = None if pressed is None else pressed[thin][:kept]
-    return Stop(
+    return PreparedStop(
         run.name, group, step * stride, run.time_s[thin][:kept], speed[thin][:kept], acceleration[thin][:kept], raw,
         wheel[thin][:kept], rate[thin][:kept], jerk[thin][:kept], torque[thin][:kept], pressed,
         (run.start_position_m + behind)[thin][:kept], usable[thin][:kept], segment[thin][:kept],

@@ -4,8 +4,9 @@ The plant takes from it where the mechanism acts, the environment its parameters
 how it is said, the report its words. No other file names a mechanism.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,9 @@ BALANCES = ("vehicle", "adhesion", "kinematics", "actuator")
 
 #: What a mechanism may act on.
 ACTS_ON = ("contact", "brake", "vehicle", "sensor")
+
+#: What the curve of a mechanism may be drawn over.
+Over = Literal["slip", "work", "place", "time", "speed", "axle", "deceleration"]
 
 
 class Parameter(NamedTuple):
@@ -36,13 +40,23 @@ class Parameter(NamedTuple):
 
 
 class Said(NamedTuple):
-    """How one size is said; {size} is the number with its unit, other fields are those of `Signature.words`."""
+    """How one size is said; {size} is the number with its unit, other fields are the parameters and `Signature.words`."""
 
     parameter: str
     unit: str
     shown: Callable[[float], float]  # the number said, from the parameter; its sign goes into the words
     above: str  # said of a parameter above its null
     below: str = ""  # below it; none where the null is the lower bound
+
+
+def itself(value: float) -> float:
+    """Return the number as it is, for `Said.shown`."""
+    return value
+
+
+def percent(value: float) -> float:
+    """Return a share in percent, for `Said.shown`."""
+    return 100.0 * value
 
 
 class Recorded(NamedTuple):
@@ -62,9 +76,26 @@ def each_axle(recorded: Recorded) -> list[dict[str, float]]:
     return [{"axle": float(k + 1)} for k in range(recorded.axles)]
 
 
-def no_words(values: Mapping[str, float]) -> dict[str, Any]:
+def no_words(values: Mapping[str, float]) -> Mapping[str, Any]:
     """Return no further fields for the sentences of `Said`."""
     return {}
+
+
+class RollsFreely(NamedTuple):
+    """A size that free rolling measures by itself: the relative change of one wheelset's radius."""
+
+    size: str
+    least: float  # [-] from which on it is no normal variation
+
+
+class OnCreepCurve(NamedTuple):
+    """How a mechanism shows in a steady creep curve of one wheel, where a mechanism of the contact may."""
+
+    least_speeds: int = 1  # that the points must have: with fewer it is part of the friction level
+    null_at_constant_friction: Mapping[str, float] = {}  # size -> its null where friction is believed constant
+    test_if_named: str = ""  # the measurement that would tell more of it; {lowest} and {highest} are creepages measured [-]
+    test_if_open: str = ""  # the same where the points leave one of its sizes open
+    moved_by_radius: str = ""  # the size that an error of the wheel radius would move
 
 
 class Signature(NamedTuple):
@@ -73,15 +104,18 @@ class Signature(NamedTuple):
     balances: frozenset[str]  # in which it shows, of `BALANCES`
     trace: str  # the same in words, for people
     acts_on: str  # of `ACTS_ON`
-    next_test: str = ""  # the test that would confirm it
-    said: tuple[Said, ...] = ()  # its sizes in words
-    over: str = "slip"  # what its curve is drawn over
+    next_test: str  # the test that would confirm it
+    said: tuple[Said, ...]  # its fitted sizes in words
+    over: Over = "slip"  # what its curve is drawn over
     exact: bool = False  # it has one form only, so that next to nothing of it is left once it was fitted
     least_axles: int = 1  # that a vehicle must have to show it
-    normal: Mapping[str, float] = {}  # size -> change from its null that sound vehicles vary by
+    normal: Mapping[str, float] = {}  # size -> change from its null up to which it is normal variation of sound vehicles
     variants: Callable[[Recorded], list[dict[str, float]]] = one_variant  # its shapes and axles to try
-    words: Callable[[Mapping[str, float]], dict[str, Any]] = no_words  # further fields for `said`, from the parameters
-    friction_pattern: Callable[..., np.ndarray] | None = None  # (parameters, places) -> share of log mu_cd that a unit moves
+    words: Callable[[Mapping[str, float]], Mapping[str, Any]] = no_words  # further fields for `said`, from the parameters
+    # Of one whose only size scales mu_cd by place: (its shapes, places (n,) [m]) -> share of log mu_cd (n,) that it moves.
+    friction_pattern: Callable[[Mapping[str, float], np.ndarray], np.ndarray] | None = None
+    rolls_freely: RollsFreely | None = None
+    creep_curve: OnCreepCurve | None = None  # None: it shows in no steady creep curve
 
 
 class Passage(NamedTuple):
@@ -112,6 +146,8 @@ class Card(NamedTuple):
     signature: Signature
     derive: Callable[[Any], Any] | None = None  # Vehicle -> NamedTuple of constants
     memory: Callable[[int, Sequence[float]], Any] | None = None  # n, axle positions (A,) [m] -> NamedTuple of arrays (n, ...)
+    study: Mapping[str, float] = {}  # the size at which agents are studied (assumption: a railway may meet it); {}: the typical
+    longest_step_m: float = math.inf  # between samples of a recording, for one that remembers the rail
 
     @property
     def sizes(self) -> tuple[Parameter, ...]:

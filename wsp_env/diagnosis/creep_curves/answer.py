@@ -3,7 +3,7 @@
 import dataclasses
 from typing import Any
 
-from wsp_env.diagnosis.answer import Closure, Estimate, Evidence, FitQuality, Location
+from wsp_env.diagnosis.answer import Closure, Estimate, Evidence, FitQuality, Location, Verdict
 
 
 @dataclasses.dataclass(frozen=True)
@@ -15,8 +15,8 @@ class NamedOnCurve:
     alternatives: tuple[str, ...]  # what these points cannot tell from it, its own name included
     parameters: dict[str, Estimate]
     multiple: float  # size over the smallest effect of interest
-    gain: float  # fall of the sum of squares over the scatter's variance, the other mechanisms present
-    null_gain: float  # largest gain of the same name in null recordings
+    gain: float  # reduction of chi-square (squares over the scatter's variance), the other mechanisms present
+    null_gain: float  # largest one of the same name in null recordings
     held_out_gain: float
 
 
@@ -62,7 +62,7 @@ class CreepDiagnosis:
     """The answer on creep curves: the keys of that on stops, and what creep curves show besides."""
 
     campaign: str
-    verdict: str
+    verdict: Verdict
     sentence: str
     mechanisms: tuple[NamedOnCurve, ...]
     location: tuple[Location, ...]

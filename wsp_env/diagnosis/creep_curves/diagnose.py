@@ -7,19 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.diagnosis.answer import Closure, Estimate, Evidence, FitQuality, Location
+from wsp_env.diagnosis.answer import Closure, Estimate, Evidence, FitQuality, Location, Verdict
 from wsp_env.diagnosis.creep_curves.answer import CreepDiagnosis, CrossValidation, NamedOnCurve, ShownCurve
-from wsp_env.diagnosis.creep_curves.model import CreepModel, Fit
-from wsp_env.diagnosis.creep_curves.search import CLOSURE, FOLDS, NULLS, RARE, CreepSearch, Gains
+from wsp_env.diagnosis.creep_curves.model import CreepModel, CurveFit
+from wsp_env.diagnosis.creep_curves.search import CLOSURE, CLOSURE_KIND, FOLDS, NULLS, RARE, CreepSearch, Reductions
 from wsp_env.diagnosis.creep_curves.separation import Spread, correlations, estimates, inseparable
 from wsp_env.diagnosis.creep_curves.words import next_test, notes, sentence
 from wsp_env.recordings.creep_curves import CreepCurves
 
-_INDISTINCT, _SHARE_OF_GAIN = (
-    9.0,
-    0.1,
-)  # a name that gains less by no more than this, or by no more than this share, is not told apart
-_FORM = 0.03  # error of a mechanism's form, as share of its gain: as on stops
+#: A name that explains less by no more than this, or by no more than this share, is not told apart.
+_INDISTINCT, _SHARE_OF_REDUCTION = 9.0, 0.1
+_FORM = 0.03  # error of a mechanism's form, as share of its reduction of chi-square: as on stops
 _PLACES = 12  # parts of a curve in which the baseline is compared with the points
 _SEEN = 3.0  # deviations from which on a part counts as missed
 _GRID = 120  # points of a drawn curve
@@ -35,7 +33,7 @@ def diagnose_creep_curves(
     data : see `wsp_env.recordings.creep_curves.read_creep_curves`
     effort : multiplies the number of null recordings
     seed : of the null recordings
-    progress : is told each step
+    progress : is called with each step
 
     """
     model = CreepModel(data)
@@ -49,10 +47,10 @@ def diagnose_creep_curves(
         fit, against, last, closure = search.baseline, {}, first, _closure(search, search.baseline, first)
     spread = Spread(search, fit, last)
     parameters, law = estimates(spread)
-    every = [_named(search, fit, name, gains, parameters[name]) for name, gains in against.items()]
+    every = [_named(search, fit, name, reductions, parameters[name]) for name, reductions in against.items()]
     named = tuple(sorted(every, key=lambda one: -one.gain))
     seen = _detectable(search, fit, last)
-    verdict = "named" if all(len(one.alternatives) <= 2 for one in named) else "ambiguous"
+    verdict: Verdict = "named" if all(len(one.alternatives) <= 2 for one in named) else "ambiguous"
     if not named:
         verdict = "unknown" if unknown else "adequate" if _shows_typical(model, seen) else "insufficient"
     bound = inseparable(spread)
@@ -65,52 +63,60 @@ def diagnose_creep_curves(
     )  # fmt: skip
 
 
-def _accepted(search: CreepSearch, fit: Fit, last: Gains) -> tuple[Fit, dict[str, Gains], Gains]:
-    """Drop what the others explain as well; returns all names' gains over the model without each mechanism that is left."""
-    against: dict[str, Gains] = {}
+def _accepted(search: CreepSearch, fit: CurveFit, last: Reductions) -> tuple[CurveFit, dict[str, Reductions], Reductions]:
+    """Drop what the others explain as well; returns all names' reductions beside the model without each mechanism left."""
+    against: dict[str, Reductions] = {}
     for name in fit.names:
         others = tuple(one for one in fit.names if one != name)
         without = search.model.fit(others, search.measured)
         rest = [(one,) for one in search.candidates if one not in others]
-        against[name] = search.gains(without, rest, f"without {name}")
+        against[name] = search.reductions(without, rest, f"without {name}")
     weak = [name for name, g in against.items() if len(fit.names) > 1 and g.probability(_index(g, name)) > RARE]
     if weak:
         weakest = min(weak, key=lambda name: against[name].data[_index(against[name], name)])
         fit = search.model.fit(tuple(name for name in fit.names if name != weakest), search.measured)
         rest = [(name,) for name in search.candidates if name not in fit.names]
-        return _accepted(search, fit, search.gains(fit, rest, f"after dropping {weakest}"))
+        return _accepted(search, fit, search.reductions(fit, rest, f"after dropping {weakest}"))
     return fit, against, last
 
 
-def _index(gains: Gains, name: str) -> int:
-    return gains.names.index((name,))
+def _index(reductions: Reductions, name: str) -> int:
+    return reductions.names.index((name,))
 
 
-def _named(search: CreepSearch, fit: Fit, name: str, gains: Gains, parameters: dict[str, Estimate]) -> NamedOnCurve:
-    mine = _index(gains, name)
-    top = float(gains.data[mine])
-    rivals = {names[0]: float(g) for names, g in zip(gains.names[:-1], gains.data[:-1], strict=True)}
-    free = {one: min(gain, top) for one, gain in rivals.items() if one != name and one not in fit.names}
+def _named(
+    search: CreepSearch, fit: CurveFit, name: str, reductions: Reductions, parameters: dict[str, Estimate]
+) -> NamedOnCurve:
+    mine = _index(reductions, name)
+    top = float(reductions.data[mine])
+    rivals = {names[0]: float(g) for names, g in zip(reductions.names[:-1], reductions.data[:-1], strict=True)}
+    free = {one: min(its, top) for one, its in rivals.items() if one != name and one not in fit.names}
     near = sorted(
-        (one for one in free if free[one] >= top - max(_INDISTINCT, _SHARE_OF_GAIN * top)), key=lambda one: -free[one]
+        (one for one in free if free[one] >= top - max(_INDISTINCT, _SHARE_OF_REDUCTION * top)), key=lambda one: -free[one]
     )
     scale = max(2.0, _FORM * top)
-    belief = 1.0 / (1.0 + sum(float(np.exp((gain - top) / (2.0 * scale))) for gain in free.values()))
-    held_out = float(np.sum(search.held_out(gains.current) ** 2) - np.sum(search.held_out(fit) ** 2)) / search.variance
+    belief = 1.0 / (1.0 + sum(float(np.exp((its - top) / (2.0 * scale))) for its in free.values()))
+    held_out = float(np.sum(search.held_out(reductions.current) ** 2) - np.sum(search.held_out(fit) ** 2)) / search.variance
     return NamedOnCurve(
-        name, belief * (1.0 - gains.probability(mine)), (name, *near), parameters, search.multiple(fit, gains.current), top,
-        float(gains.null[:, mine].max()), held_out,
-    )  # fmt: skip
+        name,
+        belief * (1.0 - reductions.probability(mine)),
+        (name, *near),
+        parameters,
+        search.multiple(fit, reductions.current),
+        top,
+        float(reductions.null[:, mine].max()),
+        held_out,
+    )
 
 
-def _closure(search: CreepSearch, fit: Fit, last: Gains) -> Closure | None:
-    """Return what a smooth function of creepage still gains, if no null recording gains as much."""
+def _closure(search: CreepSearch, fit: CurveFit, last: Reductions) -> Closure | None:
+    """Return what a smooth function of creepage still explains, if it explains as much of no null recording."""
     if last.probability(len(last.names) - 1) > RARE:
         return None
-    return Closure(CLOSURE, float(last.data[-1]), search.closure_held_out(fit))
+    return Closure(CLOSURE_KIND, CLOSURE, float(last.data[-1]), search.closure_held_out(fit))
 
 
-def _location(search: CreepSearch, fit: Fit, runs: Sequence[str]) -> tuple[Location, ...]:
+def _location(search: CreepSearch, fit: CurveFit, runs: Sequence[str]) -> tuple[Location, ...]:
     """Where the points lie beside the baseline, and beside the model without each of the mechanisms found."""
     found = [*_missed(search, search.baseline, runs, "the baseline")]
     if len(fit.names) > 1:
@@ -120,7 +126,7 @@ def _location(search: CreepSearch, fit: Fit, runs: Sequence[str]) -> tuple[Locat
     return tuple(found)
 
 
-def _missed(search: CreepSearch, model: Fit, runs: Sequence[str], called: str) -> list[Location]:
+def _missed(search: CreepSearch, model: CurveFit, runs: Sequence[str], called: str) -> list[Location]:
     """Join neighbouring parts of a curve in which the points lie on the same side of a model; what stands out, worst first."""
     found, total = [], 0.0
     for k, run in enumerate(runs):
@@ -143,8 +149,8 @@ def _missed(search: CreepSearch, model: Fit, runs: Sequence[str], called: str) -
     return [dataclasses.replace(place, share=size / total) for size, place in found]
 
 
-def _quality(search: CreepSearch, fit: Fit) -> FitQuality:
-    def squares(one: Fit) -> dict[str, float]:
+def _quality(search: CreepSearch, fit: CurveFit) -> FitQuality:
+    def squares(one: CurveFit) -> dict[str, float]:
         freedom = len(search.measured) - len(one.values)
         held_out = float(np.mean(search.held_out(one) ** 2))
         return {"tune": one.cost / freedom / search.variance, "validate": held_out / search.variance}
@@ -155,7 +161,7 @@ def _quality(search: CreepSearch, fit: Fit) -> FitQuality:
     return FitQuality(1.0, base, extended, removed)
 
 
-def _cross_validation(search: CreepSearch, fit: Fit) -> CrossValidation:
+def _cross_validation(search: CreepSearch, fit: CurveFit) -> CrossValidation:
     models = {"baseline": search.baseline, "extended": fit}
     errors = {key: search.held_out(one) for key, one in models.items()}
     blocks = [search.folds == k for k in range(FOLDS) if (search.folds == k).any()]
@@ -174,8 +180,8 @@ def _rms(errors: np.ndarray) -> float:
     return float(np.sqrt(np.mean(errors**2)))
 
 
-def _detectable(search: CreepSearch, fit: Fit, last: Gains) -> dict[str, dict[str, float]]:
-    """Smallest change of a size, the others typical, whose gain over the model would have passed every null recording."""
+def _detectable(search: CreepSearch, fit: CurveFit, last: Reductions) -> dict[str, dict[str, float]]:
+    """Smallest change of a size, the others typical, whose reduction beside the model would have passed all null recordings."""
     needed = float(last.null[:, :-1].max()) if last.null.shape[1] > 1 else 0.0
     found = {}
     for name in (one for one in search.candidates if one not in fit.names):
@@ -183,17 +189,17 @@ def _detectable(search: CreepSearch, fit: Fit, last: Gains) -> dict[str, dict[st
         bound = size.high if size.typical >= size.null else size.low
         start = search.model.choice(fit.names, fit.values)
 
-        def gain(share: float, name: str = name, size: Any = size, bound: float = bound, start: Any = start) -> float:
+        def reduction(share: float, name: str = name, size: Any = size, bound: float = bound, start: Any = start) -> float:
             sizes = {p.name: p.typical for p in search.model.sizes(name)} | {size.name: size.null + share * (bound - size.null)}
             made = search.model.adhesion(float(fit.values[0]), start | {name: sizes})
             return search.model.fit(fit.names, made, fit).cost / search.variance
 
         low, high = 1e-4, 1.0
-        if gain(high) < needed:
+        if reduction(high) < needed:
             continue
         while high / low > 1.05:
             middle = float(np.sqrt(low * high))
-            low, high = (low, middle) if gain(middle) >= needed else (middle, high)
+            low, high = (low, middle) if reduction(middle) >= needed else (middle, high)
         found[name] = {size.name: abs(high * (bound - size.null))}
     return found
 
@@ -204,11 +210,11 @@ def _shows_typical(model: CreepModel, seen: Mapping[str, Mapping[str, float]]) -
     return any(seen[name][size.name] <= abs(size.typical - size.null) for name, size in sizes.items())
 
 
-def _evidence(search: CreepSearch, first: Gains) -> tuple[Evidence, ...]:
+def _evidence(search: CreepSearch, first: Reductions) -> tuple[Evidence, ...]:
     base = float(np.sum(search.held_out(search.baseline) ** 2))
     listed = []
     for i, names in enumerate(first.names):
-        surprise = float(-np.log10((1 + np.sum(first.null[:, i] >= first.data[i])) / (1 + len(first.null))))
+        neg_log10_p = float(-np.log10((1 + np.sum(first.null[:, i] >= first.data[i])) / (1 + len(first.null))))
         if names == (CLOSURE,):
             held_out, multiple = search.closure_held_out(search.baseline), 0.0
         else:
@@ -216,7 +222,7 @@ def _evidence(search: CreepSearch, first: Gains) -> tuple[Evidence, ...]:
             held_out = (base - float(np.sum(search.held_out(one) ** 2))) / search.variance
             multiple = search.multiple(one, search.baseline)
         listed.append(
-            Evidence(names[0], float(first.data[i]), tuple(map(float, first.null[:, i])), surprise, held_out, multiple)
+            Evidence(names[0], float(first.data[i]), tuple(map(float, first.null[:, i])), neg_log10_p, held_out, multiple)
         )
     return tuple(listed)
 
@@ -237,13 +243,13 @@ def _confounding(search: CreepSearch) -> dict[str, dict[str, float]]:
     }  # fmt: skip
 
 
-def _curves(search: CreepSearch, fit: Fit, spread: Spread, data: CreepCurves) -> tuple[ShownCurve, ...]:
+def _curves(search: CreepSearch, fit: CurveFit, spread: Spread, data: CreepCurves) -> tuple[ShownCurve, ...]:
     shown = []
     for name, one in data.curves.items():
         grid = np.geomspace(min(1e-4, float(one.creepage[0])), float(one.creepage[-1]), _GRID)
         at = (grid, np.full(_GRID, one.speed_mps))
 
-        def line(what: Fit, at: tuple[np.ndarray, np.ndarray] = at) -> np.ndarray:
+        def line(what: CurveFit, at: tuple[np.ndarray, np.ndarray] = at) -> np.ndarray:
             return search.model.adhesion(float(what.values[0]), search.model.choice(what.names, what.values), at)
 
         low, high = spread.interval(line)
@@ -252,7 +258,7 @@ def _curves(search: CreepSearch, fit: Fit, spread: Spread, data: CreepCurves) ->
     return tuple(shown)
 
 
-def _model_json(search: CreepSearch, fit: Fit) -> dict[str, Any]:
+def _model_json(search: CreepSearch, fit: CurveFit) -> dict[str, Any]:
     """Return what an environment needs to brake on this curve: no contaminant, hence no recovery."""
     model = search.model
     choice = model.choice(fit.names, fit.values)

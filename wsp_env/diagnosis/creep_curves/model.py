@@ -1,43 +1,53 @@
 """The model of a steady creep curve with mechanisms of the library, and its fit to points.
 
 Baseline: Polach's law with Kalker's slope (Hertz, Kalker's c11; both reduction factors 1) and the believed friction,
-whose level alone is fitted. Where friction is believed constant, `falling_friction` is at excess 0 there, and its sizes refer
-to A and gamma of the seed paper's Table 2.
+whose level alone is fitted. The mechanisms act in the plant's own slots. Where friction is believed constant, those that say so
+on their card have another null there: the fall of friction then begins from none, and its sizes refer to A and gamma of the
+seed paper's Table 2.
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
 from wsp_env.compiled import loop
-from wsp_env.contact.degraded import DegradedLaw, adhesion
+from wsp_env.contact.degraded import DegradedLaw
 from wsp_env.contact.polach import contact_stiffness, falling_friction
 from wsp_env.contact.traction import Surface
 from wsp_env.parameters.contact import ContactParameters
-from wsp_env.plant.card import Parameter
+from wsp_env.parameters.uic_z1 import WHEELSET
+from wsp_env.plant.card import OnCreepCurve, Parameter
 from wsp_env.plant.mechanisms import (
     ALL,
     NULL,
+    Active,
+    Derived,
     Mechanisms,
-    flash_temperature,
-    initial_slope,
-    speed_dependent_friction,
+    Memory,
+    believed_to_true,
+    derive,
+    mechanisms_at,
+    remember,
+    row,
 )
-from wsp_env.plant.mechanisms import falling_friction as fall
+from wsp_env.plant.slots import contact
 from wsp_env.recordings.creep_curves import CreepContact, CreepCurves
 
+#: Slots of the plant that a steady creep curve passes, in the order in which what acts there is searched.
+_SLOTS = ("law", "contact", "friction")
 _LEVELS = (0.003, 1.0)  # bounds of the friction coefficient [-]: assumption
 _ITERATIONS = 60
 _STEP = 1e-5  # of a finite difference, in units of the parameter's typical size
-_CONVERGED = 2e-4  # relative fall of the sum of squares that ends a fit: some 0.04 of a gain for 200 points
+_CONVERGED = 2e-4  # relative fall of the sum of squares that ends a fit: some 0.04 of a reduction for 200 points
 _DAMPINGS = 8
 
 Choice = dict[str, dict[str, float]]
 
 
 @dataclasses.dataclass(frozen=True)
-class Fit:
+class CurveFit:
     """A model fitted to points."""
 
     names: tuple[str, ...]  # mechanisms that are on
@@ -58,18 +68,30 @@ class CreepModel:
         self.contact = data.contact
         self.believed = _believed(data.contact)
         patch = data.contact.patch()
-        self._heating = flash_temperature.heating(patch.semi_axis_a, patch.semi_axis_b)
+        ellipse = ContactParameters(patch.semi_axis_a, patch.semi_axis_b, patch.c11, patch.shear_modulus)
+        radius = data.contact.wheel_radius_m
+        self._derived = derive(dataclasses.replace(WHEELSET, wheel_radius_m=radius, contact=ellipse))
+        self._memory = remember(1, WHEELSET.axle_positions_m)
         #: Slip speed [m/s] at which the friction level is defined: amid the points, so that the fall hardly moves it.
         self.reference_mps = float(np.mean(self.creepage * self.speed))
 
+    @property
+    def searched(self) -> list[str]:
+        """The mechanisms that these points may show."""
+        speeds = len(np.unique(self.speed))
+        known = [name for slot in _SLOTS for name in creep_mechanisms() if slot in ALL[name].acts]
+        return [name for name in dict.fromkeys(known) if creep_mechanisms()[name].least_speeds <= speeds]
+
     def sizes(self, name: str) -> tuple[Parameter, ...]:
         """Return a mechanism's sizes, with the null that the believed friction gives them."""
-        constant = name == "falling_friction" and self.contact.friction_ratio == 1.0
-        return tuple(p._replace(null=0.0) if constant and p.name == "excess" else p for p in ALL[name].sizes)
+        constant = self.contact.friction_ratio == 1.0
+        nulls = creep_mechanisms()[name].null_at_constant_friction if constant else {}
+        return tuple(size._replace(null=nulls.get(size.name, size.null)) for size in ALL[name].sizes)
 
     def choice(self, names: Iterable[str], values: np.ndarray) -> Choice:
         """Return what `mechanisms.make` takes; the values begin with the level."""
-        found: Choice = {"falling_friction": {p.name: p.null for p in self.sizes("falling_friction")}}
+        believed = [name for name, shows in creep_mechanisms().items() if shows.null_at_constant_friction]
+        found: Choice = {name: {p.name: p.null for p in self.sizes(name)} for name in believed}
         rest = iter(values[1:])
         for name in names:
             found[name] = {p.name: float(next(rest)) for p in self.sizes(name)}
@@ -77,7 +99,11 @@ class CreepModel:
 
     def law(self, choice: Choice) -> DegradedLaw:
         """Return the law with the mechanisms that act on it."""
-        return _law(self.believed, _records(choice))
+        return self._law(_records(choice))
+
+    def _law(self, records: Mechanisms) -> DegradedLaw:
+        law: DegradedLaw = believed_to_true("law", records, self.believed)
+        return law
 
     def kinetic_friction(self, level: float, law: DegradedLaw) -> float:
         """Return mu_c [-] from the friction coefficient at the reference slip."""
@@ -86,23 +112,24 @@ class CreepModel:
     def adhesion(self, level: float, choice: Choice, at: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
         """Return f [-] at the points (n,), or `at` other creepages [-] and speeds [m/s], both (m,)."""
         records = _records(choice)
-        law = _law(self.believed, records)
+        law = self._law(records)
         creepage, speed = at or (self.creepage, self.speed)
         result: np.ndarray = np.empty(len(creepage))
-        mu = self.kinetic_friction(level, law)
-        options = (records.speed_dependent_friction, records.flash_temperature, self._heating)
-        _evaluate(creepage, speed, self.contact.wheel_load_n, mu, law, *options, result)
+        on = Surface(self.kinetic_friction(level, law), law.mu_cr, 1.0, 0.0)
+        _evaluate(
+            creepage, speed, self.contact.wheel_load_n, on, law, (row(records)[None], self._derived, self._memory), result
+        )
         return result
 
     def fit(
         self,
         names: Sequence[str],
         measured: np.ndarray,
-        start: Fit | None = None,
+        start: CurveFit | None = None,
         keep: np.ndarray | None = None,
         held: Mapping[str, float] | None = None,
-    ) -> Fit:
-        """Fit level and sizes to adhesion coefficients (n,) by least squares, the best of several starts.
+    ) -> CurveFit:
+        """CurveFit level and sizes to adhesion coefficients (n,) by least squares, the best of several starts.
 
         Parameters
         ----------
@@ -129,7 +156,13 @@ class CreepModel:
 
         unknown = any((name, p.name) not in known for name, p in parameters)
         fits = [_least_squares(residual, one, box, unit, keep) for one in starts[: 1 + unknown]]
-        return Fit(tuple(names), *min(fits, key=lambda one: one[2]))
+        return CurveFit(tuple(names), *min(fits, key=lambda one: one[2]))
+
+
+@functools.cache
+def creep_mechanisms() -> dict[str, OnCreepCurve]:
+    """Return the mechanisms that show in a steady creep curve, and how."""
+    return {name: card.signature.creep_curve for name, card in ALL.items() if card.signature.creep_curve is not None}
 
 
 def _records(choice: Choice) -> Mechanisms:
@@ -137,11 +170,7 @@ def _records(choice: Choice) -> Mechanisms:
     return NULL._replace(**{name: ALL[name].record(**values) for name, values in choice.items()})
 
 
-def _law(believed: DegradedLaw, m: Mechanisms) -> DegradedLaw:
-    return fall.law(m.falling_friction, initial_slope.law(m.initial_slope, believed))
-
-
-def _by_name(model: CreepModel, fit: Fit) -> dict[tuple[str, str], float]:
+def _by_name(model: CreepModel, fit: CurveFit) -> dict[tuple[str, str], float]:
     keys = [(name, p.name) for name in fit.names for p in model.sizes(name)]
     return dict(zip(keys, map(float, fit.values[1:]), strict=True))
 
@@ -198,16 +227,11 @@ def _evaluate(
     creepage: np.ndarray,
     speed: np.ndarray,
     load: float,
-    mu: float,
+    on: Surface,
     law: DegradedLaw,
-    by_speed: speed_dependent_friction.Parameters,
-    flash: flash_temperature.Parameters,
-    heating: flash_temperature.Heating,
+    on_it: tuple[np.ndarray, Derived, Memory],
     out: np.ndarray,
 ) -> None:
+    active = Active(mechanisms_at(on_it[0], 0), on_it[1], on_it[2])
     for i in range(creepage.size):
-        slip = creepage[i] * speed[i]
-        here = mu * speed_dependent_friction.friction_factor(by_speed, speed[i])
-        on = Surface(here, law.mu_cr, 1.0, 0.0)
-        cold = adhesion(slip, speed[i], load, on, 0.0, law)  # tau = 0: the limit without recovery
-        out[i] = flash_temperature.heated(flash, heating, cold, slip, speed[i], load).f
+        out[i] = contact(creepage[i] * speed[i], speed[i], load, on, 0.0, law, active).f  # tau = 0: the limit without recovery

@@ -52,14 +52,15 @@ def _what(found: CreepDiagnosis) -> Section:
          f"{one.multiple:.1f}" if one.multiple else "-")
         for one in found.evidence
     ]  # fmt: skip
-    header = ("Candidate, alone", "Gain", "Largest null gain", "Held-out gain", "Size / smallest of interest")
+    header = ("Candidate, alone", "Reduction", "Largest in null recordings", "Held out", "Size / smallest of interest")
     caption = (
-        "Gain: fall of the sum of squares over the scatter's variance. A function of creepage is no mechanism: it shows how "
+        "Reduction of chi-square: fall of the sum of squares over the scatter's variance. A function of creepage is no "
+        "mechanism: it shows how "
         "much there is to explain."
     )
     text = [
-        "Every candidate's gain over the baseline in the measured points, against its gain in null recordings: the fitted "
-        "baseline with the points' own scatter, its sign drawn anew by blocks of neighbours."
+        "By how much every candidate reduces chi-square beside the baseline, in the measured points and in null recordings: "
+        "the fitted baseline with the points' own scatter, its sign drawn anew by blocks of neighbours."
     ]
     names = list(found.confounding)
     cosines = [(a.replace("_", " "), *(f"{found.confounding[a][b]:.2f}" for b in names)) for a in names]
@@ -74,8 +75,8 @@ def _fitted(found: CreepDiagnosis) -> Section:
         apart = f" These points cannot tell it from {others}." if others else ""
         text.append(
             f"{one.name.replace('_', ' ').capitalize()}: {said(one.name, one.parameters)}. Confidence {one.confidence:.2f}; "
-            f"{one.multiple:.1f} times the smallest effect of interest; gain {one.gain:.0f} beside the others, against at most "
-            f"{one.null_gain:.0f} in null recordings; held out {one.held_out_gain:.0f}.{apart}"
+            f"{one.multiple:.1f} times the smallest effect of interest; reduces chi-square by {one.gain:.0f} beside the "
+            f"others, against at most {one.null_gain:.0f} in null recordings; held out {one.held_out_gain:.0f}.{apart}"
         )
     estimates = {f"{one.name}: {name}": value for one in found.mechanisms for name, value in one.parameters.items()} | found.law
     rows = [

@@ -1,7 +1,8 @@
-"""The search on creep curves: null recordings, gains of candidates against them, cross-validation, acceptance.
+"""The search on creep curves: null recordings, reductions of candidates against them, cross-validation, acceptance.
 
 The same spirit as on stops: a mechanism is accepted if no null recording of the model without it, passed through the same fits,
-gains as much with any candidate searched, if it predicts points that were held out better, and if its effect is of interest.
+explains as much with any candidate searched, if it predicts points that were held out better, and if its effect is of
+interest.
 """
 
 import dataclasses
@@ -11,12 +12,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
-from wsp_env.diagnosis.creep_curves.model import CreepModel, Fit
+from wsp_env.diagnosis.answer import ClosureKind
+from wsp_env.diagnosis.creep_curves.model import CreepModel, CurveFit
+from wsp_env.diagnosis.words import described
 
 NULLS = 99  # null recordings at effort 1: the rarest probability that they can show is 1 in 100
-RARE = 0.01  # probability in a null recording below which a gain counts; forward search is stopped by the same
+RARE = 0.01  # probability in a null recording below which a candidate counts; forward search is stopped by the same
 FOLDS = 20  # blocks of neighbouring creepages, each held out once: at 10 and fewer the outer ones are extrapolated far
-CLOSURE = "function of creepage"
+CLOSURE_KIND = ClosureKind("adhesion", "creepage")
+CLOSURE = described(CLOSURE_KIND).name
 _DEGREE = 5  # of the closure, polynomials of the logarithm of the creepage: as many bends as points of 10 % scatter could show
 _BLOCK = 5  # neighbouring points whose scatter changes sign together in a null recording
 _LEAST_BLOCKS = 20  # fewer would leave too few different null recordings
@@ -24,18 +28,18 @@ _INTEREST = 0.01  # relative change of adhesion, at held creepage that of the st
 
 
 @dataclasses.dataclass(frozen=True)
-class Gains:
-    """What candidates gain over a model."""
+class Reductions:
+    """By how much candidates reduce chi-square beside a model."""
 
-    current: Fit
+    current: CurveFit
     names: tuple[tuple[str, ...], ...]  # each candidate: one or two mechanisms
-    fits: tuple[Fit, ...]
+    fits: tuple[CurveFit, ...]
     data: np.ndarray  # (candidates,) fall of the sum of squares over the scatter's variance
     null: np.ndarray  # (replicates, candidates) the same in null recordings of `current`
-    refits: tuple[Fit, ...]  # of `current` to each null recording
+    refits: tuple[CurveFit, ...]  # of `current` to each null recording
 
     def probability(self, i: int) -> float:
-        """Share of null recordings in which any mechanism gains as much, or the closure where candidate i is the closure."""
+        """Share of null recordings in which any mechanism explains as much, or the closure where candidate i is the closure."""
         rivals = self.null[:, i] if self.names[i] == (CLOSURE,) else self.null[:, :-1].max(axis=1)
         return float((1 + np.sum(rivals >= self.data[i])) / (1 + len(rivals)))
 
@@ -47,9 +51,7 @@ class CreepSearch:
         self.model, self.replicates, self.progress = model, replicates, progress
         self.measured = model.measured
         self._random = np.random.default_rng(seed)
-        self.candidates = ["initial_slope", "falling_friction", "flash_temperature"]
-        if len(np.unique(model.speed)) > 1:
-            self.candidates.append("speed_dependent_friction")
+        self.candidates = model.searched
         self.baseline = model.fit((), self.measured)
         self.scatter = _scatter(model, model.fit(self.candidates, self.measured))
         self.variance = float(np.mean(self.scatter**2))
@@ -57,7 +59,7 @@ class CreepSearch:
         self.folds = np.empty(len(order), dtype=np.int64)
         self.folds[order] = np.arange(len(order)) * FOLDS // len(order)
 
-    def null(self, fit: Fit) -> np.ndarray:
+    def null(self, fit: CurveFit) -> np.ndarray:
         """Return adhesion coefficients (n,) of a null recording of a model: blocks of the scatter with random signs."""
         n = len(self.measured)
         block = max(1, min(_BLOCK, n // _LEAST_BLOCKS))
@@ -66,10 +68,10 @@ class CreepSearch:
         result: np.ndarray = self.measured + fit.residual + self.scatter * signs[first : first + n]
         return result
 
-    def gains(self, current: Fit, added: Sequence[tuple[str, ...]], step: str) -> Gains:
-        """Return the gains of candidates over a model, in the recording and in null recordings; the closure comes last."""
+    def reductions(self, current: CurveFit, added: Sequence[tuple[str, ...]], step: str) -> Reductions:
+        """Return by how much candidates reduce chi-square beside a model, also in null recordings; the closure is last."""
         fits = [self.model.fit((*current.names, *names), self.measured, current) for names in added]
-        data = [*(current.cost - one.cost for one in fits), self.closure_gain(current)]
+        data = [*(current.cost - one.cost for one in fits), self.closure_reduction(current)]
         null, refits = np.empty((self.replicates, len(data))), []
         for r in range(self.replicates):
             self.progress(f"{step}: null recording {r + 1} of {self.replicates}")
@@ -78,18 +80,18 @@ class CreepSearch:
             refits.append(base)
             for i, names in enumerate(added):
                 null[r, i] = base.cost - self.model.fit((*current.names, *names), y, base).cost
-            null[r, -1] = self.closure_gain(base)
+            null[r, -1] = self.closure_reduction(base)
         scale = 1.0 / self.variance
         every = (*added, (CLOSURE,))
-        gained = np.maximum(np.array(data), 0.0) * scale
-        return Gains(current, every, tuple(fits), gained, np.maximum(null, 0.0) * scale, tuple(refits))
+        found = np.maximum(np.array(data), 0.0) * scale
+        return Reductions(current, every, tuple(fits), found, np.maximum(null, 0.0) * scale, tuple(refits))
 
-    def closure_gain(self, fit: Fit) -> float:
+    def closure_reduction(self, fit: CurveFit) -> float:
         """Fall of the sum of squares by a smooth function of creepage beside the model, its parameters free."""
         columns, _ = np.linalg.qr(np.column_stack([_smooth(self.model.creepage), *self.sensitivities(fit).T]))
         return float(np.sum((columns.T @ fit.residual) ** 2))
 
-    def closure_held_out(self, fit: Fit) -> float:
+    def closure_held_out(self, fit: CurveFit) -> float:
         """Fall of the held-out sum of squares by that function, over the scatter's variance."""
         basis, fallen = _smooth(self.model.creepage), 0.0
         for fold in range(FOLDS):
@@ -98,7 +100,7 @@ class CreepSearch:
             fallen += float(np.sum(fit.residual[out] ** 2) - np.sum((fit.residual[out] - basis[out] @ found) ** 2))
         return fallen / self.variance
 
-    def sensitivities(self, fit: Fit) -> np.ndarray:
+    def sensitivities(self, fit: CurveFit) -> np.ndarray:
         """Change of the model (n, p) by a small step of each of its values."""
         columns, adhesion = [], self.adhesion(fit.names, fit.values)
         for i, value in enumerate(fit.values):
@@ -111,7 +113,7 @@ class CreepSearch:
         """Return the model at the points (n,) [-]."""
         return self.model.adhesion(float(values[0]), self.model.choice(names, values))
 
-    def held_out(self, fit: Fit) -> np.ndarray:
+    def held_out(self, fit: CurveFit) -> np.ndarray:
         """Errors (n,) [-] at every point of the same model fitted to the other blocks of creepage."""
         errors = np.empty(len(self.measured))
         for fold in range(FOLDS):
@@ -119,31 +121,31 @@ class CreepSearch:
             errors[out] = self.model.fit(fit.names, self.measured, fit, ~out).residual[out]
         return errors
 
-    def multiple(self, with_it: Fit, without: Fit) -> float:
+    def multiple(self, with_it: CurveFit, without: CurveFit) -> float:
         """Relative change of adhesion, root mean square of lower or upper half of creepages, over the smallest of interest."""
         lower = self.model.creepage <= np.median(self.model.creepage)
         change = (with_it.residual - without.residual) / (self.measured + without.residual)
         return max(float(np.sqrt(np.mean(change[half] ** 2))) for half in (lower, ~lower)) / _INTEREST
 
-    def forward(self) -> tuple[Fit, Gains, Gains]:
-        """Accept candidates, best first; returns the model, the gains over the baseline and those over the model."""
+    def forward(self) -> tuple[CurveFit, Reductions, Reductions]:
+        """Accept candidates, best first; returns the model, the reductions over the baseline and those over the model."""
         current, first = self.baseline, None
         while True:
             step = f"round {len(current.names) + 1}"
             singles = [(name,) for name in self.candidates if name not in current.names]
-            gains = self.gains(current, singles, step)
-            first = first or gains
-            better = self._best(gains)
+            reductions = self.reductions(current, singles, step)
+            first = first or reductions
+            better = self._best(reductions)
             if better is None and not current.names:
-                better = self._best(self.gains(current, list(itertools.combinations(self.candidates, 2)), "pairs"))
+                better = self._best(self.reductions(current, list(itertools.combinations(self.candidates, 2)), "pairs"))
             if better is None:
-                return current, first, gains
+                return current, first, reductions
             current = self._settled(better)
 
-    def _settled(self, fit: Fit) -> Fit:
-        """Exchange a mechanism for one that fits better, a further parameter being worth 2 of the gain (Akaike)."""
+    def _settled(self, fit: CurveFit) -> CurveFit:
+        """Exchange a mechanism for one that fits better, a further parameter being worth 2 of chi-square (Akaike)."""
 
-        def score(one: Fit) -> float:
+        def score(one: CurveFit) -> float:
             return one.cost / self.variance + 2.0 * len(one.values)
 
         outside = [name for name in self.candidates if name not in fit.names]
@@ -151,14 +153,14 @@ class CreepSearch:
         best = min([fit, *(self.model.fit(names, self.measured) for names in swaps)], key=score)
         return fit if best is fit or score(fit) - score(best) < 0.1 else self._settled(best)
 
-    def _best(self, gains: Gains) -> Fit | None:
-        """Return the candidate that gains most, if it passes."""
-        if not gains.fits:
+    def _best(self, reductions: Reductions) -> CurveFit | None:
+        """Return the candidate that reductions most, if it passes."""
+        if not reductions.fits:
             return None
-        i = int(np.argmax(gains.data[:-1]))
-        held_out = [float(np.sum(self.held_out(one) ** 2)) for one in (gains.fits[i], gains.current)]
-        passes = gains.probability(i) <= RARE and held_out[0] < held_out[1]
-        return gains.fits[i] if passes and self.multiple(gains.fits[i], gains.current) >= 1.0 else None
+        i = int(np.argmax(reductions.data[:-1]))
+        held_out = [float(np.sum(self.held_out(one) ** 2)) for one in (reductions.fits[i], reductions.current)]
+        passes = reductions.probability(i) <= RARE and held_out[0] < held_out[1]
+        return reductions.fits[i] if passes and self.multiple(reductions.fits[i], reductions.current) >= 1.0 else None
 
 
 def _smooth(creepage: np.ndarray) -> np.ndarray:
@@ -169,7 +171,7 @@ def _smooth(creepage: np.ndarray) -> np.ndarray:
     return columns
 
 
-def _scatter(model: CreepModel, richest: Fit) -> np.ndarray:
+def _scatter(model: CreepModel, richest: CurveFit) -> np.ndarray:
     """Scatter (n,) [-] of the points about a fit with all mechanisms and a smooth function of creepage of their own curve."""
     scatter = np.empty(len(richest.residual))
     for k in range(int(model.curve.max()) + 1):

@@ -9,9 +9,8 @@ from scipy.stats import rankdata
 from wsp_env.contact.polach import falling_friction
 from wsp_env.diagnosis.answer import Estimate
 from wsp_env.diagnosis.creep_curves.answer import Inseparable
-from wsp_env.diagnosis.creep_curves.model import Fit
-from wsp_env.diagnosis.creep_curves.search import CreepSearch, Gains
-from wsp_env.plant.mechanisms import wheel_radius
+from wsp_env.diagnosis.creep_curves.model import CurveFit, creep_mechanisms
+from wsp_env.diagnosis.creep_curves.search import CreepSearch, Reductions
 
 _CLOSE = 0.9  # correlation from which on two parameters count as not separated
 _LOST = 2.71  # growth of the sum of squares, over the scatter's variance, that ends a 90 % interval of one parameter
@@ -19,7 +18,7 @@ _PROFILE = 25  # values tried of a parameter
 _RADII = np.linspace(-0.02, 0.02, 9)  # relative errors of the wheel radius tried: assumption, wear that was not measured
 
 
-def quantities(search: CreepSearch, fit: Fit) -> dict[str, float]:
+def quantities(search: CreepSearch, fit: CurveFit) -> dict[str, float]:
     """Return the sizes of a fit, "mechanism.parameter", and its kinetic friction."""
     keys = [f"{name}.{p.name}" for name in fit.names for p in search.model.sizes(name)]
     law = search.model.law(search.model.choice(fit.names, fit.values))
@@ -27,7 +26,12 @@ def quantities(search: CreepSearch, fit: Fit) -> dict[str, float]:
     return {"kinetic_friction": kinetic, **dict(zip(keys, map(float, fit.values[1:]), strict=True))}
 
 
-def _meaning(search: CreepSearch, fit: Fit) -> dict[str, tuple[float, str]]:
+def mechanism_of(key: str) -> str:
+    """Return the mechanism of a size "mechanism.parameter"."""
+    return key.partition(".")[0]
+
+
+def _meaning(search: CreepSearch, fit: CurveFit) -> dict[str, tuple[float, str]]:
     """Return what the fitted law means, by its name: value and unit."""
     model = search.model
     law = model.law(model.choice(fit.names, fit.values))
@@ -48,13 +52,13 @@ class Spread:
     recordings alone would be too sure where the best fit stands at a bound.
     """
 
-    def __init__(self, search: CreepSearch, fit: Fit, last: Gains) -> None:
+    def __init__(self, search: CreepSearch, fit: CurveFit, last: Reductions) -> None:
         self.search, self.fit, self.refits = search, fit, last.refits
         sizes = [(f"{name}.{p.name}", p) for name in fit.names for p in search.model.sizes(name)]
         self.bounds = {key: (p.low, p.high) for key, p in sizes}
         self.profiles = {key: self._profile(key, p.low, p.high) for key, p in sizes}
 
-    def _profile(self, key: str, low: float, high: float) -> list[tuple[float, Fit]]:
+    def _profile(self, key: str, low: float, high: float) -> list[tuple[float, CurveFit]]:
         """Values of a size that fit as well, rising, each with its fit."""
         search, fit = self.search, self.fit
         spaced = low + (high - low) * np.linspace(0.0, 1.0, _PROFILE) ** 2  # denser where sizes are small
@@ -65,7 +69,7 @@ class Spread:
                 kept.append((value, held))
         return kept
 
-    def interval(self, of: Callable[[Fit], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    def interval(self, of: Callable[[CurveFit], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Return the 90 % interval of what a fit says, element by element: the wider of both kinds."""
         low, high = np.quantile([of(one) for one in self.refits], (0.05, 0.95), axis=0)
         along = [of(self.fit), *(of(one) for profile in self.profiles.values() for _, one in profile)]
@@ -110,8 +114,8 @@ def inseparable(spread: Spread) -> tuple[Inseparable, ...]:
         ends = [(value, quantities(spread.search, one)) for value, one in (profile[0], profile[-1])]
         open_ended = [value for value in spread.bounds[key] if value in (ends[0][0], ends[1][0])]
         if tied or open_ended:
-            own = key.split(".")[0] + "."
-            others = [other for other in matrix if other in tied or (other.startswith(own) and other != key)]
+            own = mechanism_of(key)
+            others = [other for other in matrix if other in tied or (mechanism_of(other) == own and other != key)]
             found.append(_said(key, others or [other for other in matrix if other != key], ends, open_ended, matrix[key]))
     return tuple(found)
 
@@ -127,23 +131,24 @@ def _said(
     return Inseparable((key, *others), (low, high), ends, text)
 
 
-def radius_note(search: CreepSearch, fit: Fit) -> str:
-    """Say what the initial slope would be if the wheel radius, and with it every creepage, were not as believed."""
-    if "initial_slope" not in fit.names:
+def radius_note(search: CreepSearch, fit: CurveFit) -> str:
+    """Say what the sizes would be that an error of the wheel radius, and with it of every creepage, would move."""
+    moved = [f"{name}.{shows.moved_by_radius}" for name, shows in creep_mechanisms().items() if shows.moved_by_radius]
+    moved = [key for key in moved if mechanism_of(key) in fit.names]
+    if not moved:
         return ""
-    radius = search.model.contact.wheel_radius_m
     kept = []
-    for change in _RADII:
+    for change in map(float, _RADII):
         other = copy.copy(search.model)
-        turned = float(wheel_radius.radii(wheel_radius.Parameters(float(change), 1.0), [radius])[0]) / radius
-        other.creepage = 1.0 - turned * (1.0 - search.model.creepage)
+        other.creepage = 1.0 - (1.0 + change) * (1.0 - search.model.creepage)
         if other.creepage.min() > 0.0:
             found = other.fit(fit.names, search.measured, fit)
-            kept.append((found.cost, float(change), quantities(search, found)["initial_slope.factor"]))
+            kept.append((found.cost, change, quantities(search, found)))
     allowed = [one for one in kept if one[0] - fit.cost <= _LOST * search.variance]
-    changes, factors = [one[1] for one in allowed], [one[2] for one in allowed]
+    changes = [one[1] for one in allowed]
+    sizes = ", ".join(f"{key} {allowed[0][2][key]:.2f} to {allowed[-1][2][key]:.2f}" for key in moved)
     return (
         "an error of the wheel radius shifts all creepages and is not searched: its trace is in free rolling, which points "
         f"that slide do not show; of radii up to {_RADII[-1]:.0%} off, those {min(changes):+.1%} to {max(changes):+.1%} off "
-        f"fit as well, with initial_slope.factor {factors[0]:.2f} to {factors[-1]:.2f}"
+        f"fit as well, with {sizes}"
     )

@@ -30,7 +30,7 @@ class TachometerState(NamedTuple):
     edge_angle: np.ndarray  # of the last counted pulse edge [rad]
     edge_time: np.ndarray  # of that edge [s]
     counted: np.ndarray  # speed from the pulses [rad/s]
-    filtered: np.ndarray  # the same as the sensor gives it, see wheel_speed_lag [rad/s]
+    filtered: np.ndarray  # the same as the sensor gives it, with the mechanisms on it [rad/s]
     measured: np.ndarray  # the same with the sensor's noise [rad/s]
 
 

@@ -1,8 +1,8 @@
 """The plant's physics along a measured trajectory: what contact, brake and resistances would have done there.
 
 The same slots as in the plant's step (`wsp_env.plant.slots`) are evaluated at the measured speeds instead of integrating them.
-Evaluation is causal: a sample depends on itself and earlier ones, through the slow states (film memory, discs' temperature,
-energy on the rail), which run through the whole recording on the model's own adhesion at the measured slip.
+Evaluation is causal: a sample depends on itself and earlier ones, through the slow states (memory of the contaminant layer,
+discs' temperature, energy on the rail), which run through the whole recording on the model's own adhesion at the measured slip.
 
 With a prediction a caller forms the four balances, w and v being the prediction's wheel and vehicle speed, r its radii and
 T = (torque_factor C + J dw/dt) / r the force of a wheelset from its own balance (C the believed or measured torque):
@@ -27,7 +27,6 @@ from wsp_env.plant import mechanisms
 from wsp_env.plant.card import Passage
 from wsp_env.plant.longitudinal.state import Constants, constants, physics
 from wsp_env.plant.mechanisms import Active, Mechanisms
-from wsp_env.plant.mechanisms.leading_axle_cleaning import CELL_M, SPARE_CELLS
 from wsp_env.plant.port import Choice, Setup
 from wsp_env.plant.slots import (
     after_contact,
@@ -47,8 +46,8 @@ class Trajectory:
     """A measured stop, T samples of A axles; smoothed, without gaps.
 
     Anything array-like is accepted and kept as float64. `ParameterError` for shapes that do not fit together, for numbers that
-    are not finite, a time that does not rise or samples more than
-    `SPARE_CELLS * CELL_M` of `leading_axle_cleaning` apart.
+    are not finite, a time that does not rise or samples farther
+    apart than the mechanisms that remember the rail can follow.
     """
 
     time_s: np.ndarray  # (T,) [s], rising
@@ -76,12 +75,12 @@ class Trajectory:
         if not (np.diff(self.time_s) > 0.0).all():
             raise ParameterError("time_s does not rise from sample to sample")
         farthest = float(np.diff(self.position_m).max(initial=0.0))
-        if farthest > SPARE_CELLS * CELL_M:
+        if farthest > min(card.longest_step_m for card in mechanisms.ALL.values()):
             raise ParameterError(f"samples lie up to {farthest:g} m apart, too far to follow what the wheels leave on the rail")
 
 
 @dataclasses.dataclass(frozen=True)
-class Run:
+class Belief:
     """What is believed of one stop."""
 
     mu_cd: ArrayLike  # kinetic friction of the contaminated rail [-]; a number, (T, 1) or (T, A)
@@ -102,8 +101,8 @@ class Prediction(NamedTuple):
     torque_factor: np.ndarray  # (T, A) brake torque over `brake_torque_nm` where that is a nominal one [-]
     speed_mps: np.ndarray  # (T,) with the mechanisms on the sensors undone [m/s]
     resistance_n: np.ndarray  # (T,) against the motion, beside the wheels: resistances, gradient, track brake [N]
-    mass_kg: float  # with `vehicle_mass`
-    radius_m: np.ndarray  # (A,) with `wheel_radius` [m]
+    mass_kg: float  # with the mechanisms on it
+    radius_m: np.ndarray  # (A,) with the mechanisms on them [m]
 
 
 class Model(NamedTuple):
@@ -123,7 +122,7 @@ def model(vehicle: Vehicle, choice: Choice | None = None) -> Model:
     return Model(constants(vehicle, Setup()), own, type(believed)(*map(float, law)), vehicle.axle_positions_m)
 
 
-def along(trajectory: Trajectory, run: Run, m: Model) -> Prediction:
+def along(trajectory: Trajectory, run: Belief, m: Model) -> Prediction:
     """Evaluate the model of `model` along a trajectory (T samples, A axles).
 
     Raises
@@ -229,3 +228,21 @@ def _evaluate(
             per_axle[3, j, k] = slip
             per_axle[4, j, k] = wheel
             per_axle[5, j, k] = factor
+
+
+def true_wheel_acceleration(m: Model, read_rate: np.ndarray, read_jerk: np.ndarray) -> np.ndarray:
+    """Return dw/dt (T, A) [rad/s2], mechanisms on the sensors undone, from the recorded one and its rate [rad/s3].
+
+    What a sensor does is linear and the same at all times, so the rate passes `slots.wheel_speed` as the speed does.
+    """
+    rate = np.empty(read_rate.shape)
+    active = Active(m.mechanisms, m.constants.derived, mechanisms.remember(1, m.axle_positions_m))
+    _undone(read_rate, read_jerk, active, rate)
+    return rate
+
+
+@loop
+def _undone(read_rate: np.ndarray, read_jerk: np.ndarray, active: Active, rate: np.ndarray) -> None:
+    for j in range(rate.shape[0]):
+        for k in range(rate.shape[1]):
+            rate[j, k] = wheel_speed(active, read_rate[j, k], read_jerk[j, k])

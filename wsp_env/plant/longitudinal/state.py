@@ -30,7 +30,7 @@ class State(NamedTuple):
     deceleration: np.ndarray  # at the start of the last substep [m/s2]
     wheel_speed: np.ndarray  # (N, A) [rad/s]
     slip_speed: np.ndarray  # (N, A) v - r w [m/s]
-    recorded_speed: np.ndarray  # (N,) of the vehicle, as its own recorder has it, see clock_offset [m/s]
+    recorded_speed: np.ndarray  # (N,) of the vehicle, as its own recorder has it [m/s]
     adhesion: np.ndarray  # (N, A) f = T / N [-], signed as the slip
     adhesion_d: np.ndarray  # (N, A) its limit without recovery [-]
     adhesion_r: np.ndarray  # (N, A) its limit after full recovery [-]

@@ -5,13 +5,19 @@ sprayed section: the standard's sudden change of adhesion). Form and sizes: assu
 """
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
+import numpy as np
+
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Parameter, Signature
+from wsp_env.plant.card import Card, Parameter, Recorded, Said, Signature, percent
 
 #: Width of an edge [m] (assumption: about an axle distance; keeps the friction differentiable by place).
 EDGE_M = 2.0
+
+#: Lengths of a patch that are tried in recordings [m]; half of one apart along the track (assumption).
+_LENGTHS_M = (30.0, 60.0, 120.0)
 
 
 class Parameters(NamedTuple):
@@ -32,13 +38,37 @@ def friction_factor(p: Parameters, place_m: float) -> float:
     return 1.0 + 0.5 * p.change * (entered - left)
 
 
+def stretches(recorded: Recorded) -> list[dict[str, float]]:
+    """Return the patches that are tried where wheels slid."""
+    if not len(recorded.places_m):
+        return []
+    first, last = np.quantile(recorded.places_m, [0.01, 0.99])
+    return [
+        {"start_m": float(start), "length_m": length}
+        for length in _LENGTHS_M
+        for start in np.arange(first - length / 2, last - length / 4, length / 2)
+    ]
+
+
+def inside(shape: Mapping[str, float], place_m: np.ndarray) -> np.ndarray:
+    """Return the share of log mu_cd (n,) that a small change moves at places (n,) [m], see `friction_factor`."""
+    entered, left = place_m - shape["start_m"], place_m - shape["start_m"] - shape["length_m"]
+    result: np.ndarray = 0.5 * (np.tanh(entered / EDGE_M) - np.tanh(left / EDGE_M))
+    return result
+
+
+def end(values: Mapping[str, float]) -> dict[str, float]:
+    """Return where the patch ends, for the sentence."""
+    return {"end_m": values["start_m"] + values["length_m"]}
+
+
 CARD = Card(
     name="adhesion_patch",
     summary="a stretch of track has another mu_cd",
     parameters=(
         Parameter("change", "-", 0.0, -0.3, -0.95, 5.0, "assumption: relative change of mu_cd on the patch"),
-        Parameter("start_m", "m", 0.0, 200.0, -1e5, 1e6, "assumption: place along the track", "shape"),
-        Parameter("length_m", "m", 100.0, 100.0, 1.0, 1e5, "assumption: length of the patch", "shape"),
+        Parameter("start_m", "m", 0.0, 200.0, -1e5, 1e6, "assumption: place along the track", "shape", refit_step=2.0),
+        Parameter("length_m", "m", 100.0, 100.0, 1.0, 1e5, "assumption: length of the patch", "shape", refit_step=2.0),
     ),
     record=Parameters,
     acts={"contaminated_friction": friction_factor},
@@ -46,5 +76,20 @@ CARD = Card(
         balances=frozenset({"adhesion"}),
         trace="adhesion: aligns by place across axles and runs",
         acts_on="contact",
+        next_test="a stop that begins some 100 m earlier: the patch must stay at its place",
+        said=(
+            Said(
+                "change",
+                "%",
+                percent,
+                "the adhesion is {size} higher from {start_m:.0f} m to {end_m:.0f} m",
+                "the adhesion is {size} lower from {start_m:.0f} m to {end_m:.0f} m",
+            ),
+        ),
+        over="place",
+        variants=stretches,
+        words=end,
+        friction_pattern=inside,
     ),
+    study={"change": -0.4, "start_m": 200.0, "length_m": 150.0},
 )

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Parameter, Signature
+from wsp_env.plant.card import Card, Parameter, Said, Signature
 
 _DAVIS = "form: Davis (1926); size: assumption, "
 
@@ -26,8 +26,8 @@ CARD = Card(
     name="aerodynamic_drag",
     summary="running resistance beyond the believed one",
     parameters=(
-        Parameter("a_n", "N", 0.0, 0.0, -5e3, 5e3, _DAVIS + "left to the gradient, which is constant too"),
-        Parameter("b_ns_per_m", "N s/m", 0.0, 0.0, -500.0, 500.0, _DAVIS + "small for coaches"),
+        Parameter("a_n", "N", 0.0, 0.0, -5e3, 5e3, _DAVIS + "left to the gradient, which is constant too", fitted=False),
+        Parameter("b_ns_per_m", "N s/m", 0.0, 0.0, -500.0, 500.0, _DAVIS + "small for coaches", fitted=False),
         Parameter("c_ns2_per_m2", "N s2/m2", 0.0, 2.5, -20.0, 20.0, _DAVIS + "a vehicle of 10 m2 running alone"),
     ),
     record=Parameters,
@@ -36,5 +36,18 @@ CARD = Card(
         balances=frozenset({"vehicle"}),
         trace="vehicle: grows with the square of the speed, also while coasting",
         acts_on="vehicle",
+        next_test="coasting from the highest speed",
+        said=(
+            Said(
+                "c_ns2_per_m2",
+                "kN",
+                lambda c: 0.9 * c,
+                "the running resistance at 30 m/s is {size} higher than believed",
+                "the running resistance at 30 m/s is {size} lower than believed",
+            ),
+        ),
+        over="speed",
+        exact=True,
     ),
+    study={"c_ns2_per_m2": 4.0},
 )

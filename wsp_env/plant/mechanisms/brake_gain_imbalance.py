@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Parameter, Signature
+from wsp_env.plant.card import Card, Parameter, Said, Signature, each_axle, percent
 
 
 class Parameters(NamedTuple):
@@ -32,5 +32,19 @@ CARD = Card(
         balances=frozenset({"adhesion", "actuator"}),
         trace="actuator and adhesion: one axle, in proportion to its torque",
         acts_on="brake",
+        next_test="a gentle stop on each axle's brake alone",
+        said=(
+            Said(
+                "gain",
+                "%",
+                percent,
+                "axle {axle:.0f}'s brake is {size} stronger than believed",
+                "axle {axle:.0f}'s brake is {size} weaker than believed",
+            ),
+        ),
+        over="axle",
+        exact=True,
+        variants=each_axle,
     ),
+    study={"gain": -0.15},
 )

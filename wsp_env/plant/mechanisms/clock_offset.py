@@ -7,7 +7,7 @@ than 1 cm/s at 0.1 s). Form: definition of a clock's offset; size: assumption.
 from typing import NamedTuple
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Parameter, Signature
+from wsp_env.plant.card import Card, Parameter, Said, Signature
 
 
 class Parameters(NamedTuple):
@@ -38,5 +38,17 @@ CARD = Card(
         balances=frozenset({"kinematics"}),
         trace="kinematics: in proportion to dv/dt",
         acts_on="sensor",
+        next_test="a sharp brake application from rolling freely, on both recorders",
+        said=(
+            Said(
+                "offset_s",
+                "ms",
+                lambda late: 1e3 * late,
+                "the vehicle's speed is recorded {size} late beside the wheel speeds",
+                "the vehicle's speed is recorded {size} early beside the wheel speeds",
+            ),
+        ),
+        over="deceleration",
+        exact=True,
     ),
 )

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Parameter, Signature
+from wsp_env.plant.card import Card, Parameter, Said, Signature, itself
 
 
 class Parameters(NamedTuple):
@@ -63,5 +63,8 @@ CARD = Card(
         balances=frozenset({"adhesion"}),
         trace="adhesion: loop in (W_sp, lambda), wider the faster the slip changes",
         acts_on="contact",
+        next_test="a stop in which the demand is stepped, so that the slip changes fast and slowly",
+        said=(Said("distance_m", "m", itself, "the contaminant layer follows the friction work only after rolling {size}"),),
+        over="work",
     ),
 )

@@ -6,7 +6,7 @@ kinetic friction, at large slip, stays.
 
 from typing import Any, NamedTuple
 
-from wsp_env.plant.card import Card, Parameter, Signature
+from wsp_env.plant.card import Card, OnCreepCurve, Parameter, Said, Signature, itself
 
 
 class Parameters(NamedTuple):
@@ -41,5 +41,26 @@ CARD = Card(
         balances=frozenset({"adhesion"}),
         trace="adhesion: residual against slip speed",
         acts_on="contact",
+        next_test="stops with the creepage limited to 5 % and to 30 % at equal speed",
+        said=(
+            Said(
+                "decrease",
+                "",
+                itself,
+                "friction falls faster with slip speed than believed, at {size} times the rate",
+                "friction falls more slowly with slip speed than believed, at {size} times the rate",
+            ),
+            Said(
+                "excess",
+                "",
+                itself,
+                "friction falls further with slip speed than believed, {size} times as far",
+                "friction falls less far with slip speed than believed, {size} times as far",
+            ),
+        ),
+        creep_curve=OnCreepCurve(
+            null_at_constant_friction={"excess": 0.0},
+            test_if_open="points beyond {highest:.0%} creepage, until the friction no longer falls",
+        ),
     ),
 )

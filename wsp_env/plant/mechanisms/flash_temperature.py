@@ -4,7 +4,8 @@ A contact that slides heats its surfaces by theta = f p_0 s sqrt(a / v) / (2 e) 
 way (flash temperature of a moving source, H. Blok 1937; form as in M. Ertz, K. Knothe, Wear 253 (2002) 498-508, whose factor
 of order one for the distribution in the ellipse goes into `fall_per_k`). The friction falls as 1 / (1 + fall theta). As theta
 itself is proportional to the adhesion coefficient f, the heated f solves f (1 + c f) = f_cold: closed form, no state. It
-follows the slip at once, as heating takes a / v, less than a millisecond. The film is removed by the work of the cold contact.
+follows the slip at once, as heating takes a / v, less than a millisecond. The contaminant layer is
+removed by the work of the cold contact.
 """
 
 import math
@@ -13,7 +14,7 @@ from typing import NamedTuple
 from wsp_env.compiled import inlined
 from wsp_env.contact.traction import SPEED_FLOOR, Adhesion
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.card import Card, Parameter, Signature
+from wsp_env.plant.card import Card, OnCreepCurve, Parameter, Said, Signature
 
 #: Thermal effusivity of steel, sqrt(50 W/mK x 7850 kg/m3 x 477 J/kgK) [W s0.5 / (m2 K)] (handbook values of carbon steel).
 EFFUSIVITY = 13_700.0
@@ -73,5 +74,8 @@ CARD = Card(
         balances=frozenset({"adhesion"}),
         trace="adhesion: residual against slip power, reversible",
         acts_on="contact",
+        next_test="stops at equal slip from two speeds, so that slip power changes and slip does not",
+        said=(Said("fall_per_k", "%", lambda a: 1e4 * a, "friction falls by {size} for every 100 K of heat in the contact"),),
+        creep_curve=OnCreepCurve(),
     ),
 )

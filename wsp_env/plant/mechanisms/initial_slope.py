@@ -6,7 +6,7 @@ The contact stiffness of eq. (6) times a factor, which scales both of Polach's r
 
 from typing import Any, NamedTuple
 
-from wsp_env.plant.card import Card, Parameter, Signature
+from wsp_env.plant.card import Card, OnCreepCurve, Parameter, Said, Signature, percent
 
 
 class Parameters(NamedTuple):
@@ -32,5 +32,20 @@ CARD = Card(
         balances=frozenset({"adhesion"}),
         trace="adhesion: residual below 1 % creepage",
         acts_on="contact",
+        next_test="gentle stops at several demands below sliding, for the slope of the creep curve",
+        said=(
+            Said(
+                "factor",
+                "%",
+                lambda factor: percent(factor - 1.0),
+                "the creep curve begins {size} steeper than Kalker's",
+                "the creep curve begins {size} flatter than Kalker's",
+            ),
+        ),
+        normal={"factor": 0.06},  # assumption: twice the 3 % by which sound contacts vary
+        creep_curve=OnCreepCurve(
+            test_if_named="points below {lowest:.2%} creepage, down to rolling freely: only they show the slope itself",
+            moved_by_radius="factor",
+        ),
     ),
 )

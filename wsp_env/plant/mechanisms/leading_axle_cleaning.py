@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Parameter, Passage, Signature
+from wsp_env.plant.card import Card, Parameter, Passage, Said, Signature
 
 #: Length of a cell of rail [m]: longer than a substep at any speed, short against the distance of axles.
 CELL_M = 1.0
@@ -96,5 +96,17 @@ CARD = Card(
         balances=frozenset({"adhesion"}),
         trace="adhesion: later axles have more at equal slip, by axle distance / v later; not before the leading axle slides",
         acts_on="contact",
+        next_test="a stop with the leading axle's brake cut out: its cleaning must vanish behind it",
+        said=(
+            Said(
+                "removal_m_per_j",
+                "%",
+                lambda r: 100.0 * (1.0 - math.exp(-1e4 * r)),
+                "sliding axles clean the rail for those behind them: every 10 kJ/m takes away {size} of the contaminant layer",
+            ),
+        ),
+        least_axles=2,
     ),
+    study={"removal_m_per_j": 5e-5},
+    longest_step_m=SPARE_CELLS * CELL_M,
 )

@@ -11,7 +11,7 @@ import numpy as np
 
 from wsp_env.compiled import inlined
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.card import Card, Parameter, Signature
+from wsp_env.plant.card import Card, Parameter, Said, Signature, itself
 
 
 class Parameters(NamedTuple):
@@ -97,5 +97,18 @@ CARD = Card(
         balances=frozenset({"adhesion"}),
         trace="adhesion: sign alternates from axle to axle and grows with the deceleration",
         acts_on="contact",
+        next_test="a stop at half the brake demand: load transfer falls with the deceleration",
+        said=(
+            Said("body_height_m", "m", itself, "braking loads the leading bogie: the body's mass acts {size} above the pivots"),
+            Said(
+                "pivot_height_m",
+                "m",
+                itself,
+                "braking loads each bogie's leading axle: the pivots are {size} above the rail",
+            ),
+        ),
+        over="axle",
+        least_axles=2,
     ),
+    study={"body_height_m": 1.6, "pivot_height_m": 0.6},
 )

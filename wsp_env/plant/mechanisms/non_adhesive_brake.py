@@ -5,19 +5,22 @@ brakes of coaches are let down in emergency stops and lifted at low speed; size:
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Parameter, Passage, Signature
+from wsp_env.plant.card import Card, Parameter, Passage, Recorded, Said, Signature
 
 #: Width of the band's edges [m/s] (assumption).
 EDGE_MPS = 0.5
 
 #: Share of the largest torque of one axle from which on the brake counts as applied (assumption).
 APPLIED_SHARE = 0.05
+
+#: Bands of speed that are tried in recordings [m/s]: at every speed, or lifted below one (assumption).
+_BANDS_MPS = ((-10.0, 200.0), (8.0, 200.0), (15.0, 200.0), (22.0, 200.0))
 
 
 class Parameters(NamedTuple):
@@ -56,12 +59,23 @@ def force(p: Parameters, applied: Applied, i: int, speed_mps: float, believed_n:
     return 0.5 * applied.once[i] * p.force_n * (above - beyond)
 
 
+def bands(recorded: Recorded) -> list[dict[str, float]]:
+    """Return the bands of speed that are tried."""
+    return [{"lowest_mps": low, "highest_mps": high} for low, high in _BANDS_MPS]
+
+
+def band(values: Mapping[str, float]) -> dict[str, str]:
+    """Return the band in words, for the sentence."""
+    lowest = values["lowest_mps"]
+    return {"band": f"above {lowest:.0f} m/s" if lowest > 0.0 else "at every speed"}
+
+
 CARD = Card(
     name="non_adhesive_brake",
     summary="a track brake acts within a band of speed",
     parameters=(
         Parameter("force_n", "N", 0.0, 5000.0, 0.0, 2e5, "assumption: a tenth of a coach's braking force"),
-        Parameter("lowest_mps", "m/s", 10.0, 10.0, -10.0, 100.0, "assumption: lifted at low speed", "shape"),
+        Parameter("lowest_mps", "m/s", 10.0, 10.0, -10.0, 100.0, "assumption: lifted at low speed", "shape", refit_step=0.5),
         Parameter("highest_mps", "m/s", 100.0, 100.0, 0.0, 200.0, "assumption: no upper limit", "shape"),
     ),
     record=Parameters,
@@ -71,5 +85,11 @@ CARD = Card(
         balances=frozenset({"vehicle"}),
         trace="vehicle: deceleration beyond the wheels' sum, within its band of speed",
         acts_on="vehicle",
+        next_test="a stop with the track brake cut out",
+        said=(Said("force_n", "kN", lambda force: 1e-3 * force, "a brake that needs no wheels gives {size} {band}"),),
+        over="speed",
+        variants=bands,
+        words=band,
     ),
+    study={"force_n": 2000.0},
 )

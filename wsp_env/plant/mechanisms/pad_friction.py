@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Parameter, Passage, Signature
+from wsp_env.plant.card import Card, Parameter, Passage, Said, Signature, percent
 
 #: Speed [m/s] and pressure [bar] at which the friction is the believed one (assumption: the middle of a full stop).
 REFERENCE_MPS = 20.0
@@ -67,7 +67,7 @@ CARD = Card(
     summary="pad friction depends on speed, pressure and temperature",
     parameters=(
         Parameter("per_speed_s_per_m", "s/m", 0.0, -5e-3, -0.03, 0.03, "assumption: 10 % over 20 m/s, band of UIC 541-3"),
-        Parameter("per_pressure_1_per_bar", "1/bar", 0.0, -0.03, -0.3, 0.3, "assumption: band of UIC 541-3"),
+        Parameter("per_pressure_1_per_bar", "1/bar", 0.0, -0.03, -0.3, 0.3, "assumption: band of UIC 541-3", fitted=False),
         Parameter("per_temperature_1_per_k", "1/K", 0.0, -5e-4, -5e-3, 5e-3, "assumption: fading of organic pads"),
     ),
     record=Parameters,
@@ -77,5 +77,30 @@ CARD = Card(
         balances=frozenset({"vehicle", "adhesion", "actuator"}),
         trace="actuator, and vehicle with adhesion in a fixed ratio; also in stops without slide",
         acts_on="brake",
+        next_test="a gentle stop without sliding from the highest speed, and one from half of it",
+        said=(
+            Said(
+                "per_speed_s_per_m",
+                "%",
+                lambda a: 1e3 * a,
+                "the pads' friction rises by {size} for every 10 m/s of speed",
+                "the pads' friction falls by {size} for every 10 m/s of speed",
+            ),
+            Said(
+                "per_pressure_1_per_bar",
+                "%",
+                percent,
+                "the pads' friction rises by {size} for every bar",
+                "the pads' friction falls by {size} for every bar",
+            ),
+            Said(
+                "per_temperature_1_per_k",
+                "%",
+                lambda a: 1e4 * a,
+                "the pads' friction rises by {size} for every 100 K",
+                "the pads' friction falls by {size} for every 100 K",
+            ),
+        ),
+        over="speed",
     ),
 )

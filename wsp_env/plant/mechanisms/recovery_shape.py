@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from wsp_env.contact.degraded import DegradedLaw
 from wsp_env.parameters.quantity import ParameterError
-from wsp_env.plant.card import Card, Parameter, Signature
+from wsp_env.plant.card import Card, Parameter, Said, Signature, itself
 
 
 class Parameters(NamedTuple):
@@ -41,5 +41,18 @@ CARD = Card(
         balances=frozenset({"adhesion"}),
         trace="adhesion: curvature of lambda(W_sp)",
         acts_on="contact",
+        next_test="stops with the creepage limited to 5 % and to 20 %, so that little and much friction work is done",
+        said=(
+            Said(
+                "exponent",
+                "",
+                itself,
+                "the contaminant layer goes later, and then faster, than believed, with exponent {size} instead of 1",
+                "the contaminant layer goes sooner, and then more slowly, than believed, with exponent {size} instead of 1",
+            ),
+            Said("threshold_j_per_m", "J/m", itself, "friction work below {size} removes nothing of the contaminant layer"),
+        ),
+        over="work",
     ),
+    study={"exponent": 2.0},
 )

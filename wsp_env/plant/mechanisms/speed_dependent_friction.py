@@ -8,7 +8,7 @@ more. At the reference speed v_0 the friction is the believed one.
 from typing import NamedTuple
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Parameter, Signature
+from wsp_env.plant.card import Card, OnCreepCurve, Parameter, Said, Signature, percent
 
 #: Speed [m/s] at which the friction is the believed one (assumption: the middle of a stop from 40 m/s, least bound to mu_cd).
 REFERENCE_MPS = 20.0
@@ -43,5 +43,18 @@ CARD = Card(
         balances=frozenset({"adhesion"}),
         trace="adhesion: runs of other initial speed; grows away from the reference speed at equal slip",
         acts_on="contact",
+        next_test="stops from a low and from the highest initial speed at equal demand",
+        said=(
+            Said(
+                "share",
+                "%",
+                percent,
+                "friction falls with the running speed by {size} of the fall of Curtius and Kniffler",
+                "friction rises with the running speed by {size} of the fall of Curtius and Kniffler",
+            ),
+        ),
+        over="speed",
+        creep_curve=OnCreepCurve(least_speeds=2),
     ),
+    study={"share": 0.5},
 )

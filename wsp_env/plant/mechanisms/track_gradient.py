@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from wsp_env.plant.card import Card, Parameter, Signature
+from wsp_env.plant.card import Card, Parameter, Said, Signature
 
 
 class Parameters(NamedTuple):
@@ -26,5 +26,18 @@ CARD = Card(
         balances=frozenset({"vehicle"}),
         trace="vehicle: constant, also while coasting",
         acts_on="vehicle",
+        next_test="coasting over the same track in both directions",
+        said=(
+            Said(
+                "rise",
+                "per mille",
+                lambda i: 1e3 * i,
+                "the track rises by {size} more than believed",
+                "the track falls by {size} more than believed",
+            ),
+        ),
+        over="time",
+        exact=True,
     ),
+    study={"rise": -0.01},
 )

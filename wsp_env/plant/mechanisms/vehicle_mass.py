@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from wsp_env.plant.card import Card, Parameter, Signature
+from wsp_env.plant.card import Card, Parameter, Said, Signature, percent
 
 
 class Parameters(NamedTuple):
@@ -26,5 +26,18 @@ CARD = Card(
         balances=frozenset({"vehicle", "adhesion"}),
         trace="vehicle: in proportion to the deceleration; through the wheel load also uniformly in adhesion",
         acts_on="vehicle",
+        next_test="weighing the vehicle, or a gentle stop beside one with known ballast",
+        said=(
+            Said(
+                "extra",
+                "%",
+                percent,
+                "the vehicle is {size} heavier than believed",
+                "the vehicle is {size} lighter than believed",
+            ),
+        ),
+        over="time",
+        exact=True,
     ),
+    study={"extra": 0.15},
 )

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wsp_env.plant.card import Card, Parameter, Signature
+from wsp_env.plant.card import Card, Parameter, RollsFreely, Said, Signature, each_axle, percent
 
 
 class Parameters(NamedTuple):
@@ -40,5 +40,19 @@ CARD = Card(
         balances=frozenset({"kinematics"}),
         trace="kinematics: v against r w while rolling freely, in proportion to v",
         acts_on="sensor",
+        next_test="coasting at constant speed for some 20 s, or measuring the wheels",
+        said=(
+            Said(
+                "change",
+                "%",
+                percent,
+                "axle {axle:.0f}'s wheels are {size} larger than believed",
+                "axle {axle:.0f}'s wheels are {size} smaller than believed",
+            ),
+        ),
+        over="speed",
+        exact=True,
+        variants=each_axle,
+        rolls_freely=RollsFreely("change", 1.5e-3),  # assumption: three times the tolerance of 0.05 %
     ),
 )

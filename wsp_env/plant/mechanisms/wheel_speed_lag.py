@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Parameter, Signature
+from wsp_env.plant.card import Card, Parameter, Said, Signature
 
 
 class Parameters(NamedTuple):
@@ -42,5 +42,10 @@ CARD = Card(
         balances=frozenset({"adhesion", "kinematics"}),
         trace="kinematics and adhesion: in proportion to dw/dt",
         acts_on="sensor",
+        next_test="a stop with hard, fast changes of slip, recorded with a reference tachometer on one axle",
+        said=(Said("lag_s", "ms", lambda lag: 1e3 * lag, "the wheel speeds are recorded with a lag of {size}"),),
+        over="deceleration",
+        exact=True,
     ),
+    study={"lag_s": 0.1},
 )
