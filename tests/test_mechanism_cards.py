@@ -22,6 +22,7 @@ every = pytest.mark.parametrize("name", ALL)
 #: Files beside the cards that name a mechanism, and why.
 EXCEPTIONS = {
     "wsp_env/plant/mechanisms/__init__.py": "the list of the files",
+    "wsp_env/envs/__init__.py": "what Train-v0 is made for, and switches on by default",
     "agents/card.py": "a published benchmark, with one mechanism at a stated size; its figures are stored",
     "agents/behaviour.py": "the worlds of a drawn picture, which its page discusses",
 }
