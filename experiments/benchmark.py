@@ -237,6 +237,7 @@ def measure(quick: bool) -> dict[str, Any]:
     contact = in_turns(contact_runs(), rounds, seconds)
     law = contact["closed form"]
     goals = [
+        Goal("a contact by the closed form, batched [ns]", 1e9 * float(np.median(law)), 25.0, False),
         Goal("brentq and limits per sample / closed form, batched", ratio(contact["brentq and the limits"], law), 200.0, True),
         Goal("closed form / one Polach evaluation", ratio(law, contact["Polach"]), 3.0, False),
     ]

@@ -113,8 +113,9 @@ def test_derivatives_are_the_slopes_of_the_law(e, v, load, mu_cd, tau, layer):
     # The differences carry a rounding error of about 1e-15 / 1e-5, relative to f / slip and f / v.
     assert_allclose(state.df_ds, by_slip, rtol=1e-7, atol=1e-8 / slip)
     assert_allclose(state.df_dv, by_speed, rtol=1e-7, atol=1e-8 / v)
-    assert_allclose(adhesion_slope(slip, v, load, mu_cd, tau, LAW, layer), state.df_ds, rtol=1e-13)
-    assert_allclose(adhesion_slope(-slip, v, load, mu_cd, tau, LAW, layer), state.df_ds, rtol=1e-13)
+    batched = adhesion_slope(slip, v, load, mu_cd, tau, LAW, layer)
+    assert_allclose(batched, state.df_ds, rtol=1e-13, atol=2e-14 * state.f / slip)  # of terms that cancel at the maximum
+    assert adhesion_slope(-slip, v, load, mu_cd, tau, LAW, layer) == batched
 
 
 @given(creepages, speeds, loads, frictions, rates, rates, layers)
@@ -160,6 +161,22 @@ def test_law_is_the_same_one_by_one_and_in_batches():
         state = adhesion(slips[i, 0], 30.0, 53e3, Surface(mu_cd[j], LAW.mu_cr, 1.0, 0.0), 1.9e-4, LAW)
         assert_allclose(abs(batch[i, j]), state.f, rtol=1e-14)
         assert_allclose(batch[i, j], degraded_adhesion(slips[i, 0], 30.0, 53e3, mu_cd[j], 1.9e-4, LAW), rtol=1e-14)
+
+
+@pytest.mark.parametrize("law", [LAW, LAW._replace(recovery_exponent=1.3, recovery_threshold=20.0)])
+def test_law_in_batches_is_that_of_the_plant_but_for_rounding(law):
+    # Batches take exp and arctan from `elementary`, the plant from libm.
+    rng = np.random.default_rng(7)
+    v, load, layer = rng.uniform(0.1, 60.0, 2000), rng.uniform(20e3, 120e3, 2000), rng.uniform(0.0, 1.0, 2000)
+    slip = v * 10.0 ** rng.uniform(-6.0, 0.0, 2000)
+    mu_cd, tau = rng.uniform(0.01, 0.15, 2000), rng.uniform(0.0, 1e-3, 2000)
+    contacts = zip(slip, v, load, mu_cd, tau, layer, strict=True)
+    f, f_d, f_r, slope, *_ = np.transpose([adhesion(*x, Surface(mu, law.mu_cr, c, 0.0), t, law) for *x, mu, t, c in contacts])
+    batch = (slip, v, load, mu_cd, tau, law, layer)
+    assert_allclose(degraded_adhesion(*batch), f, rtol=1e-14)
+    assert_allclose(adhesion_without_recovery(*batch), f_d, rtol=1e-15)
+    assert_allclose(adhesion_recovered(*batch), f_r, rtol=1e-15)
+    assert_allclose(adhesion_slope(*batch) * slip, slope * slip, atol=2e-14 * f.max(), rtol=1e-13)
 
 
 @given(st.floats(1e-9, 1e-7), loads, st.floats(0.05, 0.5))

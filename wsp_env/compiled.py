@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
+from types import FunctionType, ModuleType
 from typing import Any, TypeVar, cast
 
 import numba
@@ -108,6 +109,22 @@ def generated(name: str, source: str, names: Mapping[str, Any]) -> Callable[...,
     namespace = dict(names)
     exec(compile(source, file, "exec"), namespace)
     return cast(Callable[..., Any], _numba.njit(inline="always", error_model="numpy", nogil=True)(namespace[name]))
+
+
+def with_math(function: Function, math: ModuleType) -> Function:
+    """Compile a kernel once more, with another module as `math` in it and in the kernels that it calls by global names.
+
+    The second bears another name, by which numba's cache tells the two apart. The caller's optimiser sees through it.
+    """
+    first: Any = getattr(function, "py_func", function)
+    known = first.__globals__
+    named = {name: known[name] for name in first.__code__.co_names if name in known}
+    called = {name: with_math(k, math) for name, k in named.items() if isinstance(getattr(k, "py_func", k), FunctionType)}
+    names = {**known, **called, "math": math}
+    second = FunctionType(first.__code__, names, first.__name__, first.__defaults__, first.__closure__)
+    second.__qualname__ = f"{first.__qualname__}_with_{math.__name__}"
+    with _own_cache():
+        return cast(Function, _numba.njit(forceinline=True, **_OPTIONS)(second))
 
 
 def record_reader(record: type[Any]) -> Callable[..., Any]:

@@ -23,7 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wsp_env.compiled import inlined, kernel
+from wsp_env.compiled import inlined, kernel, with_math
+from wsp_env.contact import elementary
 from wsp_env.contact.polach import falling_friction, saturation, saturation_slope
 from wsp_env.contact.recovery import kept_by_shape
 from wsp_env.contact.traction import SPEED_FLOOR, Adhesion, Surface, TractionLaw
@@ -143,11 +144,14 @@ def adhesion(slip_speed: float, speed: float, normal_load: float, on: Surface, t
     return Adhesion(f, f_d, f_r, df_ds, df_dp * dper_dv, kept)
 
 
+_adhesion_in_batches = with_math(adhesion, elementary)
+
+
 def _loop(output: int, paper: bool) -> Callable[..., None]:
     """Return the compiled loop for one field of `Adhesion`; `paper` leaves out what the paper's recovery does not need.
 
-    That makes it free of branches, so that the compiler works on several contacts at once. A ufunc would be slower: numba's
-    take scalars only, so that the law's parameters would come as so many more operands.
+    That makes it free of branches, and `elementary` of calls: the compiler works on several contacts at once. A ufunc would be
+    slower: numba's take scalars only, so that the law's parameters would come as so many more operands.
     """
 
     @kernel
@@ -156,7 +160,7 @@ def _loop(output: int, paper: bool) -> Callable[..., None]:
         slip_speed, speed, load, mu_cd, tau, layer = states
         for i in range(result.size):
             on = Surface(mu_cd[i], law.mu_cr, layer[i], 0.0)
-            state = adhesion(slip_speed[i], speed[i], load[i], on, tau[i], law)
+            state = _adhesion_in_batches(slip_speed[i], speed[i], load[i], on, tau[i], law)
             result[i] = state[output] if slip_speed[i] >= 0.0 or output == 3 else -state[output]
 
     return loop
