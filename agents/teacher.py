@@ -10,7 +10,7 @@ import numpy as np
 from agents.steering import wanted_brake
 from wsp_env.contact.port import adhesion_under
 from wsp_env.evaluation.reference import wanted_pressure
-from wsp_env.observer.estimator import Estimate, full_brake
+from wsp_env.observer.estimator import VehicleEstimate, full_brake
 from wsp_env.plant.port import Plant
 
 #: Slips tried, as shares of the running speed and with a lowest one [m/s].
@@ -37,7 +37,7 @@ class Teacher:
         self.full_brake = full_brake(plant.vehicle)
         self.slide_price = slide_price
 
-    def wanted(self, estimate: Estimate) -> np.ndarray:
+    def wanted(self, estimate: VehicleEstimate) -> np.ndarray:
         """Return the brakes wanted (N, A), see `agents.steering`; where the estimated speed is in doubt the last rolls."""
         plant = self.plant
         share = wanted_pressure(plant, self.targets()) / plant.vehicle.brake.full_pressure_bar

@@ -226,7 +226,7 @@ def test_the_interval_is_students():
 # --- evaluation ------------------------------------------------------------------------------------------------------
 
 
-def run_small(controllers, folder, **options) -> module.Evaluation:
+def run_small(controllers, folder, **options) -> module.ProgrammeResult:
     return evaluate(controllers, SMALL, SMALL.cases, WHEELSET, folder, draws=Draws(2), **options)
 
 

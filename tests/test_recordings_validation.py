@@ -17,9 +17,9 @@ from wsp_env.recordings import (
     demo_campaign,
     derive,
     read_campaign,
-    replay,
     rolling_radii,
 )
+from wsp_env.recordings import simulate as simulation
 from wsp_env.recordings import validation_report as report
 from wsp_env.recordings.validation import ClosedLoop, validate
 
@@ -41,11 +41,15 @@ def demo():
 
 def test_the_recorded_torque_gives_the_recorded_stop_under_its_own_law(exact):
     campaign, run, derived, radii = exact
-    starts, samples = replay.windows(derived, campaign.sample_time_s, Smoothing())
+    starts, samples = simulation.windows(derived, campaign.sample_time_s, Smoothing())
     assert len(starts) > 5
-    right = replay.window_error(derived, replay.simulate(campaign, run, derived, radii, starts, samples, MU_CD, TAU), starts)
-    classic = replay.window_error(derived, replay.simulate(campaign, run, derived, radii, starts, samples, MU_CD, 0.0), starts)
-    rolling = replay.window_error(derived, replay.without_slip(campaign, run, derived, radii, starts, samples), starts)
+    right = simulation.window_error(
+        derived, simulation.simulate(campaign, run, derived, radii, starts, samples, MU_CD, TAU), starts
+    )
+    classic = simulation.window_error(
+        derived, simulation.simulate(campaign, run, derived, radii, starts, samples, MU_CD, 0.0), starts
+    )
+    rolling = simulation.window_error(derived, simulation.without_slip(campaign, run, derived, radii, starts, samples), starts)
     assert right < 0.05
     assert classic > 10 * right
     assert rolling > 10 * right
@@ -53,7 +57,7 @@ def test_the_recorded_torque_gives_the_recorded_stop_under_its_own_law(exact):
 
 def test_windows_lie_side_by_side_where_the_vehicle_is_fast(exact):
     campaign, _, derived, _ = exact
-    starts, samples = replay.windows(derived, campaign.sample_time_s, Smoothing(least_speed_mps=28.0))
+    starts, samples = simulation.windows(derived, campaign.sample_time_s, Smoothing(least_speed_mps=28.0))
     assert samples == 100
     assert (np.diff(starts) >= samples).all()
     assert derived.speed_mps[starts + samples - 1].min() > 28.0
@@ -62,7 +66,7 @@ def test_windows_lie_side_by_side_where_the_vehicle_is_fast(exact):
 def test_without_slip_momentum_is_what_the_brakes_take(exact):
     campaign, run, derived, radii = exact
     n = len(run.time_s) - 1
-    rolled = replay.without_slip(campaign, run, derived, radii, np.array([0]), n)
+    rolled = simulation.without_slip(campaign, run, derived, radii, np.array([0]), n)
     mass = run.mass_kg + (campaign.vehicle.wheelset_inertia_kgm2 / radii**2).sum()
     taken = np.trapezoid((run.brake_torque_nm[:n] / radii).sum(axis=1), dx=campaign.sample_time_s)
     assert_allclose(mass * (rolled.speed_mps[0, 0] - rolled.speed_mps[0, -1]), taken, rtol=1e-9)
@@ -74,7 +78,7 @@ def test_slide_statistics_are_those_of_the_paper(exact):
     speed = derived.speed_mps[100 : 100 + n] + np.linspace(0.0, 0.5, n)
     wheel = np.repeat((speed - 2.0)[:, None], 4, axis=1)
     wheel[::2] -= 1.0
-    figures = replay.slide(derived, replay.Simulated(speed[None], wheel[None]), 100)
+    figures = simulation.slide(derived, simulation.Simulated(speed[None], wheel[None]), 100)
     assert figures.speed_error_mps == pytest.approx(0.5)  # eq. (19)
     assert_allclose(figures.simulated_mean_mps, 2.5)  # eqs. (20) and (21): s is 2 and 3 in turns
     assert_allclose(figures.simulated_deviation_mps, 0.5)

@@ -24,7 +24,7 @@ from wsp_env.parameters.vehicle import Vehicle, usual_bodies
 from wsp_env.parameters.vehicle_file import write_vehicle
 from wsp_env.plant.mechanisms.load_transfer import arms
 from wsp_env.recordings import conditions, demo_campaign, derive, read_campaign, rolling_radii, tune
-from wsp_env.recordings.replay import simulate
+from wsp_env.recordings.simulate import simulate
 
 TAU, MU_CD = 2e-4, 0.05
 MINE = {

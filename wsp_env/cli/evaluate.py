@@ -17,7 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from wsp_env.evaluation.controller import read_settings
-from wsp_env.evaluation.evaluate import BOUND, Evaluation, Failure, Trace, evaluate
+from wsp_env.evaluation.evaluate import BOUND, Failure, ProgrammeResult, Trace, evaluate
 from wsp_env.evaluation.figures import FIGURES
 from wsp_env.evaluation.programme import STANDARD, Draws, read_programme, select_cases
 from wsp_env.evaluation.programme_report import LEFT_LIMIT, write_report
@@ -141,7 +141,7 @@ def main(
     _write(out, result, summary)
     labels = _labels(controllers)
     shown, judged = _labelled(summary, labels), _relabelled(verdicts, labels)
-    pictured = Evaluation(
+    pictured = ProgrammeResult(
         _labelled(result.stops, labels), _relabelled(result.traces, labels), _relabelled(result.failures, labels)
     )
     try:
@@ -177,13 +177,13 @@ def _relabelled(items: Iterable[Named], labels: Mapping[str, str]) -> tuple[Name
     return tuple(dataclasses.replace(item, controller=labels.get(item.controller, item.controller)) for item in items)
 
 
-def _write(out: Path, result: Evaluation, summary: polars.DataFrame) -> None:
+def _write(out: Path, result: ProgrammeResult, summary: polars.DataFrame) -> None:
     result.stops.write_csv(out / "stops.csv")
     result.stops.write_parquet(out / "stops.parquet")
     summary.write_csv(out / "summary.csv")
 
 
-def _plain(result: Evaluation, summary: polars.DataFrame, verdicts: tuple[Verdict, ...]) -> object:
+def _plain(result: ProgrammeResult, summary: polars.DataFrame, verdicts: tuple[Verdict, ...]) -> object:
     """Return what `--json` prints; a number that is not finite becomes null."""
     document: dict[str, object] = {
         "figures": {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in FIGURES.items()},

@@ -10,7 +10,7 @@ import tyro
 
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.parameters.vehicle_figures import Figure, figures, remarks
+from wsp_env.parameters.vehicle_figures import VehicleFigure, figures, remarks
 from wsp_env.parameters.vehicle_file import find_vehicle, left_out, write_vehicle
 
 _Named = Annotated[str, tyro.conf.arg(metavar="NAME|FILE")]
@@ -105,7 +105,7 @@ def _axles(vehicle: Vehicle) -> str:
     return f"{counted} ({same}) over {vehicle.axle_positions_m[-1]:.2f} m"
 
 
-def _number(figure: Figure) -> str:
+def _number(figure: VehicleFigure) -> str:
     return f"{figure.value:.{figure.digits}f}" if abs(figure.value) < 1e7 else f"{figure.value:.3g}"
 
 

@@ -13,7 +13,8 @@ from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.variation import nuisances
 from wsp_env.plant.mechanisms import ALL
-from wsp_env.recordings import Recording, Smoothing, derive, replay, rolling_radii
+from wsp_env.recordings import Recording, Smoothing, derive, rolling_radii
+from wsp_env.recordings import simulate as simulation
 from wsp_env.recordings.derive import braking
 
 _BINS = 16
@@ -143,12 +144,16 @@ def _adhesion_errors(balances: Balances, i: int, measured: np.ndarray, raw: np.n
     return tuple(errors)
 
 
-def _slide(balances: Balances, run: Recording, radii: np.ndarray, smoothing: Smoothing, model: Model, i: int) -> replay.Slide:
+def _slide(
+    balances: Balances, run: Recording, radii: np.ndarray, smoothing: Smoothing, model: Model, i: int
+) -> simulation.Slide:
     campaign = balances.campaign
     derived = derive(campaign, run, radii, smoothing)
     start, end = braking(run, campaign.sample_time_s, smoothing)
     fast = np.flatnonzero(derived.speed_mps > smoothing.least_speed_mps)
     end = max(min(end, int(fast[-1]) + 1 if fast.size else start), start + 2)
     choice = {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on != "sensor"}
-    whole = replay.simulate(campaign, run, derived, radii, np.array([start]), end - start, model.mu_cd[i], model.tau, choice)
-    return replay.slide(derived, whole, start)
+    whole = simulation.simulate(
+        campaign, run, derived, radii, np.array([start]), end - start, model.mu_cd[i], model.tau, choice
+    )
+    return simulation.slide(derived, whole, start)

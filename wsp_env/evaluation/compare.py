@@ -23,7 +23,7 @@ _CONDUCT = Conduct()
 
 
 @dataclasses.dataclass(frozen=True)
-class Pair:
+class ComparedStops:
     """The stop under both laws at one point of the grid; a stop given up at the time limit has the distance inf."""
 
     mu_cd: float  # [-]
@@ -43,7 +43,7 @@ class Pair:
 class Comparison:
     """All pairs, mu_cd by mu_cd, and the speeds (T,) [m/s] over time (T,) [s] to draw."""
 
-    pairs: tuple[Pair, ...]
+    pairs: tuple[ComparedStops, ...]
     time: np.ndarray
     classic: dict[float, np.ndarray]  # mu_cd -> speed
     recovering: dict[tuple[float, float], np.ndarray]  # mu_cd, tau -> speed
@@ -86,13 +86,13 @@ def _stop(vehicle: Vehicle, mu_cd: float, tau: float, speed: float, demand: floa
     return draw(Scenario(), vehicle, np.random.default_rng(seed), int(TRACK_LENGTH_M / TRACK_STEP_M) + 1, pins)
 
 
-def _pair(result: StopRecords, mu_cd: float, tau: float, classic: int, recovering: int) -> Pair:
+def _pair(result: StopRecords, mu_cd: float, tau: float, classic: int, recovering: int) -> ComparedStops:
     gap = np.abs(result.speed[:, classic].astype(np.float64) - result.speed[:, recovering])
     apart = np.flatnonzero(gap > PARTED_MPS)
     reached = np.where(result.stopped, result.distance, np.inf)
     long, short = float(reached[classic]), float(reached[recovering])
     gained = long - short if np.isfinite(short) else np.nan
-    return Pair(
+    return ComparedStops(
         mu_cd=mu_cd,
         tau=tau,
         classic_m=long,

@@ -55,7 +55,7 @@ class Trace:
 
 
 @dataclasses.dataclass(frozen=True)
-class Evaluation:
+class ProgrammeResult:
     """What came out: one row per stop, the traces of the stops but the bound's, the controllers that failed.
 
     `within_limit` says of a stop that no wheel was beyond the slide limit at the end of any control interval.
@@ -77,7 +77,7 @@ def evaluate(
     jobs: int | None = None,
     conduct: Conduct = _CONDUCT,
     done: Callable[[str], None] = lambda what: None,
-) -> Evaluation:
+) -> ProgrammeResult:
     """Run every controller through every case; what `folder` already holds is not computed again.
 
     Parameters
@@ -153,7 +153,9 @@ def _names(drawn: CaseStops) -> dict[str, np.ndarray]:
     return {"law": np.array(drawn.laws), "draw": np.array(drawn.draws)}
 
 
-def _gather(tasks: Sequence[CaseRun], found: Mapping[Path, dict[str, np.ndarray]], failures: tuple[Failure, ...]) -> Evaluation:
+def _gather(
+    tasks: Sequence[CaseRun], found: Mapping[Path, dict[str, np.ndarray]], failures: tuple[Failure, ...]
+) -> ProgrammeResult:
     tables, traces = [], []
     compared: dict[str, dict[str, np.ndarray]] = {}
     for task in tasks:
@@ -168,7 +170,7 @@ def _gather(tasks: Sequence[CaseRun], found: Mapping[Path, dict[str, np.ndarray]
         for row, (law, draw) in enumerate(zip(data["law"], data["draw"], strict=True)):
             columns = (data[f"trace_{what}"][:, row] for what in ("time", "position", "speed", "wheel", "pressure"))
             traces.append(Trace(name, task.case.name, str(law), int(draw), *columns))
-    return Evaluation(polars.concat(tables, how="diagonal"), tuple(traces), failures)
+    return ProgrammeResult(polars.concat(tables, how="diagonal"), tuple(traces), failures)
 
 
 def _table(

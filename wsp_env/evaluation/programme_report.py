@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import polars
 
-from wsp_env.evaluation.evaluate import BOUND, KEYS, Evaluation, Trace
+from wsp_env.evaluation.evaluate import BOUND, KEYS, ProgrammeResult, Trace
 from wsp_env.evaluation.figures import CAUSES, FIGURES
 from wsp_env.evaluation.results import TRACE_SAMPLES
 from wsp_env.evaluation.summary import Verdict
@@ -24,7 +24,9 @@ _SLIP_TICKS = [digit * 10.0**power for power in range(-4, 3) for digit in (1, 2,
 _CAUSE_COLOURS = dict(zip(CAUSES, ("#bbbbbb", COLOURS[0], COLOURS[4], COLOURS[1]), strict=True))
 
 
-def write_report(path: Path, result: Evaluation, summary: polars.DataFrame, verdicts: Sequence[Verdict], title: str) -> None:
+def write_report(
+    path: Path, result: ProgrammeResult, summary: polars.DataFrame, verdicts: Sequence[Verdict], title: str
+) -> None:
     """Write the self-contained page; `ModuleNotFoundError` names the extra where plotly is missing."""
     plotly()
     contaminated = _contaminated(summary)
@@ -38,7 +40,7 @@ def write_report(path: Path, result: Evaluation, summary: polars.DataFrame, verd
     write_page(path, f"Wheel slide protection: {title}", lead, sections, "Written by wsp evaluate.")
 
 
-def _complaints(result: Evaluation) -> list[str]:
+def _complaints(result: ProgrammeResult) -> list[str]:
     return [f"{failure.controller} failed in {failure.case}: {failure.message}" for failure in result.failures]
 
 
@@ -183,7 +185,7 @@ def _cell(value: float | None, half: float | None, digits: int) -> str:
     return f"{value:.{digits}f}{spread}"
 
 
-def _courses(result: Evaluation) -> Section:
+def _courses(result: ProgrammeResult) -> Section:
     text = (
         f"Any stop, thinned out to {TRACE_SAMPLES} samples: vehicle and wheels, slip speeds, cylinder pressures. On clean rail "
         "both laws are one.",
@@ -194,7 +196,7 @@ def _courses(result: Evaluation) -> Section:
 class _Viewer:
     """Menus that choose a stop, and its three plots; drawn in the browser from one copy of the numbers."""
 
-    def __init__(self, result: Evaluation) -> None:
+    def __init__(self, result: ProgrammeResult) -> None:
         self.result = result
 
     def to_html(self, **_: object) -> str:

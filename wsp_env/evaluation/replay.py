@@ -17,8 +17,8 @@ from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.plant.port import Stop
 from wsp_env.recordings import Campaign, Smoothing, conditions, derive, rolling_radii, tune
-from wsp_env.recordings import replay as recorded_torque
 from wsp_env.recordings.derive import braking
+from wsp_env.recordings.simulate import simulate
 from wsp_env.scenario import Scenario, draw
 
 #: Rows of the table that are no controllers: the stop as recorded, and simulated with the torque as recorded.
@@ -145,7 +145,7 @@ def _recorded(campaign: Campaign, name: str, tuning: Any, smoothing: Smoothing) 
     way = float(np.trapezoid(speed, time))
     as_recorded = _course(name, RECORDED, time, speed, derived.slip_speed_mps[start:end], way)
     law = (tuning.runs[name].mu_cd, tuning.tau_m_per_J)
-    whole = recorded_torque.simulate(campaign, recording, derived, radii, np.array([start]), end - start, *law)
+    whole = simulate(campaign, recording, derived, radii, np.array([start]), end - start, *law)
     own = whole.speed_mps[0]
     slip = own[:, None] - whole.circumferential_mps[0]
     return as_recorded, _course(name, SIMULATED, time, own, slip, float(np.trapezoid(own, time)))

@@ -61,7 +61,7 @@ MASS_RANGE = (0.8, 1.25)
 ADHESION_FILTER_S = 0.1
 
 
-class Estimate(NamedTuple):
+class VehicleEstimate(NamedTuple):
     """What is estimated of N vehicles with A axles, changed in place: to be read, never to be kept."""
 
     speed: np.ndarray  # (N,) running speed [m/s]
@@ -139,19 +139,19 @@ def constants(vehicle: Vehicle, interval: float, by_pressure: bool) -> Estimator
     )
 
 
-def allocate(n: int, vehicle: Vehicle, interval: float) -> Estimate:
+def allocate(n: int, vehicle: Vehicle, interval: float) -> VehicleEstimate:
     """Return the estimates of n vehicles; `begin` gives them values."""
     axles = vehicle.axles
     per_vehicle = {"speed", "uncertainty", "distributor", "demand", "mass_ratio", "since_slide"}
     per_vehicle |= {"speed_variance", "covariance", "mass_variance"}
-    arrays = {name: np.zeros(n if name in per_vehicle else (n, axles)) for name in Estimate._fields}
+    arrays = {name: np.zeros(n if name in per_vehicle else (n, axles)) for name in VehicleEstimate._fields}
     arrays["doubtful"] = np.zeros(n, dtype=bool)
     arrays["commands"] = np.zeros((n, round(vehicle.brake.dead_time_s / interval) + 1, axles))
-    return Estimate(**arrays)
+    return VehicleEstimate(**arrays)
 
 
 @inlined
-def begin(i: int, wheel_speed: np.ndarray, e: Estimate, c: EstimatorConstants) -> None:
+def begin(i: int, wheel_speed: np.ndarray, e: VehicleEstimate, c: EstimatorConstants) -> None:
     """Begin a new stop of vehicle i, rolling with empty cylinders, from the measured wheel speeds (N, A) [rad/s]."""
     fastest = 0.0
     for k in range(wheel_speed.shape[1]):
@@ -172,7 +172,7 @@ def begin(i: int, wheel_speed: np.ndarray, e: Estimate, c: EstimatorConstants) -
 @inlined
 def update(
     i: int, wheel_speed: np.ndarray, command: np.ndarray, demand: float, measured: np.ndarray,
-    e: Estimate, c: EstimatorConstants,
+    e: VehicleEstimate, c: EstimatorConstants,
 ) -> None:  # fmt: skip
     """Go on by one interval with vehicle i.
 
@@ -223,7 +223,7 @@ def update(
 
 
 @inlined
-def _follow_brake(i: int, k: int, command: float, measured: np.ndarray, e: Estimate, c: EstimatorConstants) -> None:
+def _follow_brake(i: int, k: int, command: float, measured: np.ndarray, e: VehicleEstimate, c: EstimatorConstants) -> None:
     """Take the next command of axle k; its pressure now, and once all commands on their way have acted."""
     last = e.commands.shape[1] - 1
     for age in range(last, 0, -1):
@@ -250,7 +250,7 @@ def _after(pressure: float, acts: float, distributor: float, demand: float, c: E
 
 
 @inlined
-def _predict(i: int, slowed: float, e: Estimate, c: EstimatorConstants) -> None:
+def _predict(i: int, slowed: float, e: VehicleEstimate, c: EstimatorConstants) -> None:
     """Slow the vehicle by q times what the nominal mass would lose [m/s]."""
     e.speed[i] -= e.mass_ratio[i] * slowed
     e.speed_variance[i] = (
@@ -264,7 +264,7 @@ def _predict(i: int, slowed: float, e: Estimate, c: EstimatorConstants) -> None:
 
 
 @inlined
-def _correct(i: int, seen: float, deviation: float, e: Estimate) -> None:
+def _correct(i: int, seen: float, deviation: float, e: VehicleEstimate) -> None:
     """Take a speed that was seen, with its standard deviation, both [m/s], for the running speed."""
     share = 1.0 / (e.speed_variance[i] + deviation * deviation)
     gain_v, gain_q = e.speed_variance[i] * share, e.covariance[i] * share
@@ -277,7 +277,7 @@ def _correct(i: int, seen: float, deviation: float, e: Estimate) -> None:
 
 
 @inlined
-def _raise(i: int, e: Estimate, c: EstimatorConstants) -> None:
+def _raise(i: int, e: VehicleEstimate, c: EstimatorConstants) -> None:
     """Follow the fastest of the wheels where it runs ahead; it may slide: nothing becomes more certain."""
     fastest = -math.inf
     for k in range(e.wheel.shape[1]):

@@ -7,8 +7,8 @@ import numpy as np
 
 from wsp_env.compiled import inlined, loop, plain, rebuilder
 from wsp_env.observer import estimator, rail
-from wsp_env.observer.estimator import Estimate, EstimatorConstants
-from wsp_env.observer.rail import RailConstants, RailEstimate
+from wsp_env.observer.estimator import EstimatorConstants, VehicleEstimate
+from wsp_env.observer.rail import RailEstimate, RailEstimateConstants
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.port import Measurement
@@ -29,16 +29,16 @@ class Filtered(NamedTuple):
 class Memory(NamedTuple):
     """All that an observer remembers."""
 
-    estimate: Estimate
+    estimate: VehicleEstimate
     rail: RailEstimate
     filtered: Filtered
 
 
-class Constants(NamedTuple):
+class ObserverConstants(NamedTuple):
     """All that stays, see `Observer`."""
 
     estimator: EstimatorConstants
-    rail: RailConstants
+    rail: RailEstimateConstants
     acceleration: float  # shares of the filters in an interval [-]
     recent: float
     slow: float
@@ -114,7 +114,7 @@ class Observer:
         return 10 * axles + 2 * len(rail.RECOVERY_M_PER_J) + 6
 
     @property
-    def estimate(self) -> Estimate:
+    def estimate(self) -> VehicleEstimate:
         """What is estimated of the vehicles; to be read, never to be kept."""
         return self._memory.estimate
 
@@ -176,8 +176,8 @@ _PER_CONTRADICTION, _PER_UNCERTAINTY = 1 / Observer.CONTRADICTION_SCALE, 1 / Obs
 _CREEPAGE_FLOOR, _BOUND = Observer.CREEPAGE_FLOOR, Observer.BOUND
 
 
-def _constants_of(vehicle: Vehicle, interval: float, by_pressure: bool) -> Constants:
-    return Constants(
+def _constants_of(vehicle: Vehicle, interval: float, by_pressure: bool) -> ObserverConstants:
+    return ObserverConstants(
         estimator=estimator.constants(vehicle, interval, by_pressure),
         rail=rail.constants(vehicle, interval),
         acceleration=estimator.approach(interval, Observer.ACCELERATION_FILTER_S),
@@ -248,7 +248,7 @@ def _contradict(i: int, memory: Memory) -> None:
 
 
 @inlined
-def _write(i: int, demand: float, memory: Memory, c: Constants, observation: np.ndarray) -> None:
+def _write(i: int, demand: float, memory: Memory, c: ObserverConstants, observation: np.ndarray) -> None:
     """Write the observation of vehicle i under a demand, share of full pressure; see `Observer`."""
     e, r, f = memory.estimate, memory.rail, memory.filtered
     axles, rates = e.wheel.shape[1], r.friction.shape[1]

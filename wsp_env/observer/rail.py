@@ -46,7 +46,7 @@ class RailEstimate(NamedTuple):
     sums: np.ndarray  # (2, K) scratch: of the logarithm and of its square over the axles of a vehicle
 
 
-class RailConstants(NamedTuple):
+class RailEstimateConstants(NamedTuple):
     """What is the same for all vehicles."""
 
     interval: float  # between measurements [s]
@@ -54,10 +54,12 @@ class RailConstants(NamedTuple):
     law: DegradedLaw
 
 
-def constants(vehicle: Vehicle, interval: float) -> RailConstants:
+def constants(vehicle: Vehicle, interval: float) -> RailEstimateConstants:
     """Return the constants for measurements every `interval` [s]."""
     mass = vehicle.mass_kg + 0.5 * vehicle.payload_kg
-    return RailConstants(interval, mass * vehicle.gravity_mps2 / (2.0 * vehicle.axles), degraded.LAW.make(vehicle.contact))
+    return RailEstimateConstants(
+        interval, mass * vehicle.gravity_mps2 / (2.0 * vehicle.axles), degraded.LAW.make(vehicle.contact)
+    )
 
 
 def allocate(n: int) -> RailEstimate:
@@ -78,7 +80,7 @@ def begin(i: int, r: RailEstimate) -> None:
 
 
 @inlined
-def update(i: int, slip: np.ndarray, adhesion: np.ndarray, speed: float, r: RailEstimate, c: RailConstants) -> bool:
+def update(i: int, slip: np.ndarray, adhesion: np.ndarray, speed: float, r: RailEstimate, c: RailEstimateConstants) -> bool:
     """Take slips (N, A) [m/s] and adhesions (N, A) of vehicle i, both smoothed alike, at its running speed [m/s].
 
     Returns whether they say anything.
@@ -112,7 +114,7 @@ def _conclude(i: int, j: int, r: RailEstimate) -> None:
 
 
 @inlined
-def _add(i: int, slip: float, adhesion: float, creepage: float, r: RailEstimate, c: RailConstants) -> None:
+def _add(i: int, slip: float, adhesion: float, creepage: float, r: RailEstimate, c: RailEstimateConstants) -> None:
     """Add the logarithm of mu_cd that every tau needs for the adhesion seen, weighted with the interval, and its square."""
     law, load = c.law, c.load
     recovered = falling_friction(slip, law.mu_cr, law.ratio_r, law.gamma_r)

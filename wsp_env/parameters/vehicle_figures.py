@@ -22,7 +22,7 @@ LARGEST_AXLE_LOAD_T = 22.5
 _NEARLY = 0.95  # share of full pressure at which a cylinder counts as full
 
 
-class Figure(NamedTuple):
+class VehicleFigure(NamedTuple):
     """One derived number."""
 
     name: str
@@ -31,32 +31,32 @@ class Figure(NamedTuple):
     digits: int = 2
 
 
-def figures(vehicle: Vehicle) -> tuple[Figure, ...]:
+def figures(vehicle: Vehicle) -> tuple[VehicleFigure, ...]:
     """Return what the parameters of a vehicle amount to, empty and laden."""
     brake, found = vehicle.brake, []
     for state, mass in (("empty", vehicle.mass_kg), ("laden", vehicle.mass_kg + vehicle.payload_kg)):
         distance = stopping_distance_m(vehicle, mass, BRAKED_WEIGHT_SPEED_KMH / 3.6)
         percentage = max(_BRAKED_WEIGHT_C_M / max(distance, 1e-3) - _BRAKED_WEIGHT_D, 0.0)
         found += [
-            Figure(f"mass, {state}", mass / 1000.0, "t"),
-            Figure(f"axle load, {state}", mass / vehicle.axles / 1000.0, "t"),
-            Figure(f"deceleration at full brake, {state}", deceleration_mps2(vehicle, mass), "m/s2", 3),
-            Figure(f"adhesion that full brake asks for, {state}", asked_adhesion(vehicle, mass), "-", 3),
-            Figure(f"stop from {BRAKED_WEIGHT_SPEED_KMH:g} km/h on dry rail, {state}", distance, "m", 0),
-            Figure(f"braked weight percentage, {state}", percentage, "%", 0),
-            Figure(f"braked weight, {state}", percentage / 100.0 * mass / 1000.0, "t", 1),
+            VehicleFigure(f"mass, {state}", mass / 1000.0, "t"),
+            VehicleFigure(f"axle load, {state}", mass / vehicle.axles / 1000.0, "t"),
+            VehicleFigure(f"deceleration at full brake, {state}", deceleration_mps2(vehicle, mass), "m/s2", 3),
+            VehicleFigure(f"adhesion that full brake asks for, {state}", asked_adhesion(vehicle, mass), "-", 3),
+            VehicleFigure(f"stop from {BRAKED_WEIGHT_SPEED_KMH:g} km/h on dry rail, {state}", distance, "m", 0),
+            VehicleFigure(f"braked weight percentage, {state}", percentage, "%", 0),
+            VehicleFigure(f"braked weight, {state}", percentage / 100.0 * mass / 1000.0, "t", 1),
         ]
     ring = 2.0 * math.pi * vehicle.wheel_radius_m / vehicle.tachometer.pulses_per_turn
     return (
         *found,
-        Figure("brake torque of an axle at full pressure", vehicle.full_brake_torque_nm / 1000.0, "kN m"),
-        Figure(f"time to {_NEARLY:.0%} of full pressure, demand at once", filling_s(brake, brake.demand_rise_s), "s"),
-        Figure("the same by a dump valve from empty, distributor full", filling_s(brake, 0.0), "s"),
-        Figure(
+        VehicleFigure("brake torque of an axle at full pressure", vehicle.full_brake_torque_nm / 1000.0, "kN m"),
+        VehicleFigure(f"time to {_NEARLY:.0%} of full pressure, demand at once", filling_s(brake, brake.demand_rise_s), "s"),
+        VehicleFigure("the same by a dump valve from empty, distributor full", filling_s(brake, 0.0), "s"),
+        VehicleFigure(
             f"time to vent to {1 - _NEARLY:.0%}", brake.dead_time_s - brake.vent_time_constant_s * math.log(1 - _NEARLY), "s"
         ),
-        Figure("way between two pulses of a tachometer", 1000.0 * ring, "mm", 1),
-        Figure("mass of the turning wheelsets at the rail", _turning_kg(vehicle) / 1000.0, "t"),
+        VehicleFigure("way between two pulses of a tachometer", 1000.0 * ring, "mm", 1),
+        VehicleFigure("mass of the turning wheelsets at the rail", _turning_kg(vehicle) / 1000.0, "t"),
     )
 
 

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from wsp_env.parameters import velim
-from wsp_env.recordings import replay
+from wsp_env.recordings import simulate as simulation
 from wsp_env.recordings.campaign import Campaign
 from wsp_env.recordings.derive import Derived, Smoothing, braking, derive, rolling_radii
 from wsp_env.recordings.recording import Recording
-from wsp_env.recordings.replay import Simulated, Slide
+from wsp_env.recordings.simulate import Simulated, Slide
 from wsp_env.recordings.tuning import UNDETERMINED, Tuning, tune, tune_classic
 
 #: What windows of a second are simulated with, and what that is.
@@ -165,19 +165,21 @@ def _simulated(
     campaign: Campaign, run: Recording, derived: Derived, radii: np.ndarray, smoothing: Smoothing, tuning: Tuning
 ) -> ValidatedStop:
     score = tuning.runs[run.name]
-    starts, length = replay.windows(derived, campaign.sample_time_s, smoothing)
+    starts, length = simulation.windows(derived, campaign.sample_time_s, smoothing)
     classic = tune_classic(campaign, run.name, derived) if score.slides else score.mu_cd
     laws = {"tuned": (score.mu_cd, tuning.tau_m_per_J), "classic": (score.mu_cd, 0.0), "classic_refitted": (classic, 0.0)}
     errors = {}
     if len(starts):
-        pieces = {rival: replay.simulate(campaign, run, derived, radii, starts, length, *law) for rival, law in laws.items()}
-        pieces["no_slip"] = replay.without_slip(campaign, run, derived, radii, starts, length)
-        errors = {rival: replay.window_error(derived, piece, starts) for rival, piece in pieces.items()}
+        pieces = {
+            rival: simulation.simulate(campaign, run, derived, radii, starts, length, *law) for rival, law in laws.items()
+        }
+        pieces["no_slip"] = simulation.without_slip(campaign, run, derived, radii, starts, length)
+        errors = {rival: simulation.window_error(derived, piece, starts) for rival, piece in pieces.items()}
     start, end = braking(run, campaign.sample_time_s, smoothing)
     fast = np.flatnonzero(derived.speed_mps > smoothing.least_speed_mps)
     end = min(end, int(fast[-1]) + 1) if fast.size else start
-    whole = replay.simulate(campaign, run, derived, radii, np.array([start]), max(end - start, 2), *laws["tuned"])
-    return ValidatedStop(run, derived, errors, replay.slide(derived, whole, start), whole, start)
+    whole = simulation.simulate(campaign, run, derived, radii, np.array([start]), max(end - start, 2), *laws["tuned"])
+    return ValidatedStop(run, derived, errors, simulation.slide(derived, whole, start), whole, start)
 
 
 def _apart(pairs: list[tuple[float, float]]) -> float:

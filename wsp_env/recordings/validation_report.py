@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from wsp_env.recordings.derive import limits, transition
-from wsp_env.recordings.replay import WINDOW_S
+from wsp_env.recordings.simulate import WINDOW_S
 from wsp_env.recordings.tuning import Tuning
 from wsp_env.recordings.validation import CLOSED_LOOP_BY, RIVALS, ClosedLoop, Validation
 from wsp_env.report import COLOURS, Figure, Section, Table, axes, plotly, write_page

@@ -25,7 +25,7 @@ from wsp_env.parameters.resistance import running_resistance
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import mechanisms
 from wsp_env.plant.card import Passage
-from wsp_env.plant.longitudinal.state import Constants, constants, physics
+from wsp_env.plant.longitudinal.state import PlantConstants, constants, physics
 from wsp_env.plant.mechanisms import Active, Mechanisms
 from wsp_env.plant.port import Choice, Setup
 from wsp_env.plant.slots import (
@@ -105,24 +105,24 @@ class Prediction(NamedTuple):
     radius_m: np.ndarray  # (A,) with the mechanisms on them [m]
 
 
-class Model(NamedTuple):
+class PlantModel(NamedTuple):
     """A vehicle with mechanisms on, as `along` takes it."""
 
-    constants: Constants
+    constants: PlantConstants
     mechanisms: Mechanisms
     law: Any  # with the mechanisms that change it
     axle_positions_m: tuple[float, ...]
 
 
-def model(vehicle: Vehicle, choice: Choice | None = None) -> Model:
+def model(vehicle: Vehicle, choice: Choice | None = None) -> PlantModel:
     """Return a vehicle with the mechanisms of `choice` on, see `mechanisms.make`."""
     own = mechanisms.make(choice)
     _, law = physics(own, vehicle)
     believed = vehicle.contact.law
-    return Model(constants(vehicle, Setup()), own, type(believed)(*map(float, law)), vehicle.axle_positions_m)
+    return PlantModel(constants(vehicle, Setup()), own, type(believed)(*map(float, law)), vehicle.axle_positions_m)
 
 
-def along(trajectory: Trajectory, run: Belief, m: Model) -> Prediction:
+def along(trajectory: Trajectory, run: Belief, m: PlantModel) -> Prediction:
     """Evaluate the model of `model` along a trajectory (T samples, A axles).
 
     Raises
@@ -186,7 +186,7 @@ _FRICTION, _BRAKING = range(2)
 def _evaluate(
     measured: _Columns,
     c: _Believed,
-    p: Constants,
+    p: PlantConstants,
     law: Any,
     active: Active,
     per_axle: np.ndarray,
@@ -230,7 +230,7 @@ def _evaluate(
             per_axle[5, j, k] = factor
 
 
-def true_wheel_acceleration(m: Model, read_rate: np.ndarray, read_jerk: np.ndarray) -> np.ndarray:
+def true_wheel_acceleration(m: PlantModel, read_rate: np.ndarray, read_jerk: np.ndarray) -> np.ndarray:
     """Return dw/dt (T, A) [rad/s2], mechanisms on the sensors undone, from the recorded one and its rate [rad/s3].
 
     What a sensor does is linear and the same at all times, so the rate passes `slots.wheel_speed` as the speed does.

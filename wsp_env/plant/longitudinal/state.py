@@ -1,4 +1,4 @@
-"""The arrays the longitudinal plant works on: what moves (`State`), each stop's physics (`Physics`), what stays (`Constants`).
+"""The arrays of the longitudinal plant: what moves (`State`), each stop's physics (`Physics`), what stays (`PlantConstants`).
 
 N is the number of vehicles of the batch, A the number of axles.
 """
@@ -49,7 +49,7 @@ class Physics(NamedTuple):
     law: np.ndarray  # (N, fields) the traction law with the mechanisms that change it
 
 
-class Constants(NamedTuple):
+class PlantConstants(NamedTuple):
     """What is the same in every stop of a batch, as the compiled step takes it."""
 
     derived: Derived  # what mechanisms derive from the vehicle
@@ -70,14 +70,14 @@ class Batch(NamedTuple):
     state: State
     conditions: Conditions
     physics: Physics
-    constants: Constants
+    constants: PlantConstants
 
 
-def constants(vehicle: Vehicle, setup: Setup) -> Constants:
+def constants(vehicle: Vehicle, setup: Setup) -> PlantConstants:
     """Return the compiled step's constants of a vehicle."""
     interval = setup.control_interval_s
     substeps = math.ceil(interval / (setup.substep_s or SUBSTEP_S) - 1e-9)
-    return Constants(
+    return PlantConstants(
         derived=mechanisms.derive(vehicle),
         brake=brake.constants(vehicle.brake, interval, setup.pressure_control),
         tachometer=tachometer.constants(vehicle.tachometer),
@@ -91,7 +91,7 @@ def constants(vehicle: Vehicle, setup: Setup) -> Constants:
     )
 
 
-def allocate(n: int, vehicle: Vehicle, p: Constants) -> State:
+def allocate(n: int, vehicle: Vehicle, p: PlantConstants) -> State:
     """Return the state of n vehicles at rest with empty cylinders."""
     axles = vehicle.axles
     per_vehicle = {"time", "position", "speed", "deceleration", "recorded_speed", "brake_work", "resistance_work"}

@@ -26,7 +26,7 @@ from wsp_env.parameters.resistance import running_resistance
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.plant.card import Passage
 from wsp_env.plant.components import brake, rail, tachometer
-from wsp_env.plant.longitudinal.state import Constants, State, batch
+from wsp_env.plant.longitudinal.state import PlantConstants, State, batch
 from wsp_env.plant.mechanisms import NULL, Active, mechanisms_at
 from wsp_env.plant.port import Conditions, Setup
 from wsp_env.plant.slots import (
@@ -49,7 +49,7 @@ class Stepping(NamedTuple):
 
     state: State
     c: Conditions
-    p: Constants
+    p: PlantConstants
     law: Any  # the traction law of the vehicle at hand, with the mechanisms that change it
     active: Active  # its mechanisms
     work: np.ndarray  # (ROWS, A) scratch
@@ -65,7 +65,7 @@ def _phi(z: float) -> tuple[float, float]:
 
 
 @inlined
-def _believed_resistance(i: int, speed: float, c: Conditions, p: Constants) -> float:
+def _believed_resistance(i: int, speed: float, c: Conditions, p: PlantConstants) -> float:
     """Return running resistance and gradient [N]."""
     return running_resistance(speed, p.resistance) + c.mass[i] * p.gravity * c.gradient[i]
 
@@ -257,7 +257,7 @@ def _substep(i: int, elapsed: float, on_step: Stepping) -> bool:
 
 
 @inlined
-def _read_sensors(i: int, state: State, c: Conditions, p: Constants, active: Active) -> None:
+def _read_sensors(i: int, state: State, c: Conditions, p: PlantConstants, active: Active) -> None:
     """Read the sensors of vehicle i at the end of a control interval."""
     state.recorded_speed[i] = recorded_speed(active, state.speed[i], -state.deceleration[i])
     axles = state.wheel_speed.shape[1]
