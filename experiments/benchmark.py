@@ -271,7 +271,7 @@ def measure(quick: bool) -> dict[str, Any]:
 
 def print_tables(result: Mapping[str, Any]) -> None:
     """Print the figures as aligned tables."""
-    console = Console(width=100)
+    console = Console(width=100, markup=False)  # a unit in brackets is no markup
     law = result["contact_s"]["closed form"]
     table = Table(title="Adhesion of one contact", title_justify="left")
     table.add_column("by")
