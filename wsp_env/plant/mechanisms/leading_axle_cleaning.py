@@ -18,7 +18,7 @@ import numpy as np
 from wsp_env.compiled import inlined
 from wsp_env.plant.card import Card, Parameter, Passage, Said, Signature
 
-#: Length of a cell of rail [m]: longer than a substep at any speed, short against the distance of axles.
+#: Length of a cell of rail [m], longer than a substep at any speed, short against the distance of axles.
 CELL_M = 1.0
 
 #: Cells in the ring beyond the vehicle's length: the farthest step [m] that does not overwrite what the last axle reads.
