@@ -17,6 +17,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from wsp_env.envs.task import Task
 from wsp_env.observer.observation import Observer
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.command import to_action
 
 #: Places in an observation of A axles, in blocks of A: creepage, brake to come, recent and slow slip.
 CREEPAGE, BRAKE_TO_COME, RECENT_SLIP, SLOW_SLIP = 1, 4, 6, 8
@@ -92,7 +93,7 @@ class Steered(VecEnvWrapper):
     def step_async(self, actions: np.ndarray) -> None:
         """Take the brakes wanted (N, A)."""
         commands = self.steering.commands(torch.as_tensor(self._observation), torch.as_tensor(actions))
-        self.venv.step_async(commands.numpy().astype(int) + 1)
+        self.venv.step_async(to_action(commands.numpy()))
 
     def step_wait(self) -> Any:
         """Advance."""

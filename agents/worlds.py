@@ -11,6 +11,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecNormalize
 from wsp_env.contact.port import adhesion_under
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.observer.observation import Observer
+from wsp_env.plant.command import APPLIES, to_action
 from wsp_env.plant.port import Plant
 
 #: Place of the reference speed in an observation.
@@ -79,7 +80,7 @@ class Shaped(VecEnvWrapper):
 
     def step_async(self, actions: np.ndarray) -> None:
         """Take the actions (N, A); where the vehicle is as good as at rest the brake is applied."""
-        full = 2 if self.batch.task.action == "valve" else 1.0
+        full = int(to_action(APPLIES)) if self.batch.task.action == "valve" else APPLIES
         self.venv.step_async(np.where((self._reference < CUT_OUT_MPS)[:, None], full, actions))
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:

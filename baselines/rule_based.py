@@ -15,6 +15,7 @@ from baselines.reference_speed import ReferenceParameters, ReferenceSpeed
 from baselines.safety_timer import SafetyParameters, SafetyTimer
 from wsp_env.parameters.quantity import quantity
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.command import APPLIES, VENTS
 from wsp_env.plant.port import Measurement
 
 #: States of an axle.
@@ -109,12 +110,12 @@ class RuleBasedWSP:
         p = self.parameters
         state, failed = self._state, self.wheels.failed
         command = np.ones(state.shape)
-        command[state == VENT] = -1.0
+        command[state == VENT] = VENTS
         command[state == HOLD] = 0.0
         period = p.pulse_on_s + p.pulse_off_s
         command[(state == PULSE) & (np.mod(self._since, period) >= p.pulse_on_s - 1e-9)] = 0.0
-        command[failed] = 1.0
-        command[self._blind] = -1.0
-        command[self._expired] = 1.0
-        command[self.wheels.reference < p.cut_out_mps] = 1.0
+        command[failed] = APPLIES
+        command[self._blind] = VENTS
+        command[self._expired] = APPLIES
+        command[self.wheels.reference < p.cut_out_mps] = APPLIES
         return command

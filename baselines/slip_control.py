@@ -12,6 +12,7 @@ from baselines.reference_speed import ReferenceParameters, ReferenceSpeed
 from baselines.safety_timer import SafetyParameters, SafetyTimer
 from wsp_env.parameters.quantity import quantity
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.command import APPLIES, HOLDS, VENTS
 from wsp_env.plant.port import Measurement
 
 _TUNED = "assumption: chosen on the test programme (wsp evaluate)"
@@ -78,13 +79,13 @@ class SlipController:
         over = self._engaged & (wanted >= 1.0) & (slip < p.release_share * target)
         self._engaged &= ~over
         command = np.where(
-            wanted > self._pressure + p.dead_band, 1.0, np.where(wanted < self._pressure - p.dead_band, -1.0, 0.0)
+            wanted > self._pressure + p.dead_band, APPLIES, np.where(wanted < self._pressure - p.dead_band, VENTS, HOLDS)
         )
-        command = np.where(self._engaged, command, 1.0)
-        command[self.wheels.released] = -1.0
-        command[self.wheels.failed] = 1.0
-        command[self._timer.expired(command > 0.5, step, p.safety_timer_s, p.safety_rest_s)] = 1.0
-        command[(reference < p.cut_out_mps)[:, 0]] = 1.0
+        command = np.where(self._engaged, command, APPLIES)
+        command[self.wheels.released] = VENTS
+        command[self.wheels.failed] = APPLIES
+        command[self._timer.expired(command > 0.5, step, p.safety_timer_s, p.safety_rest_s)] = APPLIES
+        command[(reference < p.cut_out_mps)[:, 0]] = APPLIES
         self._calm = np.where((command > 0.5).all(axis=1), self._calm + step[:, 0], 0.0)
         self._command = command
         return command

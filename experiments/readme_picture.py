@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from wsp_env.envs.single import BrakingEnv
 from wsp_env.evaluation.controller import load
+from wsp_env.plant.command import to_action
 
 #: The conditions of both stops: the recovery rate and the first initial speed of the seed paper (section 4.1, Table 3), on a
 #: rail more slippery than the paper's.
@@ -39,7 +40,7 @@ def brake(law: str) -> dict[str, np.ndarray]:
     moments = []
     ended = False
     while not ended:
-        action = controller.act(batch.measurement())[0].astype(int) + 1
+        action = to_action(controller.act(batch.measurement())[0])
         _, _, terminated, truncated, info = env.step(action)
         moments.append(info)
         ended = terminated or truncated

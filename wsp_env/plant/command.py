@@ -11,11 +11,17 @@ apply     2                       +1                                       1 (a 
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wsp_env.compiled import loop
 
 #: A controller's, and a valve's, commands.
 VENTS, HOLDS, APPLIES = -1.0, 0.0, 1.0
+
+
+def to_action(command: ArrayLike) -> np.ndarray:
+    """Return the environments' actions (..., A) from valve commands."""
+    return np.asarray(command).astype(int) + 1
 
 
 @loop
