@@ -207,7 +207,7 @@ def _log_uniform(rng: np.random.Generator, bounds: Range) -> float:
 
 
 def _track(kind: Any, scenario: Scenario, rng: np.random.Generator, nodes: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return relative mu_cd and film coverage at the nodes, both (nodes,)."""
+    """Return relative mu_cd and coverage by the contaminant layer at the nodes, both (nodes,)."""
     profile: np.ndarray = np.ones(nodes)
     coverage: np.ndarray = np.ones(nodes)
     if isinstance(kind, Sequence | np.ndarray) and not isinstance(kind, str):
