@@ -14,7 +14,7 @@ from wsp_env.parameters.quantity import ParameterError
 class BrakingEnv(gym.Env[np.ndarray, Any]):
     """A railway vehicle brakes to standstill on a contaminated rail; the agent works the dump valves of its brake cylinders.
 
-    Ids: `wsp_env/Wheelset-v0` (1 axle), `wsp_env/Bogie-v0` (2 axles), `wsp_env/Coach-v0` (4 axles), `wsp_env/Train-v0` (40 axles).
+    Ids: `wsp_env/Wheelset-v0` (1 axle), `wsp_env/Bogie-v0` (2), `wsp_env/Coach-v0` (4), `wsp_env/Train-v0` (40).
 
     **Action**: `MultiDiscrete([3] * axles)`, per axle 0 vent, 1 hold, 2 apply; with `action="pressure"` `Box(-1, 1)`, per axle
     from no pressure (-1) to the demanded one (+1).
