@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from wsp_env.cli import main
+from wsp_env.contact.port import LAWS
 from wsp_env.parameters.contact import ContactParameters
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import BOGIE, COACH, VEHICLES
@@ -30,9 +31,9 @@ def records(record):
         if "unit" in field.metadata and not isinstance(field.default, tuple):
             low, high = field.metadata["low"], min(field.metadata["high"], 1e12)
             real = st.floats(low, high, exclude_min=field.metadata["open_low"], allow_nan=False)
-            values[field.name] = real | st.integers(int(low) + 1, max(int(high), int(low) + 1)).filter(
-                lambda n, top=high: n <= top
-            )
+            values[field.name] = real | st.integers(int(low) + 1, int(high)) if int(low) + 1 <= int(high) else real
+        elif field.name == "traction_law":
+            values[field.name] = st.sampled_from(list(LAWS))
     return st.fixed_dictionaries(values)
 
 
