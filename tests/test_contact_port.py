@@ -1,5 +1,7 @@
 """The contact port: every law gives force and derivatives through one interface, and can brake the coach."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -17,6 +19,7 @@ from wsp_env.contact.traction import Surface
 from wsp_env.parameters.contact import ContactParameters
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import COACH
+from wsp_env.plant.mechanisms import NULL, believed_to_true, make
 
 CONTACT = ContactParameters()
 LOAD, TAU = 53e3, 1.9e-4
@@ -112,10 +115,19 @@ def test_every_law_brakes_the_coach(name):
         assert truth.position[0] > 1.01 * degraded.truth().position[0]
 
 
+def test_a_law_needs_only_what_it_uses():
+    """Mechanisms that are off touch no record; one that is on and acts on what a record lacks is refused."""
+    bare = NamedTuple("Bare", [("mu_cr", float)])(0.28)
+    assert believed_to_true("law", NULL, bare) is bare
+    for choice in ({"initial_slope": {}}, {"falling_friction": {}}, {"recovery_shape": {}}):
+        with pytest.raises(ParameterError, match=r"the traction law has nothing that it acts on \(Bare\)"):
+            believed_to_true("law", make(choice), bare)
+
+
 def test_what_a_law_cannot_do_is_refused():
     with pytest.raises(ParameterError, match="traction_law = 'ice' is unknown; valid: degraded, classic"):
         ContactParameters(traction_law="ice")
-    with pytest.raises(ParameterError, match="recovery_shape: a PolachLaw has no recovery"):
+    with pytest.raises(ParameterError, match=r"recovery_shape: the traction law has nothing that it acts on \(PolachLaw\)"):
         a_plant("coach", vehicle={"contact": ContactParameters(traction_law="polach")}).start(
             0, a_stop(COACH), {"recovery_shape": {"exponent": 2.0}}
         )

@@ -380,8 +380,8 @@ def test_imitation_needs_wishes(tmp_path):
         train(Arguments(action="valve", out=tmp_path))
 
 
-def test_a_policy_that_does_not_learn_yet_keeps_its_weights():
-    arguments = Arguments(envs=4, rollout=16, batch=64, hidden=(8,))
+def test_a_policy_that_does_not_learn_yet_keeps_its_weights(tmp_path):
+    arguments = Arguments(envs=4, rollout=16, batch=64, hidden=(8,), out=tmp_path)
     world = make_world(arguments)
     model = PPO("MlpPolicy", world, n_steps=16, batch_size=64, policy_kwargs={"net_arch": [8]}, device="cpu")
     before = {name: value.clone() for name, value in model.policy.state_dict().items()}

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wsp_env.plant.card import ACTS_ON, BALANCES, Recorded
+from wsp_env.parameters.quantity import ParameterError
+from wsp_env.plant.card import ACTS_ON, BALANCES, SLOTS, Recorded, check_card
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.plant.mechanisms.__main__ import table
 
@@ -162,3 +163,12 @@ def test_one_more_mechanism_is_one_file(tmp_path):
     assert "The fitted mechanism: rail joints" in page
     assert "What it leaves: adhesion: swings with the place" in page
     assert "| `rail_joints` | friction of the contaminated rail swings along the track |" in found["table"]
+
+
+def test_cards_that_name_what_does_not_exist_are_refused():
+    card = ALL["load_transfer"]
+    wrong = [card._replace(acts={"forse": abs}), card._replace(signature=card.signature._replace(acts_on="weather"))]
+    for one in wrong:
+        with pytest.raises(ParameterError, match=r"card load_transfer names (forse|weather), which is none; slots: mass"):
+            check_card(one, "somewhere")
+    assert all(set(one.acts) <= set(SLOTS) for one in ALL.values())

@@ -1,5 +1,6 @@
 """The plant's front door: a plant of somebody else brakes in the environments and under the test programme."""
 
+import dataclasses
 import json
 import os
 import subprocess
@@ -95,10 +96,62 @@ def test_a_plant_of_somebody_else_runs_under_the_test_programme(tmp_path):
     ("name", "says"),
     [
         ("nowhere", "unknown plant 'nowhere'; valid: longitudinal, or package.module:Class"),
-        ("nowhere:Plant", "cannot be loaded: No module named 'nowhere'"),
+        ("nowhere:Plant", "cannot be loaded: No module named 'nowhere'; PYTHONPATH=. finds a module in this folder"),
         ("thirty_lines:Nothing", "cannot be loaded"),
+        (":", "unknown plant ':'"),
+        (".:x", "unknown plant '.:x'"),
+        (5, "unknown plant 5"),
+        ("os:path", "cannot be made: TypeError"),
+        ("json:JSONDecoder", "cannot be made: TypeError"),
+        ("builtins:print", "is none: it lacks vehicle, n, setup"),
     ],
 )
 def test_plants_that_are_not_there(name, says):
     with pytest.raises(ParameterError, match=says):
         make_plant(BOGIE, 1, Setup(), name)
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ({"control_interval_s": 1e-9}, "control_interval_s = 1e-09 s is impossible"),
+        ({"control_interval_s": "x"}, "control_interval_s = x s is impossible"),
+        ({"track_step_m": -5.0}, "track_step_m = -5.0 m is impossible"),
+        ({"track_nodes": 0}, "track_nodes = 0 is impossible"),
+    ],
+)
+def test_setups_that_cannot_be(values, says):
+    with pytest.raises(ParameterError, match=says):
+        Setup(**values)
+
+
+def test_a_stop_that_does_not_fit_the_vehicle_is_refused():
+    plant = make_plant(BOGIE)
+    for wrong in ({"radius": np.full(3, 0.445)}, {"profile": np.ones(0), "coverage": np.ones(0)}, {"profile": np.ones(2)}):
+        with pytest.raises(ParameterError, match="one radius an axle, and as many nodes of profile as of coverage"):
+            plant.start(0, a_stop(BOGIE, **wrong))
+
+
+@pytest.mark.parametrize("by_pressure", [False, True])
+def test_the_preview_is_what_the_commands_on_their_way_make(by_pressure):
+    """With the distributor full and the demand constant the pressures to come are those that come, to rounding."""
+    plant = make_plant(BOGIE, 1, Setup(pressure_control=by_pressure))
+    plant.start(0, a_stop(BOGIE, mu_cd=0.2, initial_speed=40.0))
+    rng = np.random.default_rng(3)
+    for _ in range(300):  # the distributor fills
+        plant.step(np.ones((1, 2)))
+    dead = round(BOGIE.brake.dead_time_s / plant.setup.control_interval_s)
+    for _ in range(20):
+        plant.step(rng.uniform(0.0, 1.0, (1, 2)) if by_pressure else rng.choice([-1.0, 0.0, 1.0], (1, 2)))
+        foreseen, further = plant.preview(), plant.preview(0.0)
+        for _ in range(dead):
+            plant.step(np.zeros((1, 2)))
+        np.testing.assert_allclose(plant.truth().pressure, foreseen, rtol=1e-12, atol=1e-12)
+        plant.step(np.zeros((1, 2)))
+        np.testing.assert_allclose(plant.truth().pressure, further, rtol=1e-12, atol=1e-12)
+
+
+def test_whole_numbers_of_a_vehicle_are_floats():
+    """Another type would have the plant compiled anew."""
+    whole = dataclasses.replace(BOGIE, axle_positions_m=(0, 2), wheelset_inertia_kgm2=160, resistance_a_n=100)
+    assert all(type(value) is float for value in (*whole.axle_positions_m, whole.wheelset_inertia_kgm2, whole.resistance_a_n))

@@ -2,11 +2,14 @@
 
 import numpy as np
 
+from wsp_env.parameters.quantity import ParameterError
 from wsp_env.plant.port import Conditions, Measurement, Plant, Truth
 
 
 class PointMass(Plant):
     def __init__(self, vehicle, n, setup):
+        if setup.mechanisms:
+            raise ParameterError(f"a point mass knows no mechanism {', '.join(setup.mechanisms)}")
         self.vehicle, self.n, self.setup = vehicle, n, setup
         a, nodes = vehicle.axles, np.ones((n, setup.track_nodes))
         own = {"key": np.zeros(n, np.uint64), "radius": np.ones((n, a)), "profile": nodes, "coverage": nodes.copy()}

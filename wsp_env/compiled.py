@@ -1,14 +1,16 @@
 """The one place where numba is touched.
 
-`kernel` compiles a pure scalar function; `elementwise` makes a numpy ufunc out of such a kernel, so that scalars
-and arrays of any shape are computed by one source. With `NUMBA_DISABLE_JIT=1` both fall back to plain Python
-(slow, for coverage and debugging).
+`kernel`, `inlined` and `loop` compile functions of scalars and arrays. `elementwise` makes a numpy ufunc of one, so that
+scalars and arrays of any shape are computed by one source. `generated` compiles source that is made from data. `by_type`
+chooses a kernel by the type of a record. `rebuilder` makes records from plain tuples. `with_math` compiles a kernel once more
+with other elementary functions. With `NUMBA_DISABLE_JIT=1` all of them fall back to plain Python (slow, for coverage and
+debugging).
 """
 
 import hashlib
 import linecache
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import entry_points
 from importlib.util import find_spec
@@ -32,10 +34,22 @@ _OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
 _KERNELS = ("contact", "observer", "parameters", "plant")
 
 
-def third_party_mechanisms() -> list[Path]:
-    """Return the files of mechanisms that other packages bring along (entry points of group "wsp_env.mechanisms")."""
-    found = (find_spec(point.value) for point in entry_points(group="wsp_env.mechanisms"))
-    return sorted(Path(spec.origin) for spec in found if spec is not None and spec.origin)
+def third_party_mechanisms() -> list[str]:
+    """Return the modules of mechanisms that other packages bring along: entry points of group "wsp_env.mechanisms".
+
+    An entry point is `name = "package.module"`; what may stand behind a colon does not matter, the card is the module's `CARD`.
+    """
+    return sorted({point.module for point in entry_points(group="wsp_env.mechanisms")})
+
+
+def _files(modules: Iterable[str]) -> Iterator[Path]:
+    for module in modules:
+        try:
+            spec = find_spec(module)
+        except ImportError:  # said with more words when the mechanisms are loaded
+            continue
+        if spec is not None and spec.origin:
+            yield Path(spec.origin)
 
 
 def _cache_folder() -> str:
@@ -47,7 +61,7 @@ def _cache_folder() -> str:
     package = Path(__file__).parent
     digest = hashlib.sha256()
     own = [source for folder in _KERNELS for source in sorted(package.glob(f"{folder}/**/*.py"))]
-    for source in [Path(__file__), *own, *third_party_mechanisms()]:
+    for source in [Path(__file__), *own, *_files(third_party_mechanisms())]:
         digest.update(source.read_bytes())
     beside = package / "__pycache__"
     parent = beside if os.access(beside if beside.exists() else package, os.W_OK) else Path.home() / ".cache" / "wsp-env"

@@ -137,7 +137,7 @@ def main(
         )
     for failure in result.failures:
         errors.print(f"{failure.controller} failed in {failure.case}: {failure.message}", soft_wrap=True, markup=False)
-    summary, verdicts = summarise(result.stops), judge(result.stops, table.requirements, result.failures)
+    summary, verdicts = summarise(result.stops), judge(result.stops, table.required_of(braked), result.failures)
     _write(out, result, summary)
     labels = _labels(controllers)
     shown, judged = _labelled(summary, labels), _relabelled(verdicts, labels)

@@ -35,6 +35,9 @@ class Adhesion(NamedTuple):
 class TractionLaw(NamedTuple):
     """A contact law as the plant takes it.
 
+    Every record has a field `mu_cr`, the kinetic friction coefficient of the clean rail [-]. A mechanism on the law needs the
+    fields that it changes, such as `stiffness`, or `gamma_d` and `ratio_d`; a law without them refuses that mechanism.
+
     `evaluate(slip_speed [m/s], speed [m/s], normal_load [N], surface, tau [m/J], record)` is a compiled function of scalars
     that returns an `Adhesion`. `make(contact)` builds the record, a NamedTuple of floats, from `ContactParameters`.
     """

@@ -74,6 +74,7 @@ class Requirement:
     source: str  # clause, or "assumption"
     cases: tuple[str, ...] = ()  # empty: all
     laws: tuple[str, ...] = ()  # empty: both
+    per_axle: bool = False  # `at_most` is for one axle
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,6 +86,13 @@ class Programme:
     scenario: Scenario
     cases: tuple[Case, ...]
     requirements: tuple[Requirement, ...]
+
+    def required_of(self, vehicle: Vehicle) -> tuple[Requirement, ...]:
+        """Return the requirements with their numbers for a whole vehicle."""
+        return tuple(
+            dataclasses.replace(one, at_most=one.at_most * vehicle.axles, per_axle=False) if one.per_axle else one
+            for one in self.requirements
+        )
 
 
 @dataclasses.dataclass(frozen=True)

@@ -73,13 +73,8 @@ def wanted_pressure(plant: Plant, target: np.ndarray) -> np.ndarray:
 
 def _nearest(plant: Plant, wanted: np.ndarray) -> np.ndarray:
     """Return the commands (N, A) whose pressure, one interval after the dead time, comes nearest to the one wanted."""
-    state, brake = plant.truth(), plant.vehicle.brake
-    pressure, interval = plant.preview(), plant.setup.control_interval_s
-    given = state.distributor[:, None]
-    constant = np.where(given > pressure, brake.fill_time_constant_s, brake.vent_time_constant_s)
-    filled = given + (pressure - given) * np.exp(-interval / constant)
-    vented = pressure * np.exp(-interval / brake.vent_time_constant_s)
-    choices = np.stack([np.abs(vented - wanted), np.abs(pressure - wanted), np.abs(filled - wanted)])
-    command: np.ndarray = np.array([VENTS, HOLDS, APPLIES])[np.argmin(choices, axis=0)]
-    command[state.speed < END_MPS] = APPLIES
+    commands = np.array([VENTS, HOLDS, APPLIES])
+    missed = np.stack([np.abs(plant.preview(then) - wanted) for then in commands])
+    command: np.ndarray = commands[np.argmin(missed, axis=0)]
+    command[plant.truth().speed < END_MPS] = APPLIES
     return command

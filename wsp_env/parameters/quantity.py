@@ -46,6 +46,10 @@ class Checked:
                     raise ParameterError(f"{name} must be a list of numbers in {field.metadata['unit']}, got {shown(value)}")
                 for number in value if several else (value,):
                     check(name, number, field.metadata)
+                if several:  # a whole number would be another type to compiled code, which is then compiled for anew
+                    object.__setattr__(self, field.name, tuple(map(float, value)))
+                elif isinstance(field.default, float):
+                    object.__setattr__(self, field.name, float(value))
 
 
 def check(name: str, value: Any, metadata: Mapping[str, Any]) -> None:

@@ -23,7 +23,7 @@ class Brake(Checked):
         1500.0, "N m/bar", _BRAKE + "; 1.2 m/s2 at 3.8 bar and 43 t without the wheels' inertia", 0.0, 1e5, True
     )
     demand_rise_s: float = quantity(4.0, "s", _FILLING, 0.0, 60.0, True)
-    fill_time_constant_s: float = quantity(0.25, "s", _BRAKE + "; dump valve open to the supply", 0.0, 10.0, True)
+    fill_time_constant_s: float = quantity(0.25, "s", _BRAKE + "; dump valve open to the distributor", 0.0, 10.0, True)
     vent_time_constant_s: float = quantity(0.15, "s", _BRAKE + "; dump valve open to the air", 0.0, 10.0, True)
     dead_time_s: float = quantity(0.04, "s", _BRAKE + "; from command to valve stroke", 0.0, 1.0)
     cylinder_volume_l: float = quantity(8.0, "l", _BRAKE + "; cylinders and pipes of one axle", 0.0, 100.0, True)

@@ -1,7 +1,7 @@
 """The mechanism card: all that the house knows of one mechanism, written in the mechanism's own file.
 
 The plant takes from it where the mechanism acts, the environment its parameters, the diagnosis what it leaves in recordings and
-how it is said, the report its words. No other file names a mechanism.
+how it is said, the report its words. No other file of the plant, the diagnosis or the report names a mechanism.
 """
 
 import math
@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+
+from wsp_env.parameters.quantity import ParameterError
 
 #: The balances of a recording in which a mechanism may show (see `wsp_env.plant.longitudinal.along`).
 BALANCES = ("vehicle", "adhesion", "kinematics", "actuator")
@@ -18,6 +20,30 @@ ACTS_ON = ("contact", "brake", "vehicle", "sensor")
 
 #: What the curve of a mechanism may be drawn over.
 Over = Literal["slip", "work", "place", "time", "speed", "axle", "deceleration"]
+
+
+#: The slots in which a mechanism may act, with the arguments that its function there takes after its own (record, what `derive`
+#: and `memory` made). Those of the first four are called once a stop and return the true value in place of the believed one;
+#: `wsp_env.plant.slots` says what each of the others returns.
+SLOTS = {
+    "mass": "believed_kg",
+    "gradient": "believed",
+    "radii": "believed_m",
+    "law": "believed",
+    "contaminated_friction": "place",
+    "friction": "speed",
+    "layer": "i, k, place, rolled, layer, held",
+    "contact": "adhesion, slip, speed, load",
+    "wheel_load": "load, k, mass, deceleration",
+    "force": "i, speed, believed",
+    "torque_factor": "i, k, wheel_mps, pressure",
+    "reading": "now, before, last, duration",
+    "wheel_speed": "wheel, rate",
+    "recorded_speed": "speed, acceleration",
+    "true_speed": "speed, acceleration",
+    "after_contact": "i, k, rolled, kept",
+    "after_passage": "i, k, passage",
+}
 
 
 class Parameter(NamedTuple):
@@ -157,3 +183,15 @@ class Card(NamedTuple):
     def __hash__(self) -> int:
         """Cards are told apart by name."""
         return hash(self.name)
+
+
+def check_card(card: Card, where: str) -> None:
+    """Raise `ParameterError` for a card that names a slot, balance or subject that does not exist."""
+    wrong = [
+        *(set(card.acts) - set(SLOTS)),
+        *(card.signature.balances - set(BALANCES)),
+        *({card.signature.acts_on} - set(ACTS_ON)),
+    ]
+    if wrong:
+        valid = f"slots: {', '.join(SLOTS)}; balances: {', '.join(BALANCES)}; acts on: {', '.join(ACTS_ON)}"
+        raise ParameterError(f"{where}: card {card.name} names {', '.join(sorted(wrong))}, which is none; {valid}")

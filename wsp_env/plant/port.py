@@ -88,7 +88,8 @@ class Stop:
 class Setup:
     """How a plant is run: clock, commands, physics and the grid of the track.
 
-    `ParameterError` for what cannot be.
+    A plant that does not know the `mechanisms` asked for refuses them with a `ParameterError`. So does this record what cannot
+    be of the rest.
     """
 
     control_interval_s: float = 0.02  # time between commands
@@ -99,11 +100,20 @@ class Setup:
     track_nodes: int = 1
 
     def __post_init__(self) -> None:
-        """Refuse a clock that cannot be."""
-        for name in ("control_interval_s", "substep_s"):
+        """Refuse a clock or a grid that cannot be."""
+        bounds = {
+            "control_interval_s": (1e-4, 1.0),
+            "substep_s": (1e-6, 1.0),
+            "track_step_m": (0.01, 1e4),
+            "track_nodes": (1, 10**7),
+        }
+        for name, (low, high) in bounds.items():
             value = getattr(self, name)
-            if value is not None and not 0.0 < value <= 1.0:
-                raise ParameterError(f"{name} = {value} s is impossible: it must lie in (0, 1]")
+            if name == "substep_s" and value is None:
+                continue
+            if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+                unit = {"s": " s", "m": " m"}.get(name.rpartition("_")[2], "")
+                raise ParameterError(f"{name} = {value}{unit} is impossible: it must be a number in [{low:g}, {high:g}]")
 
 
 class Plant(Protocol):
@@ -131,14 +141,20 @@ class Plant(Protocol):
     def truth(self) -> Truth:
         """Return what is; valid until the next step."""
 
-    def preview(self) -> np.ndarray:
-        """Return the cylinder pressures (N, A) [bar] once the commands on their way have acted."""
+    def preview(self, then: float | None = None) -> np.ndarray:
+        """Return the cylinder pressures (N, A) [bar] once the commands on their way have acted, in whole control intervals.
+
+        With `then`, a command for all axles, one interval later under it.
+        """
         return self.truth().pressure
 
     def set_state(self, index: int, wheel_speed_radps: np.ndarray, pressure_bar: np.ndarray) -> None:
         """Let a stop that was just started begin with these wheel speeds and pressures (A,), the distributor filled."""
         raise NotImplementedError(f"{type(self).__name__} cannot begin a stop from recorded wheel speeds and pressures")
 
+
+#: What every plant has.
+MEMBERS = ("vehicle", "n", "setup", "moving", "conditions", "start", "step", "reading", "truth", "preview", "set_state")
 
 #: What the conditions of a stop may be: quantity -> lowest, highest, unit. mu_cd also stays below mu_cr, and above 0.
 LIMITS = {
@@ -157,6 +173,13 @@ LIMITS = {
 
 def check_stop(stop: Stop, vehicle: Vehicle) -> None:
     """Raise `ParameterError` for conditions that cannot be."""
+    shapes = {"radius": (vehicle.axles,), "profile": np.shape(stop.coverage), "coverage": np.shape(stop.profile)}
+    for name, shape in shapes.items():
+        given = np.shape(getattr(stop, name))
+        if given != shape or np.size(getattr(stop, name)) == 0:
+            raise ParameterError(
+                f"{name} has shape {given}: a stop has one radius an axle, and as many nodes of profile as of coverage"
+            )
     friction_r = vehicle.contact.kinetic_friction_r
     if not 0.0 < stop.mu_cd <= friction_r:
         raise ParameterError(

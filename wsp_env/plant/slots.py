@@ -11,14 +11,16 @@ from typing import Any
 from wsp_env.compiled import generated, inlined
 from wsp_env.contact.port import traction
 from wsp_env.contact.traction import Adhesion, Surface
+from wsp_env.plant.card import SLOTS
 from wsp_env.plant.mechanisms import ALL, Active
 
 
-def _slot(name: str, arguments: str, start: str, each: str, result: str) -> Callable[..., Any]:
+def _slot(name: str, start: str, each: str, result: str) -> Callable[..., Any]:
     """Return the kernel of a slot: `start`, then `each` with the call of every card that acts there, then `result`.
 
-    The slot takes `active` and `arguments`; so do the cards' functions, with their own part of `active`.
+    The slot takes `active` and its arguments of `SLOTS`; so do the cards' functions, with their own part of `active`.
     """
+    arguments = SLOTS[name]
     lines, kernels = [start], {}
     for card in ALL.values():
         if name in card.acts:
@@ -31,40 +33,40 @@ def _slot(name: str, arguments: str, start: str, each: str, result: str) -> Call
     return generated(name, f"def {name}(active, {arguments}):\n{body}", kernels)
 
 
-def _factor(name: str, arguments: str) -> Callable[..., Any]:
-    return _slot(name, arguments, "value = 1.0", "value *= {call}", "value")
+def _factor(name: str) -> Callable[..., Any]:
+    return _slot(name, "value = 1.0", "value *= {call}", "value")
 
 
-def _handed_on(name: str, arguments: str, what: str) -> Callable[..., Any]:
-    return _slot(name, arguments, "", f"{what} = {{call}}", what)
+def _handed_on(name: str, what: str) -> Callable[..., Any]:
+    return _slot(name, "", f"{what} = {{call}}", what)
 
 
 #: Factor of mu_cd [-] at a place [m].
-_contaminated_friction = _factor("contaminated_friction", "place")
+_contaminated_friction = _factor("contaminated_friction")
 #: Factor of both friction coefficients [-] at a running speed [m/s].
-_friction = _factor("friction", "speed")
+_friction = _factor("friction")
 #: Shares of the contaminant layer [-], free and held, at a place [m] which the wheel reached after rolling `rolled` [m].
-_layer = _handed_on("layer", "i, k, place, rolled, layer, held", "layer, held")
+_layer = _handed_on("layer", "layer, held")
 #: The contact's adhesion.
-_contact = _handed_on("contact", "adhesion, slip, speed, load", "adhesion")
+_contact = _handed_on("contact", "adhesion")
 #: Load of one wheel [N] of axle k, from the vehicle's mass [kg] and deceleration [m/s2].
-_wheel_load = _handed_on("wheel_load", "load, k, mass, deceleration", "load")
+_wheel_load = _handed_on("wheel_load", "load")
 #: Force [N] against the motion beside the wheels, added to the believed one [N].
-_force = _slot("force", "i, speed, believed", "total = believed", "total += {call}", "total")
+_force = _slot("force", "total = believed", "total += {call}", "total")
 
 #: Brake torque of axle k over the believed one [-], from wheel speed [m/s] and cylinder pressure [bar]: (active, i, k, ...).
-torque_factor = _factor("torque_factor", "i, k, wheel_mps, pressure")
+torque_factor = _factor("torque_factor")
 #: Reading of a wheel-speed sensor [rad/s] from the last reading, the last and the present true speed and the time between [s].
-reading = _handed_on("reading", "now, before, last, duration", "now")
+reading = _handed_on("reading", "now")
 #: True wheel speed [rad/s] from a reading and its rate [rad/s2].
-wheel_speed = _handed_on("wheel_speed", "wheel, rate", "wheel")
+wheel_speed = _handed_on("wheel_speed", "wheel")
 #: Recorded vehicle speed [m/s] from the true one and its rate [m/s2], and the other way round.
-recorded_speed = _handed_on("recorded_speed", "speed, acceleration", "speed")
-true_speed = _handed_on("true_speed", "speed, acceleration", "speed")
+recorded_speed = _handed_on("recorded_speed", "speed")
+true_speed = _handed_on("true_speed", "speed")
 #: What is remembered of a contact: rolled [m] since the last, share of the layer that the wheel's work leaves [-].
-after_contact = _slot("after_contact", "i, k, rolled, kept", "", "{call}", "None")
+after_contact = _slot("after_contact", "", "{call}", "None")
 #: What is remembered of an axle's `Passage`.
-after_passage = _slot("after_passage", "i, k, passage", "", "{call}", "None")
+after_passage = _slot("after_passage", "", "{call}", "None")
 
 
 @inlined

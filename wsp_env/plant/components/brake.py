@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wsp_env.compiled import inlined
+from wsp_env.compiled import inlined, kernel
 from wsp_env.parameters.vehicle import Brake
 from wsp_env.plant.command import APPLIES, VENTS
 
@@ -88,14 +88,16 @@ def distribute(i: int, demand: float, h: float, state: BrakeState, b: BrakeConst
 
 
 @inlined
-def _flow(h: float, pressure: float, command: float, offered: float, demanded: float, b: BrakeConstants) -> tuple[float, float]:
+def _flow(
+    h: float, pressure: float, command: float, distributor: float, demanded: float, b: BrakeConstants
+) -> tuple[float, float]:
     """Return the pressure after h [s] under one command, and its integral [bar s]; first order towards where air flows."""
     if h <= 0.0:
         return pressure, 0.0
     if b.pressure_control:
-        target = min(command * demanded, offered)
+        target = min(command * demanded, distributor)
     elif command > 0.5 * APPLIES:
-        target = offered
+        target = distributor
     elif command < 0.5 * VENTS:
         target = 0.0
     else:
@@ -108,18 +110,18 @@ def _flow(h: float, pressure: float, command: float, offered: float, demanded: f
 
 @inlined
 def fill(
-    i: int, k: int, elapsed: float, h: float, offered: float, demand: float, state: BrakeState, b: BrakeConstants
+    i: int, k: int, elapsed: float, h: float, distributor: float, demand: float, state: BrakeState, b: BrakeConstants
 ) -> float:  # fmt: skip
     """Let the valve of axle k act for the substep of h [s] that starts `elapsed` [s] into the control interval.
 
-    A command acts after the dead time, also in the middle of a substep; `offered` is the distributor's mean pressure [bar].
+    A command acts after the dead time, also in the middle of a substep; `distributor` is its mean pressure [bar].
     Returns the mean cylinder pressure [bar].
     """
     demanded = demand * b.full_pressure
     early = min(max(b.dead_rest - elapsed, 0.0), h)
     start = state.pressure[i, k]
-    middle, area = _flow(early, start, state.commands[i, b.dead_steps + 1, k], offered, demanded, b)
-    after, rest = _flow(h - early, middle, state.commands[i, b.dead_steps, k], offered, demanded, b)
+    middle, area = _flow(early, start, state.commands[i, b.dead_steps + 1, k], distributor, demanded, b)
+    after, rest = _flow(h - early, middle, state.commands[i, b.dead_steps, k], distributor, demanded, b)
     state.air[i, k] += b.air_per_bar * max(after - start, 0.0)
     state.pressure[i, k] = after
     return (area + rest) / h
@@ -131,12 +133,21 @@ def torque(pressure: float, factor: float, b: BrakeConstants) -> float:
     return b.torque_per_bar * factor * pressure
 
 
-def pressure_to_come(state: BrakeState, b: BrakeConstants, interval_s: float) -> np.ndarray:
-    """Return the cylinder pressures (N, A) [bar] once the commands on their way have acted, in whole control intervals."""
-    pressure: np.ndarray = state.pressure.copy()
-    for age in range(b.dead_steps - 1, -1, -1):
-        command = state.commands[:, age]
-        target = np.where(command > 0.5 * APPLIES, state.distributor[:, None], 0.0)
-        moved = target + (pressure - target) * np.exp(-interval_s / np.where(target > pressure, b.fill_time, b.vent_time))
-        pressure = np.where(np.abs(command) > 0.5, moved, pressure)
-    return pressure
+@kernel
+def look_ahead(
+    pressure: np.ndarray, then: float, h: float, demand: np.ndarray, state: BrakeState, b: BrakeConstants
+) -> None:  # fmt: skip
+    """Let the commands on their way act on `pressure` (N, A) [bar], one after the other for h [s] each, and then `then`.
+
+    The distributor keeps its pressure; nan in place of a last command: none.
+    """
+    n, axles = pressure.shape
+    for i in range(n):
+        distributor, demanded = state.distributor[i], demand[i] * b.full_pressure
+        for k in range(axles):
+            value = pressure[i, k]
+            for age in range(b.dead_steps - 1, -1, -1):
+                value, _ = _flow(h, value, state.commands[i, age, k], distributor, demanded, b)
+            if not math.isnan(then):
+                value, _ = _flow(h, value, then, distributor, demanded, b)
+            pressure[i, k] = value

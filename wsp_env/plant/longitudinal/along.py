@@ -135,7 +135,9 @@ def along(trajectory: Trajectory, run: Belief, m: PlantModel) -> Prediction:
     if axles != len(m.axle_positions_m):
         raise ParameterError(f"the trajectory has {axles} axles, the vehicle {len(m.axle_positions_m)}")
     mass = mechanisms.believed_to_true("mass", m.mechanisms, run.mass_kg)
-    radius = mechanisms.believed_to_true("radii", m.mechanisms, np.broadcast_to(run.radius_m, (axles,)))
+    radius = np.array(
+        mechanisms.believed_to_true("radii", m.mechanisms, np.broadcast_to(run.radius_m, (axles,))), dtype=np.float64
+    )
     gradient = mechanisms.believed_to_true("gradient", m.mechanisms, run.gradient)
     mu_cd = np.broadcast_to(np.asarray(run.mu_cd, dtype=np.float64), (samples, axles))
     for name, lowest in (("mu_cd", mu_cd.min()), ("mass_kg", mass), ("radius_m", radius.min())):
@@ -146,7 +148,7 @@ def along(trajectory: Trajectory, run: Belief, m: PlantModel) -> Prediction:
     per_axle = np.empty((6, samples, axles))
     per_vehicle = np.empty((2, samples))
     active = Active(m.mechanisms, m.constants.derived, mechanisms.remember(1, m.axle_positions_m))
-    conditions = _Believed(mu_cd, float(run.tau), float(mass), float(gradient), np.asarray(radius, dtype=np.float64))
+    conditions = _Believed(mu_cd, float(run.tau), float(mass), float(gradient), radius)
     _evaluate(_columns(trajectory), conditions, m.constants, m.law, active, per_axle, per_vehicle, np.zeros((2, axles)))
     adhesion, slope, load, slip, wheel, factor = per_axle
     return Prediction(adhesion, slope, load, slip, wheel, factor, per_vehicle[0], per_vehicle[1], mass, radius)

@@ -1,5 +1,7 @@
 """The longitudinal plant behind the port: owns the arrays, checks what comes in, calls the compiled step."""
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -82,9 +84,13 @@ class LongitudinalPlant(Plant):
             s.adhesion, s.adhesion_d, s.adhesion_r, s.brake.air, s.contact_work, s.brake_work, s.resistance_work,
         )  # fmt: skip
 
-    def preview(self) -> np.ndarray:
-        """Return the cylinder pressures (N, A) [bar] once the commands on their way have acted, in whole intervals."""
-        return brake.pressure_to_come(self.state.brake, self.constants.brake, self.setup.control_interval_s)
+    def preview(self, then: float | None = None) -> np.ndarray:
+        """Return the cylinder pressures (N, A) [bar] once the commands on their way have acted, see `Plant.preview`."""
+        s, b = self.state.brake, self.constants.brake
+        pressure: np.ndarray = s.pressure.copy()
+        last = math.nan if then is None else float(then)
+        brake.look_ahead(pressure, last, self.setup.control_interval_s, self.conditions.demand, s, b)
+        return pressure
 
     def set_state(self, index: int, wheel_speed_radps: np.ndarray, pressure_bar: np.ndarray) -> None:
         """Let a stop that was just started begin with these wheel speeds and pressures (A,), the distributor filled."""

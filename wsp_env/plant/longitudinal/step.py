@@ -171,10 +171,10 @@ def _brake(i: int, elapsed: float, deceleration: float, jerk: float, on_step: St
     """Let valves, cylinders and discs act on every wheelset for a substep; note torques and new slips in `work`."""
     state, c, p, _, active, work = on_step
     h = p.substep
-    offered = brake.distribute(i, c.demand[i], h, state.brake, p.brake)
+    distributor = brake.distribute(i, c.demand[i], h, state.brake, p.brake)
     for k in range(state.wheel_speed.shape[1]):
         start = state.brake.pressure[i, k]
-        mean = brake.fill(i, k, elapsed, h, offered, c.demand[i], state.brake, p.brake)
+        mean = brake.fill(i, k, elapsed, h, distributor, c.demand[i], state.brake, p.brake)
         wheel_mps = c.radius[i, k] * state.wheel_speed[i, k]
         factor = torque_factor(active, i, k, wheel_mps, start)
         start = brake.torque(start, factor, p.brake)

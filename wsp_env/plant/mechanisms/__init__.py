@@ -2,21 +2,20 @@
 
 A mechanism names its parameters (unit, bounds, null value, source), acts in slots of the plant and says what it would leave in
 which residual of a recording. At its null value it vanishes exactly. To add one, write its file and name it below; another
-package names its file in an entry point of group "wsp_env.mechanisms".
+package names its module in an entry point of group "wsp_env.mechanisms".
 """
 
 import importlib
 import math
 from collections import namedtuple
 from collections.abc import Mapping, Sequence
-from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from wsp_env.compiled import generated
+from wsp_env.compiled import generated, third_party_mechanisms
 from wsp_env.parameters.quantity import ParameterError, check
-from wsp_env.plant.card import Card
+from wsp_env.plant.card import Card, check_card
 
 _FILES = (
     "leading_axle_cleaning",
@@ -41,10 +40,17 @@ _FILES = (
 
 
 def _cards() -> dict[str, Card]:
-    modules = [f"{__name__}.{file}" for file in _FILES]
-    modules += sorted(point.value for point in entry_points(group="wsp_env.mechanisms"))
-    cards = [importlib.import_module(module).CARD for module in modules]
-    return {card.name: card for card in cards}
+    found: dict[str, Card] = {}
+    for module in [*(f"{__name__}.{file}" for file in _FILES), *third_party_mechanisms()]:
+        try:
+            card = importlib.import_module(module).CARD
+        except (ImportError, AttributeError) as error:
+            raise ParameterError(f"mechanism in {module}, an entry point of group wsp_env.mechanisms: {error}") from error
+        check_card(card, module)
+        if card.name in found:
+            raise ParameterError(f"{module}: there is a mechanism {card.name} already; give its card another name")
+        found[card.name] = card
+    return found
 
 
 #: Every mechanism's card by name.
@@ -138,10 +144,21 @@ mechanisms_at = _reader()
 
 
 def believed_to_true(slot: str, mechanisms: Mechanisms, believed: Any) -> Any:
-    """Hand a quantity that is constant in a stop through the mechanisms acting on it: "mass", "gradient", "radii" or "law"."""
+    """Hand a quantity that is constant in a stop through the mechanisms acting on it: "mass", "gradient", "radii" or "law".
+
+    `ParameterError` for a mechanism that is on and acts on what the vehicle's traction law does not have.
+    """
     for name, card in ALL.items():
-        if slot in card.acts:
-            believed = card.acts[slot](getattr(mechanisms, name), believed)
+        record = getattr(mechanisms, name)
+        if slot not in card.acts or record == getattr(NULL, name):
+            continue
+        try:
+            believed = card.acts[slot](record, believed)
+        except (AttributeError, TypeError, ValueError):  # a record without the fields
+            if slot != "law":
+                raise
+            what = f"the traction law has nothing that it acts on ({type(believed).__name__}); take the degraded law"
+            raise ParameterError(f"mechanism {name}: {what}") from None
     return believed
 
 

@@ -17,10 +17,11 @@ class Parameters(NamedTuple):
 
 
 def law(p: Parameters, believed: Any) -> Any:
-    """Return the law with this fall."""
-    decrease = {name: getattr(believed, name) * p.decrease for name in ("gamma_d", "gamma_r") if name in believed._fields}
-    ratio = {name: _ratio(p, getattr(believed, name)) for name in ("ratio_d", "ratio_r") if name in believed._fields}
-    return believed._replace(**decrease, **ratio)
+    """Return the law with this fall; one with a single friction curve has no gamma_r and ratio_r."""
+    changed = {"gamma_d": believed.gamma_d * p.decrease, "ratio_d": _ratio(p, believed.ratio_d)}
+    if "gamma_r" in believed._fields:
+        changed |= {"gamma_r": believed.gamma_r * p.decrease, "ratio_r": _ratio(p, believed.ratio_r)}
+    return believed._replace(**changed)
 
 
 def _ratio(p: Parameters, believed: float) -> float:

@@ -7,8 +7,6 @@ ends sharply, n below 1 the other way round; work below W_0 removes nothing. The
 
 from typing import Any, NamedTuple
 
-from wsp_env.contact.degraded import DegradedLaw
-from wsp_env.parameters.quantity import ParameterError
 from wsp_env.plant.card import Card, Parameter, Said, Signature, itself
 
 
@@ -20,11 +18,7 @@ class Parameters(NamedTuple):
 
 
 def law(p: Parameters, believed: Any) -> Any:
-    """Return the law with this shape of recovery; `ParameterError` for one without recovery."""
-    if p == (1.0, 0.0):
-        return believed
-    if not isinstance(believed, DegradedLaw):
-        raise ParameterError(f"mechanism recovery_shape: a {type(believed).__name__} has no recovery; take the degraded law")
+    """Return the law with this shape of recovery."""
     return believed._replace(recovery_exponent=p.exponent, recovery_threshold=p.threshold_j_per_m)
 
 
