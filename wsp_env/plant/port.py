@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.command import APPLIES, VENTS
 
 #: Physics beyond the paper's model, {mechanism: {parameter: value}}, see `wsp_env.plant.mechanisms.make`.
 Choice = Mapping[str, Mapping[str, float]]
@@ -144,9 +145,15 @@ class Plant(Protocol):
     def preview(self, then: float | None = None) -> np.ndarray:
         """Return the cylinder pressures (N, A) [bar] once the commands on their way have acted, in whole control intervals.
 
-        With `then`, a command for all axles, one interval later under it.
+        With `then`, a command for all axles, one interval later under it. A plant that does not say so is taken for one whose
+        valves act at once.
         """
-        return self.truth().pressure
+        truth = self.truth()
+        aims = {
+            VENTS: np.zeros_like(truth.pressure),
+            APPLIES: np.repeat(truth.distributor[:, None], self.vehicle.axles, axis=1),
+        }
+        return truth.pressure.copy() if then is None else aims.get(then, truth.pressure.copy())
 
     def set_state(self, index: int, wheel_speed_radps: np.ndarray, pressure_bar: np.ndarray) -> None:
         """Let a stop that was just started begin with these wheel speeds and pressures (A,), the distributor filled."""
