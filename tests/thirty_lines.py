@@ -46,3 +46,6 @@ class PointMass(Plant):
 
     def truth(self):
         return self._truth
+
+    def preview(self, then=None):
+        return np.clip(self._truth.pressure + 8.0 * self.setup.control_interval_s * (then or 0.0), 0.0, 3.8)
