@@ -16,7 +16,7 @@ import statistics
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -35,8 +35,9 @@ from wsp_env.evaluation.policy import load_policy
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.velim import CONTACT
 from wsp_env.plant import make_plant
+from wsp_env.plant.longitudinal.plant import LongitudinalPlant
 from wsp_env.plant.longitudinal.state import SUBSTEP_S
-from wsp_env.plant.port import Setup
+from wsp_env.plant.port import Plant, Setup
 from wsp_env.scenario import Scenario, draw
 
 SIZES = (1, 64, 1024, 8192)
@@ -147,6 +148,15 @@ def contact_runs() -> dict[str, Callable[[], int]]:
 # --- plant and environments -------------------------------------------------------------------------------------------
 
 
+def changing(plant: Plant) -> list[np.ndarray]:
+    """Return the arrays of the longitudinal plant that a step changes."""
+
+    def arrays(state: Any) -> list[np.ndarray]:
+        return [array for part in state for array in (arrays(part) if isinstance(part, tuple) else [part])]
+
+    return [*arrays(cast(LongitudinalPlant, plant).state), plant.moving]
+
+
 def plant_run(name: str, n: int, steps: int) -> Callable[[], int]:
     """Step a batch of sliding stops under changing valve commands, from the same state every time."""
     vehicle = VEHICLES[name]
@@ -158,11 +168,12 @@ def plant_run(name: str, n: int, steps: int) -> Callable[[], int]:
         plant.start(i, stops[i % len(stops)])
     for _ in range(round(WARM_UP_S / plant.setup.control_interval_s)):
         plant.step(np.ones((n, vehicle.axles)))
-    begin = copy.deepcopy(plant)
+    whole = copy.deepcopy(plant)
     commands = [rng.choice([-1.0, 0.0, 1.0, 1.0], size=(n, vehicle.axles)) for _ in range(10)]
 
     def run() -> int:
-        plant = copy.deepcopy(begin)
+        for array, first in zip(changing(plant), changing(whole), strict=True):
+            array[...] = first
         for step in range(steps):
             plant.step(commands[step // 10 % 10])
         return steps

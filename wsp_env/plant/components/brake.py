@@ -25,6 +25,9 @@ class BrakeConstants(NamedTuple):
     demand_rise: float  # rate of the distributor [bar/s]
     fill_time: float  # time constant [s]
     vent_time: float  # time constant [s]
+    substep: float  # that the plant integrates by [s]
+    fill_kept: float  # share of the difference that is left after it while filling [-]
+    vent_kept: float  # the same while venting [-]
     air_per_bar: float  # air let in per rise of the cylinder pressure [Nl/bar]
     dead_steps: int  # whole control intervals of the valves' dead time
     dead_rest: float  # what is left of it [s]
@@ -40,8 +43,8 @@ class BrakeState(NamedTuple):
     air: np.ndarray  # (N, A) let into the cylinders [Nl]
 
 
-def constants(brake: Brake, control_interval_s: float, pressure_control: bool) -> BrakeConstants:
-    """Return a brake as compiled code takes it."""
+def constants(brake: Brake, control_interval_s: float, substep_s: float, pressure_control: bool) -> BrakeConstants:
+    """Return a brake as compiled code takes it, in a plant that integrates by `substep_s` [s]."""
     dead_steps = math.floor(brake.dead_time_s / control_interval_s + 1e-9)
     return BrakeConstants(
         full_pressure=brake.full_pressure_bar,
@@ -49,6 +52,9 @@ def constants(brake: Brake, control_interval_s: float, pressure_control: bool) -
         demand_rise=brake.full_pressure_bar / brake.demand_rise_s,
         fill_time=brake.fill_time_constant_s,
         vent_time=brake.vent_time_constant_s,
+        substep=substep_s,
+        fill_kept=math.exp(-substep_s / brake.fill_time_constant_s),
+        vent_kept=math.exp(-substep_s / brake.vent_time_constant_s),
         air_per_bar=brake.cylinder_volume_l / ATMOSPHERE_BAR,
         dead_steps=dead_steps,
         dead_rest=max(brake.dead_time_s - dead_steps * control_interval_s, 0.0),
@@ -102,8 +108,10 @@ def _flow(
         target = 0.0
     else:
         return pressure, pressure * h
-    constant = b.fill_time if target > pressure else b.vent_time
-    decay = math.exp(-h / constant)
+    fills = target > pressure
+    constant = b.fill_time if fills else b.vent_time
+    # Over a whole substep it is known: an exponential less, of some seven that an axle takes.
+    decay = (b.fill_kept if fills else b.vent_kept) if h == b.substep else math.exp(-h / constant)
     after = target + (pressure - target) * decay
     return after, target * h + (pressure - target) * constant * (1.0 - decay)
 
