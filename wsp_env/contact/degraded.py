@@ -27,9 +27,7 @@ from wsp_env.compiled import inlined, kernel, with_math
 from wsp_env.contact import elementary
 from wsp_env.contact.polach import falling_friction, saturation, saturation_slope
 from wsp_env.contact.recovery import kept_by_shape
-from wsp_env.contact.traction import SPEED_FLOOR, Adhesion, Surface, TractionLaw
-
-_LOAD_FLOOR = 1e-6  # [N]; a lifted wheel transmits nothing, its adhesion coefficient stays finite
+from wsp_env.contact.traction import LOAD_FLOOR, SPEED_FLOOR, Adhesion, Surface, TractionLaw
 
 
 class DegradedLaw(NamedTuple):
@@ -119,7 +117,7 @@ def adhesion(slip_speed: float, speed: float, normal_load: float, on: Surface, t
 
     """
     slip = abs(slip_speed)
-    load = max(normal_load, _LOAD_FLOOR)
+    load = max(normal_load, LOAD_FLOOR)
     rolling = abs(speed)
     per_speed = 1.0 / max(rolling, SPEED_FLOOR)
     dper_dv = -per_speed * per_speed if rolling > SPEED_FLOOR else 0.0

@@ -7,6 +7,9 @@ from typing import Any, NamedTuple
 #: undefined. The contact then acts as a stiff damper, so that the friction vanishes with the slip.
 SPEED_FLOOR = 1e-3
 
+#: Least load [N] that a law computes with: a lifted wheel transmits nothing, its adhesion coefficient stays finite.
+LOAD_FLOOR = 1e-6
+
 
 class Surface(NamedTuple):
     """What one wheel finds on the rail.

@@ -156,8 +156,11 @@ class Plant(Protocol):
         return truth.pressure.copy() if then is None else aims.get(then, truth.pressure.copy())
 
     def set_state(self, index: int, wheel_speed_radps: np.ndarray, pressure_bar: np.ndarray) -> None:
-        """Let a stop that was just started begin with these wheel speeds and pressures (A,), the distributor filled."""
-        raise NotImplementedError(f"{type(self).__name__} cannot begin a stop from recorded wheel speeds and pressures")
+        """Let a stop that was just started begin with these wheel speeds and pressures (A,), the distributor filled.
+
+        `ParameterError` from a plant that cannot.
+        """
+        raise ParameterError(f"{type(self).__name__} cannot begin a stop from recorded wheel speeds and pressures")
 
 
 #: What every plant has.

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 from wsp_env.compiled import inlined, kernel
 from wsp_env.contact.fastsim import fastsim
 from wsp_env.contact.kalker import Patch
-from wsp_env.contact.laws.mixed import kinetic_friction
+from wsp_env.contact.laws.mixed import bounded, kinetic_friction
 from wsp_env.contact.polach import falling_friction
-from wsp_env.contact.traction import SPEED_FLOOR, Adhesion, Surface, TractionLaw
+from wsp_env.contact.traction import Adhesion, Surface, TractionLaw
 
 #: Strips and elements: the share of the friction limit is then within 0.2 % of the converged one (tests/test_contact_port.py).
 STRIPS, ELEMENTS = 12, 32
@@ -40,9 +40,7 @@ def _share(epsilon: float) -> float:
 @inlined
 def evaluate(slip_speed: float, speed: float, normal_load: float, on: Surface, tau: float, law: FastsimLaw) -> Adhesion:
     """Evaluate the law; see `wsp_env.contact.traction.TractionLaw`."""
-    slip, rolling, load = abs(slip_speed), abs(speed), max(normal_load, 1e-6)
-    per_speed = 1.0 / max(rolling, SPEED_FLOOR)
-    dper_dv = -per_speed * per_speed if rolling > SPEED_FLOOR else 0.0
+    slip, per_speed, dper_dv, load = bounded(slip_speed, speed, normal_load)
     kinetic = kinetic_friction(on)
     mu = falling_friction(slip, kinetic, law.ratio_d, law.gamma_d)
     dmu_ds = -law.gamma_d * (mu - kinetic)

@@ -8,9 +8,9 @@ import math
 from typing import Any, NamedTuple
 
 from wsp_env.compiled import inlined
-from wsp_env.contact.laws.mixed import kinetic_friction
+from wsp_env.contact.laws.mixed import bounded, kinetic_friction
 from wsp_env.contact.polach import falling_friction
-from wsp_env.contact.traction import SPEED_FLOOR, Adhesion, Surface, TractionLaw
+from wsp_env.contact.traction import Adhesion, Surface, TractionLaw
 
 
 class KalkerLaw(NamedTuple):
@@ -33,9 +33,7 @@ def _share(x: float) -> tuple[float, float]:
 @inlined
 def evaluate(slip_speed: float, speed: float, normal_load: float, on: Surface, tau: float, law: KalkerLaw) -> Adhesion:
     """Evaluate the law; see `wsp_env.contact.traction.TractionLaw`."""
-    slip, rolling, load = abs(slip_speed), abs(speed), max(normal_load, 1e-6)
-    per_speed = 1.0 / max(rolling, SPEED_FLOOR)
-    dper_dv = -per_speed * per_speed if rolling > SPEED_FLOOR else 0.0
+    slip, per_speed, dper_dv, load = bounded(slip_speed, speed, normal_load)
     linear = 4.0 / math.pi * law.stiffness / load  # G a b c11 / N
     kinetic = kinetic_friction(on)
     mu = falling_friction(slip, kinetic, law.ratio_d, law.gamma_d)

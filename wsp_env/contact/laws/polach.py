@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 from wsp_env.compiled import inlined
 from wsp_env.contact.degraded import limit
-from wsp_env.contact.laws.mixed import kinetic_friction
-from wsp_env.contact.traction import SPEED_FLOOR, Adhesion, Surface, TractionLaw
+from wsp_env.contact.laws.mixed import bounded, kinetic_friction
+from wsp_env.contact.traction import Adhesion, Surface, TractionLaw
 
 
 class PolachLaw(NamedTuple):
@@ -26,9 +26,7 @@ class PolachLaw(NamedTuple):
 @inlined
 def evaluate(slip_speed: float, speed: float, normal_load: float, on: Surface, tau: float, law: PolachLaw) -> Adhesion:
     """Evaluate the law; see `wsp_env.contact.traction.TractionLaw`."""
-    slip, rolling, load = abs(slip_speed), abs(speed), max(normal_load, 1e-6)
-    per_speed = 1.0 / max(rolling, SPEED_FLOOR)
-    dper_dv = -per_speed * per_speed if rolling > SPEED_FLOOR else 0.0
+    slip, per_speed, dper_dv, load = bounded(slip_speed, speed, normal_load)
     mu_c = kinetic_friction(on)
     f, df_ds, df_dp = limit(slip, per_speed, load, law.stiffness, mu_c, law.ratio_d, law.gamma_d, law.k_a, law.k_s)
     clean, _, _ = limit(slip, per_speed, load, law.stiffness, on.mu_cr, law.ratio_d, law.gamma_d, law.k_a, law.k_s)
