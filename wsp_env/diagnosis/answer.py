@@ -4,7 +4,7 @@ import dataclasses
 from typing import Any, Literal
 
 #: What a diagnosis may say.
-Verdict = Literal["adequate", "named", "ambiguous", "unknown", "insufficient"]
+Verdict = Literal["adequate", "named", "ambiguous", "discovered", "unknown", "insufficient", "data"]
 
 #: What a closure leaves free, and over what.
 Quantity = Literal["adhesion", "rolling slip", "recorded speed", "torque", "force"]
@@ -82,6 +82,32 @@ class Named:
     null_gain: float  # largest one of the same name in null recordings
     held_out_gain: float
     curve: Curve | None = None  # none for creep curves, which are drawn themselves
+
+
+@dataclasses.dataclass(frozen=True)
+class Discovered:
+    """A term that has no name in the library, accepted on runs that it was not fitted to."""
+
+    slot: str  # brake torque, friction, recovery, vehicle force or sensor
+    slots_not_separable: tuple[str, ...]  # where the same term explains as much
+    axles: tuple[int, ...]  # from 1; none for the vehicle
+    equation: str  # in words and units
+    features: tuple[str, ...]  # what it depends on
+    parameters: dict[str, Estimate]
+    looks_like: tuple[str, ...]  # known physics of that form
+    removed_validate: float | None  # share of what can be removed of the held-out residual that it removes
+    multiple: float  # size over the smallest effect of interest
+    gain: float  # reduction of chi-square
+    held_out_gain: float
+
+
+@dataclasses.dataclass(frozen=True)
+class SuspectChannel:
+    """A channel that contradicts the others as no physics does."""
+
+    channel: str
+    suspicion: str
+    remedy: str
 
 
 @dataclasses.dataclass(frozen=True)
@@ -179,6 +205,8 @@ class Diagnosis:
     runs: tuple[RunFigures, ...]
     notes: tuple[str, ...]
     course: RunTrace | None = None  # none where no axle has blocks to show
+    discovered: tuple[Discovered, ...] = ()
+    suspect_channels: tuple[SuspectChannel, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return plain data."""
