@@ -1,0 +1,186 @@
+"""The drive: a model of mass and viscous friction, from which dry friction, offset and the rest are left out.
+
+The force of the motor is M a + F_v v + what is missing. Speed and acceleration come from the measured position by a filter
+without phase and central differences, and all rows pass the same decimation, as Janot, Gautier and Brunot (2019) identify
+their model. The first file is to tune on, the second is held out; the runs are the cycles of the reference.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import butter, decimate, filtfilt
+
+from experiments.measured.files import Drive
+from wsp_env.diagnosis.terms import Selection, Term, search
+
+#: Values of the benchmark's own simulation (Janot, Gautier, Brunot 2019): kg, N s/m, N, N.
+LITERATURE = {"M": 95.1089, "F_v": 203.5034, "F_c": 20.3935, "offset": -3.1648}
+#: Cut-off of the filter of the position [Hz] and its order: five times the bandwidth of the loop, 20 Hz, as in the benchmark.
+_CUT_OFF_HZ = 100.0
+_ORDER = 4
+#: The rows are decimated to twice the loop's bandwidth [Hz]: what is above is no motion of the drive.
+_ROWS_HZ = 40.0
+#: Rows at each end of a recording that the filters' edges reach, in seconds.
+_EDGE_S = 0.25
+#: An effect matters if it is 1 % of the force, as 1 % of the stopping distance does in the diagnosis of recorded stops.
+INTEREST = 0.01
+#: Speeds at which a smoothed sign or a Stribeck curve bends [m/s]; the drive reaches 0.25 m/s.
+_BENDS = (0.003, 0.01, 0.03, 0.1)
+#: Lags of the force [s].
+_LAGS = (0.01, 0.03, 0.1)
+
+
+class Rows(NamedTuple):
+    """Rows of both files."""
+
+    force: np.ndarray  # (n,) [N]
+    baseline: np.ndarray  # (n, 2) acceleration [m/s2] and speed [m/s]
+    terms: list[Term]
+    cycle: np.ndarray  # (n,) int, one number for each cycle of each file
+    held_out: np.ndarray  # (n,) bool, the second file
+    time: np.ndarray  # (n,) [s]
+    speed: np.ndarray  # (n,) [m/s]
+
+
+class Step(NamedTuple):
+    """The model after a number of terms."""
+
+    added: str
+    values: dict[str, float]  # mass, viscous friction and the terms' amplitudes, on the file to tune on
+    error_tune: float  # [%] of the force
+    error_held_out: float
+
+
+def rows(recordings: Sequence[Drive]) -> Rows:
+    """Make the rows of a file to tune on and a file to hold out."""
+    parts = [_rows(one) for one in recordings]
+    names = [name for name, _ in parts[0][2]]
+    # A number in a name is a parameter of the form.
+    terms = [Term(name, np.concatenate([part[2][i][1] for part in parts]), int("m/s" in name or "mm" in name or "at " in name)) for i, name in enumerate(names)]
+    count = [len(part[0]) for part in parts]
+    offset = np.cumsum([0, *(int(part[3].max()) + 1 for part in parts)])
+    return Rows(
+        np.concatenate([part[0] for part in parts]),
+        np.concatenate([part[1] for part in parts]),
+        terms,
+        np.concatenate([part[3] + start for part, start in zip(parts, offset, strict=False)]),
+        np.repeat([False, True], count),
+        np.concatenate([part[4] for part in parts]),
+        np.concatenate([part[1][:, 1] for part in parts]),
+    )
+
+
+def find(data: Rows, most: int = 6) -> Selection:
+    """Search what mass and viscous friction leave."""
+    nuisances = data.baseline, np.zeros(2, dtype=bool)
+    least = _Least(float(np.sqrt(np.mean(data.force**2))))
+    return search(data.force, data.terms, nuisances, data.cycle, data.held_out, least, most)
+
+
+class _Least(NamedTuple):
+    force: float  # rms [N]
+
+    def __call__(self, effect: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(effect**2)) / (INTEREST * self.force))
+
+
+def steps(data: Rows, selection: Selection) -> list[Step]:
+    """Return the errors of the model after each term, all amplitudes from the file to tune on."""
+    result = []
+    for count in range(len(selection.chosen) + 1):
+        taken = [one.term for one in selection.chosen[:count]]
+        x = np.column_stack([data.baseline, *(one.columns for one in taken)])
+        amplitude = np.linalg.lstsq(x[~data.held_out], data.force[~data.held_out], rcond=None)[0]
+        rest = data.force - x @ amplitude
+        errors = [100.0 * float(np.linalg.norm(rest[k]) / np.linalg.norm(data.force[k])) for k in (~data.held_out, data.held_out)]
+        names = ["M", "F_v", *(f"{one.name} {i}" if one.columns.shape[1] > 1 else one.name for one in taken for i in range(one.columns.shape[1]))]
+        added = taken[-1].name if taken else "mass, viscous friction"
+        result.append(Step(added, dict(zip(names, map(float, amplitude), strict=True)), *errors))
+    return result
+
+
+def literature_error(data: Rows) -> float:
+    """Relative error [%] on the held-out file of the model with the benchmark's own values."""
+    sign, one = (next(term.columns[:, 0] for term in data.terms if term.name == name) for name in ("sign(v)", "offset"))
+    model = np.column_stack([data.baseline, sign, one]) @ np.array(list(LITERATURE.values()))
+    held = data.held_out
+    return 100.0 * float(np.linalg.norm((data.force - model)[held]) / np.linalg.norm(data.force[held]))
+
+
+def _rows(one: Drive) -> tuple[np.ndarray, np.ndarray, list[tuple[str, np.ndarray]], np.ndarray, np.ndarray]:
+    """Return force (m,), baseline (m, 2), terms [(name, (m, k))], cycle (m,) and time (m,) of one recording."""
+    step = float(np.median(np.diff(one.time)))
+    smooth = butter(_ORDER, 2.0 * step * _CUT_OFF_HZ)
+    q = filtfilt(*smooth, one.position)
+    v = np.gradient(q, step)
+    a = np.gradient(v, step)
+    factor = round(1.0 / (step * _ROWS_HZ))
+    edge = round(_EDGE_S * _ROWS_HZ)
+
+    def thin(x: np.ndarray) -> np.ndarray:
+        result: np.ndarray = decimate(x, factor, axis=0)[edge:-edge]
+        return result
+
+    cycle = _cycles(one.reference)[::factor][edge:-edge]
+    terms = [(name, thin(np.column_stack(columns))) for name, columns in _candidates(one, q, v, a, step)]
+    time = one.time[::factor][edge:-edge]
+    return thin(one.force), thin(np.column_stack([a, v])), terms, cycle - cycle.min(), time
+
+
+def _cycles(reference: np.ndarray) -> np.ndarray:
+    """Number (n,) the cycles: one begins where the reference sets out forward after it went backward."""
+    speed = np.gradient(reference)
+    moving = np.abs(speed) > 1e-3 * np.abs(speed).max()
+    last = np.maximum.accumulate(np.where(moving, np.arange(len(speed)), 0))
+    way = np.sign(speed[last])
+    result: np.ndarray = np.concatenate([[0], np.cumsum(np.diff(way) > 1.0)])
+    return result
+
+
+def _candidates(one: Drive, q: np.ndarray, v: np.ndarray, a: np.ndarray, step: float) -> list[tuple[str, list[np.ndarray]]]:
+    """Return what may be missing, at the full sampling rate."""
+    sign, size = np.sign(v), np.abs(v)
+    result = [
+        ("sign(v)", [sign]),
+        ("offset", [np.ones(len(v))]),
+        ("sign(v), forward only", [(v > 0.0).astype(float)]),
+        ("sign(v), backward only", [-(v < 0.0).astype(float)]),
+        ("viscous, forward only", [np.maximum(v, 0.0)]),
+        ("|v| v", [size * v]),
+        ("v^2", [v**2]),
+        ("v^3", [v**3]),
+        ("sign(v) sqrt|v|", [sign * np.sqrt(size)]),
+        ("position", [q]),
+        ("position^2", [q**2]),
+        ("sign(v) position", [sign * q]),
+        ("v position", [v * q]),
+        ("time", [one.time]),
+        ("sign(v) time", [sign * one.time]),
+        ("a sign(v)", [a * sign]),
+        ("a forward only", [np.where(v > 0.0, a, 0.0)]),
+        ("power of the motor", [one.force * v]),
+        ("|force| sign(v)", [np.abs(one.force) * sign]),
+        ("change of acceleration", [np.gradient(a, step)]),
+        ("pulses_N", [one.pulses]),
+    ]
+    for bend in _BENDS:
+        result.append((f"tanh(v / {bend:g} m/s)", [np.tanh(v / bend)]))
+        result.append((f"Stribeck, {bend:g} m/s", [sign * np.exp(-((v / bend) ** 2))]))
+    for lag in _LAGS:
+        result.append((f"force, low-passed at {lag:g} s", [_low_pass(one.force, lag, step)]))
+    span = float(np.ptp(q))
+    # From one wave over the travel to forty, each half a wave from the next: nothing falls between two of them.
+    for waves in np.arange(1.0, 40.5, 0.5):
+        phase = 2.0 * np.pi * waves * (q - q.min()) / span
+        result.append((f"swing over position, {1e3 * span / waves:.1f} mm", [np.sin(phase), np.cos(phase)]))
+    return result
+
+
+def _low_pass(x: np.ndarray, lag: float, step: float) -> np.ndarray:
+    """First-order lag of x (n,), less x."""
+    share, state, result = step / (lag + step), float(x[0]), np.empty(len(x))
+    for i, value in enumerate(x):
+        state += share * (value - state)
+        result[i] = state
+    return result - x
