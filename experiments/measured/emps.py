@@ -55,9 +55,8 @@ class Step(NamedTuple):
 def rows(recordings: Sequence[Drive]) -> Rows:
     """Make the rows of a file to tune on and a file to hold out."""
     parts = [_rows(one) for one in recordings]
-    names = [name for name, _ in parts[0][2]]
-    # A number in a name is a parameter of the form.
-    terms = [Term(name, np.concatenate([part[2][i][1] for part in parts]), int("m/s" in name or "mm" in name or "at " in name)) for i, name in enumerate(names)]
+    names = [name for name, _, _ in parts[0][2]]
+    terms = [Term(name, np.concatenate([part[2][i][1] for part in parts]), parts[0][2][i][2]) for i, name in enumerate(names)]
     count = [len(part[0]) for part in parts]
     offset = np.cumsum([0, *(int(part[3].max()) + 1 for part in parts)])
     return Rows(
@@ -74,42 +73,54 @@ def rows(recordings: Sequence[Drive]) -> Rows:
 def find(data: Rows, most: int = 6) -> Selection:
     """Search what mass and viscous friction leave."""
     nuisances = data.baseline, np.zeros(2, dtype=bool)
-    least = _Least(float(np.sqrt(np.mean(data.force**2))))
+    force = float(np.sqrt(np.mean(data.force**2)))
+
+    def least(effect: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(effect**2)) / (INTEREST * force))
+
     return search(data.force, data.terms, nuisances, data.cycle, data.held_out, least, most)
-
-
-class _Least(NamedTuple):
-    force: float  # rms [N]
-
-    def __call__(self, effect: np.ndarray) -> float:
-        return float(np.sqrt(np.mean(effect**2)) / (INTEREST * self.force))
 
 
 def steps(data: Rows, selection: Selection) -> list[Step]:
     """Return the errors of the model after each term, all amplitudes from the file to tune on."""
-    result = []
-    for count in range(len(selection.chosen) + 1):
-        taken = [one.term for one in selection.chosen[:count]]
-        x = np.column_stack([data.baseline, *(one.columns for one in taken)])
-        amplitude = np.linalg.lstsq(x[~data.held_out], data.force[~data.held_out], rcond=None)[0]
-        rest = data.force - x @ amplitude
-        errors = [100.0 * float(np.linalg.norm(rest[k]) / np.linalg.norm(data.force[k])) for k in (~data.held_out, data.held_out)]
-        names = ["M", "F_v", *(f"{one.name} {i}" if one.columns.shape[1] > 1 else one.name for one in taken for i in range(one.columns.shape[1]))]
-        added = taken[-1].name if taken else "mass, viscous friction"
-        result.append(Step(added, dict(zip(names, map(float, amplitude), strict=True)), *errors))
-    return result
+    names = [one.term.name for one in selection.chosen]
+    return [fitted(data, names[:count]) for count in range(len(names) + 1)]
+
+
+def remains(data: Rows, selection: Selection) -> list[np.ndarray]:
+    """Return the force (n,) [N] that is left after each term."""
+    names = [one.term.name for one in selection.chosen]
+    return [_fit(data, names[:count])[1] for count in range(len(names) + 1)]
+
+
+def fitted(data: Rows, names: Sequence[str]) -> Step:
+    """Fit mass, viscous friction and some terms to the file to tune on."""
+    amplitude, rest = _fit(data, names)
+    parts = (~data.held_out, data.held_out)
+    errors = [100.0 * float(np.linalg.norm(rest[k]) / np.linalg.norm(data.force[k])) for k in parts]
+    widths = [next(one for one in data.terms if one.name == name).columns.shape[1] for name in names]
+    every = ["M", "F_v", *(name for name, width in zip(names, widths, strict=True) for _ in range(width))]
+    added = names[-1] if names else "mass, viscous friction"
+    return Step(added, dict(zip(every, map(float, amplitude), strict=True)), *errors)
+
+
+def _fit(data: Rows, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    by_name = {one.name: one.columns for one in data.terms}
+    x = np.column_stack([data.baseline, *(by_name[name] for name in names)])
+    amplitude = np.linalg.lstsq(x[~data.held_out], data.force[~data.held_out], rcond=None)[0]
+    return amplitude, data.force - x @ amplitude
 
 
 def literature_error(data: Rows) -> float:
     """Relative error [%] on the held-out file of the model with the benchmark's own values."""
-    sign, one = (next(term.columns[:, 0] for term in data.terms if term.name == name) for name in ("sign(v)", "offset"))
-    model = np.column_stack([data.baseline, sign, one]) @ np.array(list(LITERATURE.values()))
+    by_name = {one.name: one.columns for one in data.terms}
+    model = np.column_stack([data.baseline, by_name["sign(v)"], by_name["offset"]]) @ np.array(list(LITERATURE.values()))
     held = data.held_out
     return 100.0 * float(np.linalg.norm((data.force - model)[held]) / np.linalg.norm(data.force[held]))
 
 
-def _rows(one: Drive) -> tuple[np.ndarray, np.ndarray, list[tuple[str, np.ndarray]], np.ndarray, np.ndarray]:
-    """Return force (m,), baseline (m, 2), terms [(name, (m, k))], cycle (m,) and time (m,) of one recording."""
+def _rows(one: Drive) -> tuple[np.ndarray, np.ndarray, list[tuple[str, np.ndarray, int]], np.ndarray, np.ndarray]:
+    """Return force (m,), baseline (m, 2), terms [(name, (m, k), parameters of form)], cycle (m,), time (m,)."""
     step = float(np.median(np.diff(one.time)))
     smooth = butter(_ORDER, 2.0 * step * _CUT_OFF_HZ)
     q = filtfilt(*smooth, one.position)
@@ -123,13 +134,15 @@ def _rows(one: Drive) -> tuple[np.ndarray, np.ndarray, list[tuple[str, np.ndarra
         return result
 
     cycle = _cycles(one.reference)[::factor][edge:-edge]
-    terms = [(name, thin(np.column_stack(columns))) for name, columns in _candidates(one, q, v, a, step)]
+    plain = [(name, thin(np.column_stack([column])), 0) for name, column in _plain(one, q, v, a, step)]
+    formed = [(name, thin(np.column_stack(columns)), 1) for name, columns in _formed(one, q, v, step)]
+    terms = plain + formed
     time = one.time[::factor][edge:-edge]
     return thin(one.force), thin(np.column_stack([a, v])), terms, cycle - cycle.min(), time
 
 
 def _cycles(reference: np.ndarray) -> np.ndarray:
-    """Number (n,) the cycles: one begins where the reference sets out forward after it went backward."""
+    """Return the number (n,) of the cycle: one begins where the reference sets out forward after it went backward."""
     speed = np.gradient(reference)
     moving = np.abs(speed) > 1e-3 * np.abs(speed).max()
     last = np.maximum.accumulate(np.where(moving, np.arange(len(speed)), 0))
@@ -138,35 +151,40 @@ def _cycles(reference: np.ndarray) -> np.ndarray:
     return result
 
 
-def _candidates(one: Drive, q: np.ndarray, v: np.ndarray, a: np.ndarray, step: float) -> list[tuple[str, list[np.ndarray]]]:
-    """Return what may be missing, at the full sampling rate."""
+def _plain(one: Drive, q: np.ndarray, v: np.ndarray, a: np.ndarray, step: float) -> list[tuple[str, np.ndarray]]:
+    """Return what may be missing and has no parameter but its amplitude, at the full sampling rate."""
     sign, size = np.sign(v), np.abs(v)
-    result = [
-        ("sign(v)", [sign]),
-        ("offset", [np.ones(len(v))]),
-        ("sign(v), forward only", [(v > 0.0).astype(float)]),
-        ("sign(v), backward only", [-(v < 0.0).astype(float)]),
-        ("viscous, forward only", [np.maximum(v, 0.0)]),
-        ("|v| v", [size * v]),
-        ("v^2", [v**2]),
-        ("v^3", [v**3]),
-        ("sign(v) sqrt|v|", [sign * np.sqrt(size)]),
-        ("position", [q]),
-        ("position^2", [q**2]),
-        ("sign(v) position", [sign * q]),
-        ("v position", [v * q]),
-        ("time", [one.time]),
-        ("sign(v) time", [sign * one.time]),
-        ("a sign(v)", [a * sign]),
-        ("a forward only", [np.where(v > 0.0, a, 0.0)]),
-        ("power of the motor", [one.force * v]),
-        ("|force| sign(v)", [np.abs(one.force) * sign]),
-        ("change of acceleration", [np.gradient(a, step)]),
-        ("pulses_N", [one.pulses]),
+    return [
+        ("sign(v)", sign),
+        ("offset", np.ones(len(v))),
+        ("sign(v), forward only", (v > 0.0).astype(float)),
+        ("sign(v), backward only", -(v < 0.0).astype(float)),
+        ("viscous, forward only", np.maximum(v, 0.0)),
+        ("|v| v", size * v),
+        ("v^2", v**2),
+        ("v^3", v**3),
+        ("sign(v) sqrt|v|", sign * np.sqrt(size)),
+        ("position", q),
+        ("position^2", q**2),
+        ("sign(v) position", sign * q),
+        ("v position", v * q),
+        ("time", one.time),
+        ("sign(v) time", sign * one.time),
+        ("a sign(v)", a * sign),
+        ("a forward only", np.where(v > 0.0, a, 0.0)),
+        ("power of the motor", one.force * v),
+        ("|force| sign(v)", np.abs(one.force) * sign),
+        ("change of acceleration", np.gradient(a, step)),
+        ("pulses_N", one.pulses),
     ]
+
+
+def _formed(one: Drive, q: np.ndarray, v: np.ndarray, step: float) -> list[tuple[str, list[np.ndarray]]]:
+    """Return what may be missing and has a parameter of its form, several values of it."""
+    result = []
     for bend in _BENDS:
         result.append((f"tanh(v / {bend:g} m/s)", [np.tanh(v / bend)]))
-        result.append((f"Stribeck, {bend:g} m/s", [sign * np.exp(-((v / bend) ** 2))]))
+        result.append((f"Stribeck, {bend:g} m/s", [np.sign(v) * np.exp(-((v / bend) ** 2))]))
     for lag in _LAGS:
         result.append((f"force, low-passed at {lag:g} s", [_low_pass(one.force, lag, step)]))
     span = float(np.ptp(q))

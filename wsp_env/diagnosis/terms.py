@@ -8,9 +8,9 @@ A term is one column or a group of columns. It is accepted only if, off all nuis
 2. its own effect, all else re-tuned, is large enough to matter, which the caller decides.
 
 The candidates are ranked by what they explain on the runs to tune on; of those that these runs cannot tell apart the
-plainest is taken, that with the fewest parameters, and the others are named as alternatives. The held-out runs are asked one question a step,
-about the best candidate, and the search stops at the first no: however many terms are tried, noise alone passes at most as
-often as the level says. Rows of one run may depend on each other in any way; runs may not.
+plainest is taken, that with the fewest parameters, and the others are named as alternatives. The held-out runs are asked
+one question a step, about this one candidate, and the search stops at the first no: however many terms are tried, noise
+alone passes at most as often as the level says. Rows of one run may depend on each other in any way; runs may not.
 
 Everything is done with the runs' Gram matrices: no step but the size of an effect touches the rows.
 """
