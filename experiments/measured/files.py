@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.io import loadmat
+from scipy.io.matlab import MatReadError
 
 #: Names of the two files of the drive.
 DRIVE_FILES = ("DATA_EMPS.mat", "DATA_EMPS_PULSES.mat")
@@ -63,7 +64,7 @@ def _drive(file: Path) -> Drive:
     try:
         raw: dict[str, Any] = loadmat(file)
         channel = {name: np.ravel(raw[name]).astype(float) for name in ("t", "qm", "qg", "vir", "gtau")}
-    except (ValueError, KeyError, OSError, NotImplementedError, TypeError) as error:
+    except (MatReadError, ValueError, KeyError, OSError, NotImplementedError, TypeError) as error:
         raise MeasuredError(f"{file} is not a recording of the drive: {error}") from error
     pulses = np.ravel(raw.get("pulses_N", np.zeros(len(channel["t"])))).astype(float)
     force = channel["gtau"][0] * channel["vir"]
