@@ -25,7 +25,7 @@ _ROWS_HZ = 40.0
 _EDGE_S = 0.25
 #: An effect matters if it is 1 % of the force, as 1 % of the stopping distance does in the diagnosis of recorded stops.
 INTEREST = 0.01
-#: Speeds at which a smoothed sign or a Stribeck curve bends [m/s]; the drive reaches 0.25 m/s.
+#: Speeds at which a smoothed sign or a Stribeck curve bends [m/s]; the drive reaches 0.13 m/s.
 _BENDS = (0.003, 0.01, 0.03, 0.1)
 #: Lags of the force [s].
 _LAGS = (0.01, 0.03, 0.1)

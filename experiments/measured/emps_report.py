@@ -54,15 +54,24 @@ def _values(data: emps.Rows, found: Selection) -> str:
     dry = next((i for i, one in enumerate(found.chosen) if one.term.name == "sign(v)"), -1) + 1
     values = emps.steps(data, found)[dry].values
     own = emps.fitted(data, ("sign(v)", "offset"))
-    names = {"M": "mass [kg]", "F_v": "viscous friction [N s/m]", "F_c": "dry friction [N]", "offset": "offset [N]"}
+    asymmetric = emps.fitted(data, ("sign(v)", "offset", "viscous, forward only"))
+    names = {
+        "M": "mass [kg]",
+        "F_v": "viscous friction [N s/m]",
+        "F_c": "dry friction [N]",
+        "offset": "offset [N]",
+        "viscous, forward only": "more viscous friction forward [N s/m]",
+    }
     rows = []
     for key, text in names.items():
         name = "sign(v)" if key == "F_c" else key
-        shown = [f"{one[name]:.2f}" if name in one else "-" for one in (values, own.values)]
-        rows.append([text, *shown, f"{emps.LITERATURE[key]:.2f}"])
-    errors = [emps.steps(data, found)[dry].error_held_out, own.error_held_out, emps.literature_error(data)]
+        shown = [f"{one[name]:.2f}" if name in one else "-" for one in (values, own.values, asymmetric.values)]
+        rows.append([text, *shown, f"{emps.LITERATURE[key]:.2f}" if key in emps.LITERATURE else "-"])
+    after = emps.steps(data, found)[dry].error_held_out
+    errors = [after, own.error_held_out, asymmetric.error_held_out, emps.literature_error(data)]
     rows.append(["held-out error [%]", *(f"{one:.2f}" for one in errors)])
-    return table(["", "after dry friction was found", "the literature's terms, fitted here", "the literature's values"], rows)
+    head = ["", "dry friction, found", "with offset, fitted", "asymmetric friction, fitted", "the literature's values"]
+    return table(head, rows)
 
 
 def draw(folder: Path, docs: Path) -> None:

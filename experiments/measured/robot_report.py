@@ -138,19 +138,26 @@ class Report:
         return table([*head, "crossings seen", "change, median"], rows)
 
     def _null(self) -> str:
-        rows = []
+        rows: list[list[str]] = []
+        alarms, every = 0, []
         for name, runs in self.alone.items():
             found = lone.null(name, runs)
-            alarms = lone.false_alarms(found)
+            mine = lone.false_alarms(found)
+            alarms += mine
             halves = []
             for half in (0, 1):
                 model = robot.identify(name, runs[half::2])
                 chosen = robot.find(robot.campaign(runs[1 - half :: 2], model), model).chosen
+                every.append(chosen)
                 halves.append("; ".join(f"{one.term.name}, {_change(one)}" for one in chosen) or "nothing")
             speeds = ", ".join(f"{one:g}" for one in self.models[name].speeds)
-            rate = f"{alarms} of {len(runs)} ({100.0 * alarms / len(runs):.1f} %)"
+            rate = f"{mine} of {len(runs)} ({100.0 * mine / len(runs):.1f} %)"
             rows.append([name, f"{speeds} m/s", rate, *halves])
-        return table(["surface", "speeds", "false alarms, runs alone", "search, one half", "search, other half"], rows)
+        count = sum(len(runs) for runs in self.alone.values())
+        runs_alone = f"Runs alone: {alarms} of {count} ({100.0 * alarms / count:.1f} %) are false alarms."
+        searches = f"Searches: {sum(bool(one) for one in every)} of {len(every)} accept a term."
+        head = ["surface", "speeds", "false alarms, runs alone", "search, one half", "search, other half"]
+        return table(head, rows) + f"\n{runs_alone} {searches}\n"
 
     def draw(self, docs: Path) -> None:
         """Draw where the force is what, and one run along its path."""
@@ -179,6 +186,7 @@ class Report:
         runs, model = self.across[pair], self.models[first]
         found = robot.find(robot.campaign(runs, model), model).chosen[0]
         column = np.split(found.term.columns[:, 0], np.cumsum([len(one.time) for one in runs])[:-1])
+
         line = lone.border(runs, [one.slip for one in runs])[0]
         held = np.flatnonzero(robot.held_out(runs))
         best = max(held, key=lambda i: (np.isfinite(lone.crossings(runs[i], line)).sum(), np.ptp(runs[i].path)))
