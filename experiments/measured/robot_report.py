@@ -184,9 +184,9 @@ class Report:
     def _along(self, axes: Any, pair: str, first: str, other: str) -> None:
         """Draw the run in which most wheels cross the border, about the model and with what was found."""
         runs, model = self.across[pair], self.models[first]
-        found = robot.find(robot.campaign(runs, model), model).chosen[0]
-        column = np.split(found.term.columns[:, 0], np.cumsum([len(one.time) for one in runs])[:-1])
-
+        chosen = robot.find(robot.campaign(runs, model), model, most=1).chosen
+        x = chosen[0].term.columns @ chosen[0].amplitude if chosen else np.zeros(sum(len(one.time) for one in runs))
+        column = np.split(x * model.row_deviation, np.cumsum([len(one.time) for one in runs])[:-1])
         line = lone.border(runs, [one.slip for one in runs])[0]
         held = np.flatnonzero(robot.held_out(runs))
         best = max(held, key=lambda i: (np.isfinite(lone.crossings(runs[i], line)).sum(), np.ptp(runs[i].path)))
@@ -195,7 +195,7 @@ class Report:
         axes.axhline(model.level(run), color="C0", label=f"model of the {first}")
         axes.plot(
             run.path,
-            model.level(run) + column[best] * model.row_deviation * found.amplitude[0],
+            model.level(run) + column[best],
             color="C1",
             label="with what was found",
         )
