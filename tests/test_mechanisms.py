@@ -89,7 +89,7 @@ def test_says_what_it_is(name):
         assert one.low <= one.typical <= one.high
         assert one.unit
         assert one.source
-        assert one.kind in ("size", "shape", "axle")
+        assert one.kind in ("size", "shape", "axle", "stop")
     assert any(one.typical != one.null for one in mechanism.sizes)
 
 
@@ -231,9 +231,10 @@ def test_refuses_impossible_values(name):
         for value in (one.low - 1.0, one.high + 1.0, math.nan, "much"):
             with pytest.raises(ParameterError, match=one.name):
                 make({name: {one.name: value}})
-        if one.kind == "axle":
+        if one.whole:
             with pytest.raises(ParameterError, match="whole number"):
                 make({name: {one.name: 1.5}})
+        if one.kind == "axle":
             with pytest.raises(ParameterError, match="the vehicle has 2"):
                 plant_of(BOGIE, mechanisms={name: {one.name: 3.0}})
     with pytest.raises(ParameterError, match="no parameter colour"):
@@ -262,7 +263,6 @@ def test_smallest_effect_is_just_of_interest(name, size, plain):
     value = smallest_effect(name, size.name)
     assert size.low <= value <= size.high
     rest = {one.name: one.null if one.kind == "size" else one.typical for one in ALL[name].parameters}
-    rest |= {"axle": 2.0} if "axle" in rest else {}
 
     def moved(value):
         return effect(reference_stops(COACH, {name: rest | {size.name: value}}), plain, COACH.wheel_radius_m)
@@ -343,7 +343,7 @@ def test_energy_on_the_rail_does_not_depend_on_the_steps(steps, start):
     spent = leading_axle_cleaning.Spent(np.zeros((1, 400)), np.zeros((1, 1)))
     place = float(start)
     for step in steps:
-        leading_axle_cleaning.remember(p, spent, 0, 0, Passage(place, place + step, step, 0.0, 0.0, 0.0, 1.0))
+        leading_axle_cleaning.remember(p, spent, 0, 0, Passage(place, place + step, step, 0.0, 0.0, 0.0, 1.0, 0.0))
         place += step
     passed = [cell % 400 for cell in range(start, math.floor(place))]
     assert_allclose(spent.ring[0, passed], 1.0, rtol=1e-9)

@@ -45,6 +45,7 @@ def unavailable(balances: Balances) -> dict[str, str]:
     rows, measured = balances.rows, balances.campaign.vehicle.torque_is_measured
     blind = measured and not (rows.balance == ACTUATOR).any()
     slides = bool((rows.balance == ADHESION).any())
+    stops: dict[str, str] = {}
     brakes: dict[str, str] = {}
     axles: dict[str, str] = {}
     contacts: dict[str, str] = {}
@@ -54,9 +55,11 @@ def unavailable(balances: Balances) -> dict[str, str]:
             brakes[name] = "the torque itself is measured, and no cylinder pressure beside it"
         elif balances.axles < signature.least_axles:
             axles[name] = f"needs {signature.least_axles} axles"
+        elif len(balances.stops) < signature.least_stops:
+            stops[name] = f"needs {signature.least_stops} stops"
         elif not slides and "adhesion" in signature.balances:
             contacts[name] = "no wheel slides"
-    return brakes | axles | contacts
+    return brakes | axles | stops | contacts
 
 
 def variants(balances: Balances) -> Iterator[Variant]:

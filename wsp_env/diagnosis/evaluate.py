@@ -10,6 +10,7 @@ from wsp_env.diagnosis.stops import PreparedStop, torque_per_bar
 from wsp_env.parameters.campaign_vehicle import plant_vehicle
 from wsp_env.parameters.vehicle import Brake, Vehicle
 from wsp_env.plant.longitudinal import along
+from wsp_env.plant.mechanisms import at_stop
 from wsp_env.recordings import Campaign
 
 #: Mechanism -> its parameters.
@@ -73,8 +74,10 @@ class Evaluator:
 
     def __call__(self, model: Model) -> list[Evaluation]:
         """Return what the model says of every stop."""
-        constants = along.model(self.vehicle, model.choice)
-        return [self._one(i, constants, model) for i in range(len(self.stops))]
+        common = along.model(self.vehicle, model.choice)
+        own = [at_stop(model.choice, stop.earlier) for stop in self.stops]
+        each = [common if one is model.choice else along.model(self.vehicle, one) for one in own]
+        return [self._one(i, constants, model) for i, constants in enumerate(each)]
 
     def _one(self, i: int, constants: Any, model: Model) -> Evaluation:
         stop, inertia = self.stops[i], self.vehicle.wheelset_inertia_kgm2

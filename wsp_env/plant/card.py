@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from wsp_env.compiled import inlined
 from wsp_env.parameters.quantity import ParameterError
 
 #: The balances of a recording in which a mechanism may show (see `wsp_env.plant.longitudinal.along`).
@@ -18,18 +19,22 @@ BALANCES = ("vehicle", "adhesion", "kinematics", "actuator")
 #: What a mechanism may act on.
 ACTS_ON = ("contact", "brake", "vehicle", "sensor")
 
+#: Share of the largest torque of one axle from which on its brake counts as applied (assumption).
+APPLIED_SHARE = 0.05
+
 #: What the curve of a mechanism may be drawn over.
 Over = Literal["slip", "work", "place", "time", "speed", "axle", "deceleration"]
 
 
 #: The slots in which a mechanism may act, with the arguments that its function there takes after its own (record, what `derive`
-#: and `memory` made). Those of the first four are called once a stop and return the true value in place of the believed one;
+#: and `memory` made). Those of the first five are called once a stop and return the true value in place of the believed one;
 #: `wsp_env.plant.slots` says what each of the others returns.
 SLOTS = {
     "mass": "believed_kg",
     "gradient": "believed",
     "radii": "believed_m",
     "law": "believed",
+    "tau": "believed_m_per_j",
     "contaminated_friction": "place",
     "friction": "speed",
     "layer": "i, k, place, rolled, layer, held",
@@ -50,7 +55,8 @@ class Parameter(NamedTuple):
     """One parameter of a mechanism.
 
     `kind` is "size" (with all sizes at their null the mechanism vanishes exactly), "shape" (where or how a size acts; means
-    nothing while the sizes are null) or "axle" (a whole number: the wheelset concerned, from 1).
+    nothing while the sizes are null), "axle" (a whole number: the wheelset concerned, from 1) or "stop" (a whole number: how
+    many stops came before on the same rail; along a campaign every recording has its own).
     """
 
     name: str
@@ -63,6 +69,11 @@ class Parameter(NamedTuple):
     kind: str = "size"
     fitted: bool = True  # False: the diagnosis leaves this size to another mechanism, or size, with the same trace
     refit_step: float = 0.0  # of a shape: the step by which a refit moves it; 0: it stays where the search put it
+
+    @property
+    def whole(self) -> bool:
+        """Whether it is a whole number."""
+        return self.kind in ("axle", "stop")
 
 
 class Said(NamedTuple):
@@ -102,6 +113,22 @@ def each_axle(recorded: Recorded) -> list[dict[str, float]]:
     return [{"axle": float(k + 1)} for k in range(recorded.axles)]
 
 
+def all_or_each_axle(recorded: Recorded) -> list[dict[str, float]]:
+    """Return a variant for all axles together, 0, and one for every axle."""
+    return [{"axle": 0.0}, *(each_axle(recorded) if recorded.axles > 1 else [])]
+
+
+@inlined
+def concerns(axle: float, k: int) -> bool:
+    """Whether a parameter `axle`, from 1 or 0 for all, concerns the axle with index k, from 0."""
+    return axle == 0.0 or axle == k + 1.0
+
+
+def whose(values: Mapping[str, float]) -> Mapping[str, Any]:
+    """Return the axle in words, for the sentences of `Said`; 0 stands for all."""
+    return {"whose": f"axle {values['axle']:.0f}'s" if values["axle"] else "every axle's"}
+
+
 def no_words(values: Mapping[str, float]) -> Mapping[str, Any]:
     """Return no further fields for the sentences of `Said`."""
     return {}
@@ -135,6 +162,7 @@ class Signature(NamedTuple):
     over: Over = "slip"  # what its curve is drawn over
     exact: bool = False  # it has one form only, so that next to nothing of it is left once it was fitted
     least_axles: int = 1  # that a vehicle must have to show it
+    least_stops: int = 1  # that a campaign must have to show it
     normal: Mapping[str, float] = {}  # size -> change from its null up to which it is normal variation of sound vehicles
     variants: Callable[[Recorded], list[dict[str, float]]] = one_variant  # its shapes and axles to try
     words: Callable[[Mapping[str, float]], Mapping[str, Any]] = no_words  # further fields for `said`, from the parameters
@@ -154,6 +182,13 @@ class Passage(NamedTuple):
     duration_s: float
     torque_nm: float  # of the brake, believed [N m]
     full_torque_nm: float  # the same at full pressure [N m]
+    slip_mps: float  # v - r w, mean [m/s]
+
+
+@inlined
+def brakes(passage: Passage) -> bool:
+    """Whether the axle's brake was applied."""
+    return passage.torque_nm > APPLIED_SHARE * passage.full_torque_nm
 
 
 class Card(NamedTuple):

@@ -1,8 +1,8 @@
 """Where mechanisms act. Each slot is written once; the plant's step and the evaluation along a recording call the same ones.
 
 A slot runs through the cards that act in it, in the order of `mechanisms.ALL`: factors multiply, forces add, and what is handed
-on goes from one to the next. Their code is made from the cards when this module is loaded. Four further slots, "mass",
-"gradient", "radii" and "law", act on what is constant in a stop, see `mechanisms.believed_to_true`.
+on goes from one to the next. Their code is made from the cards when this module is loaded. Five further slots, "mass",
+"gradient", "radii", "law" and "tau", act on what is constant in a stop, see `mechanisms.believed_to_true`.
 """
 
 from collections.abc import Callable

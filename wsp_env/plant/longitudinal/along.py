@@ -143,13 +143,14 @@ def along(trajectory: Trajectory, run: Belief, m: PlantModel) -> Prediction:
     for name, lowest in (("mu_cd", mu_cd.min()), ("mass_kg", mass), ("radius_m", radius.min())):
         if not lowest > 0.0:
             raise ParameterError(f"{name} = {lowest:g} is impossible: it must be above 0")
-    if not 0.0 <= run.tau < np.inf:
-        raise ParameterError(f"tau = {run.tau:g} m/J is impossible: it must be finite, 0 or more")
+    tau = mechanisms.believed_to_true("tau", m.mechanisms, run.tau)
+    if not 0.0 <= tau < np.inf:
+        raise ParameterError(f"tau = {tau:g} m/J is impossible: it must be finite, 0 or more")
     per_axle = np.empty((6, samples, axles))
     per_vehicle = np.empty((2, samples))
     active = Active(m.mechanisms, m.constants.derived, mechanisms.remember(1, m.axle_positions_m))
-    conditions = _Believed(mu_cd, float(run.tau), float(mass), float(gradient), radius)
-    _evaluate(_columns(trajectory), conditions, m.constants, m.law, active, per_axle, per_vehicle, np.zeros((2, axles)))
+    conditions = _Believed(mu_cd, float(tau), float(mass), float(gradient), radius)
+    _evaluate(_columns(trajectory), conditions, m.constants, m.law, active, per_axle, per_vehicle, np.zeros((3, axles)))
     adhesion, slope, load, slip, wheel, factor = per_axle
     return Prediction(adhesion, slope, load, slip, wheel, factor, per_vehicle[0], per_vehicle[1], mass, radius)
 
@@ -180,8 +181,9 @@ def _columns(trajectory: Trajectory) -> _Columns:
     return _Columns(*(getattr(trajectory, field.name) for field in dataclasses.fields(trajectory)))
 
 
-# Rows of the scratch array `power` (2, axles) at the last sample: friction power of one wheel, braking power of the axle [W].
-_FRICTION, _BRAKING = range(2)
+# Rows of the scratch array `power` (3, axles) at the last sample: friction power of one wheel, braking power of the axle [W],
+# slip speed [m/s].
+_FRICTION, _BRAKING, _SLIP = range(3)
 
 
 @loop
@@ -207,6 +209,7 @@ def _evaluate(
             passage = Passage(
                 measured.position[before] - offset, measured.position[j] - offset, power[_FRICTION, k] * duration,
                 power[_BRAKING, k] * duration, duration, measured.torque[j, k], full_torque,
+                power[_SLIP, k],
             )  # fmt: skip
             after_passage(active, 0, k, passage)
         believed = running_resistance(speed, p.resistance) + c.mass * p.gravity * c.gradient
@@ -224,6 +227,7 @@ def _evaluate(
             factor = torque_factor(active, 0, k, c.radius[k] * wheel, torque / p.brake.torque_per_bar)
             power[_FRICTION, k] = adhesion.f * load * abs(slip)
             power[_BRAKING, k] = factor * torque * wheel
+            power[_SLIP, k] = slip
             per_axle[0, j, k] = adhesion.f if slip >= 0.0 else -adhesion.f
             per_axle[1, j, k] = adhesion.df_ds
             per_axle[2, j, k] = load

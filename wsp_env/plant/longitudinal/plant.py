@@ -48,7 +48,7 @@ class LongitudinalPlant(Plant):
         for array in (*s[: State._fields.index("brake")], *(array for memory in s.memory for array in memory)):
             array[index] = 0.0
         c.mu_cd[index] = stop.mu_cd
-        c.tau[index] = stop.tau
+        c.tau[index] = library.believed_to_true("tau", own, stop.tau)
         c.mass[index] = library.believed_to_true("mass", own, stop.mass)
         c.demand[index] = stop.demand
         c.gradient[index] = library.believed_to_true("gradient", own, stop.gradient)

@@ -214,6 +214,7 @@ def _move(i: int, h: float, after: float, on_step: Stepping) -> None:
         passage = Passage(
             place, place + travelled, 0.5 * spent, torque * turned, h,
             brake.torque(state.brake.pressure[i, k], 1.0, p.brake), brake.torque(p.brake.full_pressure, 1.0, p.brake),
+            (travelled - radius * turned) / h,
         )  # fmt: skip
         after_passage(active, i, k, passage)
         state.wheel_speed[i, k] = wheel

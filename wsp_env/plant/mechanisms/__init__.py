@@ -36,6 +36,9 @@ _FILES = (
     "wheel_radius",
     "wheel_speed_lag",
     "clock_offset",
+    "sanding",
+    "coupler_force",
+    "rail_drift",
 )
 
 
@@ -102,11 +105,20 @@ def _record(card: Card, given: Mapping[str, float]) -> tuple[float, ...]:
         value = given.get(parameter.name, parameter.typical)
         metadata = {"low": parameter.low, "high": parameter.high, "unit": parameter.unit, "open_low": False}
         check(f"mechanism {card.name}: {parameter.name}", value, metadata)
-        if parameter.kind == "axle" and value != math.floor(value):
-            raise ParameterError(f"mechanism {card.name}: {parameter.name} = {value:g} must be a whole number, from 1")
+        if parameter.whole and value != math.floor(value):
+            least = f"{parameter.low:g}"
+            raise ParameterError(f"mechanism {card.name}: {parameter.name} = {value:g} must be a whole number, from {least}")
         values.append(float(value))
     record: tuple[float, ...] = card.record(*values)
     return record
+
+
+def at_stop(choice: Mapping[str, Mapping[str, float]], earlier: int) -> Mapping[str, Mapping[str, float]]:
+    """Return the mechanisms of `choice` as they are after so many earlier stops on the same rail; itself where none asks."""
+    counts = {name: [one.name for one in ALL[name].parameters if one.kind == "stop"] for name in choice}
+    if not any(counts.values()):
+        return choice
+    return {name: {**given, **dict.fromkeys(counts[name], float(earlier))} for name, given in choice.items()}
 
 
 def check_axles(mechanisms: Mechanisms, axles: int) -> None:
@@ -144,7 +156,7 @@ mechanisms_at = _reader()
 
 
 def believed_to_true(slot: str, mechanisms: Mechanisms, believed: Any) -> Any:
-    """Hand a quantity that is constant in a stop through the mechanisms acting on it: "mass", "gradient", "radii" or "law".
+    """Hand a quantity that is constant in a stop through the mechanisms acting on it: "mass", "gradient", "radii", "law", "tau".
 
     `ParameterError` for a mechanism that is on and acts on what the vehicle's traction law does not have.
     """
