@@ -39,6 +39,10 @@ _FILES = (
     "sanding",
     "coupler_force",
     "rail_drift",
+    "wheelset_inertia",
+    "brake_delay",
+    "dragging_brake",
+    "blended_brake",
 )
 
 

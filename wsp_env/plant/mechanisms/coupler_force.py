@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Parameter, Passage, Recorded, Said, Signature, brakes
+from wsp_env.plant.card import APPLIED_SHARE, Card, Moment, Parameter, Recorded, Said, Signature
 
 #: Share of the force while no brake is applied (assumption: buffers that are not pressed together).
 RELEASED = 0.3
@@ -33,9 +33,8 @@ class Parameters(NamedTuple):
 class Swing(NamedTuple):
     """What N trains do."""
 
-    since_s: np.ndarray  # (N,) time since the first application of the brake [s]
+    since_s: np.ndarray  # (N,) when the brake was first applied, after the start [s]
     once: np.ndarray  # (N,) 1 from then on [-]
-    applied: np.ndarray  # (N,) 1 while any axle's brake is applied [-]
 
 
 def memory(n: int, axle_positions_m: Sequence[float]) -> Swing:
@@ -44,25 +43,17 @@ def memory(n: int, axle_positions_m: Sequence[float]) -> Swing:
 
 
 @inlined
-def follow(p: Parameters, swing: Swing, i: int, k: int, passage: Passage) -> None:
-    """Count the time since the first application, and note whether any brake is applied; the leading axle comes first."""
-    if p.sine_n == 0.0 and p.cosine_n == 0.0:
-        return
-    if k == 0:
-        swing.since_s[i] += swing.once[i] * passage.duration_s
-        swing.applied[i] = 0.0
-    if brakes(passage):
-        swing.once[i] = swing.applied[i] = 1.0
-
-
-@inlined
-def force(p: Parameters, swing: Swing, i: int, speed_mps: float, believed_n: float) -> float:
-    """Force against the motion [N]."""
+def force(p: Parameters, swing: Swing, i: int, speed_mps: float, believed_n: float, moment: Moment) -> float:
+    """Force against the motion [N]; notes the first application."""
     if p.sine_n == 0.0 and p.cosine_n == 0.0:
         return 0.0
-    phase = 2.0 * math.pi * p.frequency_hz * swing.since_s[i]
-    share = swing.once[i] * (RELEASED + (1.0 - RELEASED) * swing.applied[i])
-    return share * (p.sine_n * math.sin(phase) + p.cosine_n * math.cos(phase))
+    applied = moment.braking > APPLIED_SHARE
+    if swing.once[i] == 0.0:
+        if not applied:
+            return 0.0
+        swing.once[i], swing.since_s[i] = 1.0, moment.time_s
+    phase = 2.0 * math.pi * p.frequency_hz * (moment.time_s - swing.since_s[i])
+    return (1.0 if applied else RELEASED) * (p.sine_n * math.sin(phase) + p.cosine_n * math.cos(phase))
 
 
 def frequencies(recorded: Recorded) -> list[dict[str, float]]:
@@ -87,7 +78,7 @@ CARD = Card(
         Parameter("frequency_hz", "Hz", 0.3, 0.3, 0.05, 5.0, "Wu, Spiryagin, Cole (2016)", "shape", refit_step=0.005),
     ),
     record=Parameters,
-    acts={"force": force, "after_passage": follow},
+    acts={"force": force},
     memory=memory,
     signature=Signature(
         balances=frozenset({"vehicle"}),
