@@ -144,8 +144,9 @@ mechanisms_at = _reader()
 
 
 def believed_to_true(slot: str, mechanisms: Mechanisms, believed: Any) -> Any:
-    """Hand a quantity that is constant in a stop through the mechanisms acting on it: "mass", "gradient", "radii" or "law".
+    """Hand a quantity that is constant in a stop through the mechanisms acting on it.
 
+    The slots are "mass", "gradient", "radii", "inertia" and "law".
     `ParameterError` for a mechanism that is on and acts on what the vehicle's traction law does not have.
     """
     for name, card in ALL.items():
