@@ -146,7 +146,7 @@ def test_is_causal(name, trajectory):
     other = Trajectory(**({field: getattr(trajectory, field) for field in trajectory.__dataclass_fields__} | changed))
     p = model(COACH, {name: typical(name)})
     before, after = along(trajectory, RUN, p), along(other, RUN, p)
-    for a, b in zip(before[:8], after[:8], strict=True):
+    for a, b in zip(before[:9], after[:9], strict=True):
         assert_array_equal(a[:now], b[:now])
     assert not np.array_equal(before.adhesion[now:], after.adhesion[now:])
 
@@ -174,7 +174,7 @@ def test_wheel_and_vehicle_balance_along(name):
     measured, _ = recorded(name)
     said = along(measured, RUN, model(COACH, choice))
     rate = np.gradient(said.wheel_speed_radps, STEP_S, axis=0)
-    force = (said.torque_factor * measured.brake_torque_nm + COACH.wheelset_inertia_kgm2 * rate) / said.radius_m
+    force = (said.torque_nm + said.inertia_kgm2 * rate) / said.radius_m
     braking = said.mass_kg * np.gradient(said.speed_mps, STEP_S)
     smooth = np.ones(20) / 20
     rest = np.convolve(braking + force.sum(axis=1) + said.resistance_n, smooth, "valid")
@@ -185,7 +185,7 @@ def residuals(measured, choice):
     """Residuals of the four axles' adhesion (T, 4) and of the vehicle's balance over its weight, both [-], in a row."""
     said = along(measured, RUN, model(COACH, choice))
     rate = np.gradient(said.wheel_speed_radps, STEP_S, axis=0)
-    force = (said.torque_factor * measured.brake_torque_nm + COACH.wheelset_inertia_kgm2 * rate) / said.radius_m
+    force = (said.torque_nm + said.inertia_kgm2 * rate) / said.radius_m
     rest = said.mass_kg * np.gradient(said.speed_mps, STEP_S) + force.sum(axis=1) + said.resistance_n
     vehicle = np.convolve(rest, np.ones(20) / 20, "valid") / (said.mass_kg * COACH.gravity_mps2)
     return np.concatenate([(force / (2.0 * said.wheel_load_n) - said.adhesion).ravel(), vehicle])

@@ -27,12 +27,13 @@ Over = Literal["slip", "work", "place", "time", "speed", "axle", "deceleration"]
 
 
 #: The slots in which a mechanism may act, with the arguments that its function there takes after its own (record, what `derive`
-#: and `memory` made). Those of the first five are called once a stop and return the true value in place of the believed one;
+#: and `memory` made). Those of the first six are called once a stop and return the true value in place of the believed one;
 #: `wsp_env.plant.slots` says what each of the others returns.
 SLOTS = {
     "mass": "believed_kg",
     "gradient": "believed",
     "radii": "believed_m",
+    "inertia": "believed_kgm2",
     "law": "believed",
     "tau": "believed_m_per_j",
     "contaminated_friction": "place",
@@ -40,8 +41,9 @@ SLOTS = {
     "layer": "i, k, place, rolled, layer, held",
     "contact": "adhesion, slip, speed, load",
     "wheel_load": "load, k, mass, deceleration",
-    "force": "i, speed, believed",
+    "force": "i, speed, believed, moment",
     "torque_factor": "i, k, wheel_mps, pressure",
+    "torque": "i, k, torque, doing",
     "reading": "now, before, last, duration",
     "wheel_speed": "wheel, rate",
     "recorded_speed": "speed, acceleration",
@@ -189,6 +191,39 @@ class Passage(NamedTuple):
 def brakes(passage: Passage) -> bool:
     """Whether the axle's brake was applied."""
     return passage.torque_nm > APPLIED_SHARE * passage.full_torque_nm
+
+
+class Doing(NamedTuple):
+    """What one axle is doing at a moment; causal, from the last substep and the present speeds.
+
+    The plant's step asks for the torque at the start of a substep (`duration_s` 0) and at its end, with the wheel's and the
+    vehicle's speeds as at its start; along a recording there is the sample alone.
+    """
+
+    time_s: float  # since the start of the stop
+    duration_s: float  # since what mechanisms remember was brought up to date
+    speed: float  # of the vehicle [m/s]
+    deceleration: float  # of the vehicle [m/s2]
+    wheel: float  # speed of the wheelset [rad/s]
+    wheel_rate: float  # its rate of change, in the plant that of the last substep [rad/s2]
+    slip: float  # v - r w [m/s]
+    slip_rate: float  # its rate of change [m/s2]
+    place_m: float  # of the axle along the track
+    angle_rad: float  # turned by the wheel since the start
+    radius_m: float
+    mean_wheel: float  # mean speed of all wheelsets [rad/s]
+    believed_torque: float  # of the axle's brake [N m]
+    full_torque: float  # the same at full pressure [N m]
+    contact_work: float  # heat in both contacts of the wheelset so far [J]
+
+
+class Moment(NamedTuple):
+    """When and where a force acts on the vehicle, and whether it brakes."""
+
+    time_s: float  # since the start of the stop
+    place_m: float  # of the leading axle along the track
+    deceleration: float  # [m/s2]
+    braking: float  # believed brake torque over that at full pressure, mean over the axles [-]
 
 
 class Card(NamedTuple):

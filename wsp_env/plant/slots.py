@@ -1,8 +1,8 @@
 """Where mechanisms act. Each slot is written once; the plant's step and the evaluation along a recording call the same ones.
 
 A slot runs through the cards that act in it, in the order of `mechanisms.ALL`: factors multiply, forces add, and what is handed
-on goes from one to the next. Their code is made from the cards when this module is loaded. Five further slots, "mass",
-"gradient", "radii", "law" and "tau", act on what is constant in a stop, see `mechanisms.believed_to_true`.
+on goes from one to the next. Their code is made from the cards when this module is loaded. Six further slots, "mass",
+"gradient", "radii", "inertia", "law" and "tau", act on what is constant in a stop, see `mechanisms.believed_to_true`.
 """
 
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from typing import Any
 from wsp_env.compiled import generated, inlined
 from wsp_env.contact.port import traction
 from wsp_env.contact.traction import Adhesion, Surface
-from wsp_env.plant.card import SLOTS
+from wsp_env.plant.card import SLOTS, Doing, Moment
 from wsp_env.plant.mechanisms import ALL, Active
 
 
@@ -31,6 +31,20 @@ def _slot(name: str, start: str, each: str, result: str) -> Callable[..., Any]:
             lines.append(each.format(call=f"{card.name}({', '.join(own)}, {arguments})"))
     body = "".join(f"    {line}\n" for line in [*lines, f"return {result}"] if line)
     return generated(name, f"def {name}(active, {arguments}):\n{body}", kernels)
+
+
+def _acts(name: str) -> Callable[..., Any]:
+    """Return the kernel (active) -> bool: whether a mechanism that is on acts in a slot.
+
+    What only such mechanisms ask for need not be computed for a vehicle without them.
+    """
+    sizes = [
+        f"active.parameters.{card.name}.{size.name} != {size.null!r}"
+        for card in ALL.values()
+        if name in card.acts
+        for size in card.sizes
+    ]
+    return generated(f"{name}_acts", f"def {name}_acts(active):\n    return {' or '.join(sizes) or 'False'}\n", {})
 
 
 def _factor(name: str) -> Callable[..., Any]:
@@ -56,6 +70,10 @@ _force = _slot("force", "total = believed", "total += {call}", "total")
 
 #: Brake torque of axle k over the believed one [-], from wheel speed [m/s] and cylinder pressure [bar]: (active, i, k, ...).
 torque_factor = _factor("torque_factor")
+#: True torque of axle k's brake [N m], from what the factors left of the believed one, by what the axle is doing.
+_torque = _handed_on("torque", "torque")
+#: Whether any mechanism changes it.
+torque_acts = _acts("torque")
 #: Reading of a wheel-speed sensor [rad/s] from the last reading, the last and the present true speed and the time between [s].
 reading = _handed_on("reading", "now")
 #: True wheel speed [rad/s] from a reading and its rate [rad/s2].
@@ -99,7 +117,14 @@ def contact(slip: float, speed: float, load: float, on: Surface, tau: float, law
 
 
 @inlined
-def resistance(i: int, speed: float, believed: float, active: Active) -> float:
+def torque(i: int, k: int, believed: float, doing: Doing, active: Active) -> float:
+    """Torque of axle k's brake [N m]; a mechanism takes away no more than all of it."""
+    value: float = _torque(active, i, k, believed, doing)
+    return max(value, min(believed, 0.0))  # a measured torque may lie below zero
+
+
+@inlined
+def resistance(i: int, speed: float, believed: float, moment: Moment, active: Active) -> float:
     """Force [N] against the motion beside the wheels; `believed` is that of running resistance and gradient [N]."""
-    total: float = _force(active, i, speed, believed)
+    total: float = _force(active, i, speed, believed, moment)
     return total

@@ -160,8 +160,9 @@ mechanisms_at = _reader()
 
 
 def believed_to_true(slot: str, mechanisms: Mechanisms, believed: Any) -> Any:
-    """Hand a quantity that is constant in a stop through the mechanisms acting on it: "mass", "gradient", "radii", "law", "tau".
+    """Hand a quantity that is constant in a stop through the mechanisms acting on it.
 
+    The slots are "mass", "gradient", "radii", "inertia", "law" and "tau".
     `ParameterError` for a mechanism that is on and acts on what the vehicle's traction law does not have.
     """
     for name, card in ALL.items():

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Parameter, Passage, Recorded, Said, Signature, brakes
+from wsp_env.plant.card import Card, Moment, Parameter, Passage, Recorded, Said, Signature, brakes
 
 #: Width of the band's edges [m/s] (assumption).
 EDGE_MPS = 0.5
@@ -47,7 +47,7 @@ def apply(p: Parameters, applied: Applied, i: int, k: int, passage: Passage) -> 
 
 
 @inlined
-def force(p: Parameters, applied: Applied, i: int, speed_mps: float, believed_n: float) -> float:
+def force(p: Parameters, applied: Applied, i: int, speed_mps: float, believed_n: float, moment: Moment) -> float:
     """Force against the motion [N]."""
     if p.force_n == 0.0:
         return 0.0
