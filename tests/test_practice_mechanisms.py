@@ -1,4 +1,4 @@
-"""What practice meets every day: the physics of worn wheels, late, dragging and blended brakes, sand, couplers and worn rails."""
+"""What practice meets every day: worn wheels, late, dragging and blended brakes, sand, couplers and worn rails."""
 
 import dataclasses
 import math
@@ -98,7 +98,7 @@ def test_a_dragging_brake_slows_a_vehicle_that_was_released():
     before = plant.state.speed[0]
     plant.conditions.demand[0] = 0.0
     run(plant, 1.0)
-    assert plant.state.speed[0] == before  # not yet applied
+    assert plant.state.speed[0] == pytest.approx(before, rel=1e-12)  # not yet applied
     plant.conditions.demand[0] = 1.0
     run(plant, 1.0)
     run(plant, 3.0, command=-1.0)
@@ -226,8 +226,8 @@ def campaign(tmp_path_factory):
     runs = {name: stop(2e-4, 0.06, 32.0 + i, duration_s=9.0, noise=1.0, seed=i) for i, name in enumerate("ABCD")}
     folder = write_campaign(tmp_path_factory.mktemp("practice"), runs, list("AB"), list("CD"))
     file = folder / "campaign.toml"
-    text = file.read_text(encoding="utf-8").replace('brake_torque_source = "measured"', "torque_per_bar_nm = 1500.0")
-    file.write_text(text, encoding="utf-8")
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace('source = "measured"', 'source = "pressure times the nominal gain"'), encoding="utf-8")
     return read_campaign(folder)
 
 
@@ -274,8 +274,8 @@ def test_environments_brake_with_it(name):
     speeds = []
     for mechanisms in ({}, {name: {}}):
         env = gym.make("wsp_env/Coach-v0", mechanisms=mechanisms)
-        env.reset(seed=3)
-        for _ in range(200):
+        env.reset(seed=3, options={"mu_cd": 0.03, "track": "constant", "demand": 1.0})
+        for _ in range(300):
             env.step(np.full(AXLES, 2))
         speeds.append(env.unwrapped.batch.plant.truth().speed[0])
     assert np.isfinite(speeds).all()

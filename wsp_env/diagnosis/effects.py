@@ -154,6 +154,14 @@ def _slide(
     end = max(min(end, int(fast[-1]) + 1 if fast.size else start), start + 2)
     choice = {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on != "sensor"}
     whole = simulation.simulate(
-        campaign, run, derived, radii, np.array([start]), end - start, model.mu_cd[i], model.tau, at_stop(choice, balances.stops[i].earlier)
+        campaign,
+        run,
+        derived,
+        radii,
+        np.array([start]),
+        end - start,
+        model.mu_cd[i],
+        model.tau,
+        at_stop(choice, balances.stops[i].earlier),
     )
     return simulation.slide(derived, whole, start)
