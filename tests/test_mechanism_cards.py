@@ -146,7 +146,7 @@ def test_one_more_mechanism_is_one_file(tmp_path):
     (info / "entry_points.txt").write_text("[wsp_env.mechanisms]\nrail_joints = rail_joints\n", encoding="utf-8")
     path = os.pathsep.join([str(package), str(ROOT), str(ROOT / "tests")])
     environment = os.environ | {"PYTHONPATH": path, "NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
-    script = ROOT / "tests" / "nineteenth_mechanism.py"
+    script = ROOT / "tests" / "further_mechanism.py"
     ran = subprocess.run(
         [sys.executable, str(script), str(tmp_path)], env=environment, capture_output=True, text=True, check=False
     )

@@ -2,8 +2,8 @@
 
 tau is multiplied by exp(per_stop n) after n earlier stops on the same rail. That sliding cleans contaminated surfaces and their
 friction stays above the initial level was measured by P. Voltr, M. Lata, Vehicle System Dynamics 53 (2015) 605-618; the form,
-in the recovery rate and the same from each stop to the next, and the size are assumptions. Along a campaign every recording has its
-own n, by its place in the list of runs; an environment takes the parameter's value, or draws it for each stop.
+in the recovery rate and the same from each stop to the next, and the size are assumptions. Along a campaign every recording has
+its own n, by its place in the list of runs; an environment takes the parameter's value, or draws it for each stop.
 """
 
 import math

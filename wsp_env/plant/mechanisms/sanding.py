@@ -20,8 +20,9 @@ from wsp_env.plant.card import Card, Parameter, Passage, Recorded, Said, Signatu
 #: Share of the sand before one axle that the next one behind it finds (assumption: each crushes and throws off some of it).
 BEHIND = 0.7
 
-#: Thresholds of slip that are tried in recordings [m/s] (assumption).
+#: Thresholds of slip [m/s] and the delay [s] that are tried in recordings (assumption); a refit moves them.
 _THRESHOLDS_MPS = (0.7, 1.5, 3.0)
+_DELAY_S = 0.8
 
 
 class Parameters(NamedTuple):
@@ -85,9 +86,9 @@ def work(p: Parameters, bogies: Bogies, sand: Sand, i: int, k: int, passage: Pas
 
 
 def sanders(recorded: Recorded) -> list[dict[str, float]]:
-    """Return the sanders that are tried: one for every bogie, or on one axle; at thresholds of slip."""
+    """Return the sanders that are tried: one for every bogie, or on one axle, each with its threshold of slip."""
     axles = range(recorded.axles + 1) if recorded.axles > 1 else (0,)
-    return [{"axle": float(axle), "threshold_mps": slip} for axle in axles for slip in _THRESHOLDS_MPS]
+    return [{"axle": float(axle), "threshold_mps": slip, "delay_s": _DELAY_S} for axle in axles for slip in _THRESHOLDS_MPS]
 
 
 def where(values: Mapping[str, float]) -> dict[str, str]:
@@ -101,8 +102,12 @@ CARD = Card(
     parameters=(
         Parameter("share", "-", 0.0, 0.1, 0.0, 1.0, "size: RSSB's trials at Melton (2017), some 0.05 as mean of all axles"),
         Parameter("axle", "-", 0.0, 0.0, 0.0, 64.0, "assumption: which, from 1; 0: the leading one of each bogie", "axle"),
-        Parameter("threshold_mps", "m/s", 1.5, 1.5, 0.0, 50.0, "assumption: slip beyond which it starts", "shape"),
-        Parameter("delay_s", "s", 0.8, 0.8, 0.0, 10.0, "assumption: logic, valve and the sand's way to the rail", "shape"),
+        Parameter(
+            "threshold_mps", "m/s", 1.5, 1.5, 0.0, 50.0, "assumption: slip beyond which it starts", "shape", refit_step=0.1
+        ),
+        Parameter(
+            "delay_s", "s", _DELAY_S, _DELAY_S, 0.0, 10.0, "assumption: logic, valve, way to the rail", "shape", refit_step=0.05
+        ),
         Parameter("build_up_s", "s", 0.5, 0.5, 0.01, 10.0, "assumption: time constant of the rate of sand", "shape"),
         Parameter("decay_s", "s", 1.5, 1.5, 0.01, 60.0, "assumption: time constant of what clings to the wheel", "shape"),
     ),
