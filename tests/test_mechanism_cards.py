@@ -14,7 +14,7 @@ import pytest
 
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.plant.card import ACTS_ON, BALANCES, SLOTS, Recorded, check_card
-from wsp_env.plant.mechanisms import ALL
+from wsp_env.plant.mechanisms import ALL, LIBRARY
 from wsp_env.plant.mechanisms.__main__ import table
 
 ROOT = Path(__file__).parent.parent
@@ -41,7 +41,7 @@ def names_in(file: Path) -> set[str]:
     for token in tokens:
         if token.type in (tokenize.NAME, tokenize.STRING, tokenize.COMMENT):
             whole = {token.string.strip("\"'")} if token.type == tokenize.STRING else set()
-            found |= (set(re.findall(r"\w+", token.string)) - HOMONYMS | whole) & set(ALL)
+            found |= (set(re.findall(r"\w+", token.string)) - HOMONYMS | whole) & set(LIBRARY)
     return found
 
 

@@ -36,6 +36,7 @@ _FILES = (
     "wheel_radius",
     "wheel_speed_lag",
     "clock_offset",
+    "discovered",
 )
 
 
@@ -55,6 +56,9 @@ def _cards() -> dict[str, Card]:
 
 #: Every mechanism's card by name.
 ALL: dict[str, Card] = _cards()
+
+#: Those of them that are known physics, which may be said by name.
+LIBRARY: dict[str, Card] = {name: card for name, card in ALL.items() if card.named}
 
 if TYPE_CHECKING:
     Mechanisms: TypeAlias = Any
