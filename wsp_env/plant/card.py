@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from wsp_env.compiled import inlined
+from wsp_env.compiled import generated, inlined
 from wsp_env.parameters.quantity import ParameterError
 
 #: The balances of a recording in which a mechanism may show (see `wsp_env.plant.longitudinal.along`).
@@ -36,9 +36,12 @@ SLOTS = {
     "inertia": "believed_kgm2",
     "law": "believed",
     "tau": "believed_m_per_j",
+    "before_contact": "i, k, doing",
     "contaminated_friction": "place",
     "friction": "speed",
     "layer": "i, k, place, rolled, layer, held",
+    "axle_friction": "i, k",
+    "recovery": "i, k, tau",
     "contact": "adhesion, slip, speed, load",
     "wheel_load": "load, k, mass, deceleration",
     "force": "i, speed, believed, moment",
@@ -196,8 +199,10 @@ def brakes(passage: Passage) -> bool:
 class Doing(NamedTuple):
     """What one axle is doing at a moment; causal, from the last substep and the present speeds.
 
-    The plant's step asks for the torque at the start of a substep (`duration_s` 0) and at its end, with the wheel's and the
-    vehicle's speeds as at its start; along a recording there is the sample alone.
+    Slot "before_contact" is told at every sample, with the time since the last one as `duration_s`: what mechanisms remember is
+    brought up to date there, or in the slots "after_". Slot "torque" remembers nothing: the plant's step asks it at the start
+    of a substep (`duration_s` 0) and for its end (`duration_s` the substep), with the speeds as at its start; along a recording
+    at the sample alone (`duration_s` 0).
     """
 
     time_s: float  # since the start of the stop
@@ -211,10 +216,28 @@ class Doing(NamedTuple):
     place_m: float  # of the axle along the track
     angle_rad: float  # turned by the wheel since the start
     radius_m: float
+    axles: float  # number of wheelsets
     mean_wheel: float  # mean speed of all wheelsets [rad/s]
     believed_torque: float  # of the axle's brake [N m]
     full_torque: float  # the same at full pressure [N m]
     contact_work: float  # heat in both contacts of the wheelset so far [J]
+
+
+def _doings() -> tuple[Callable[..., None], Callable[..., Doing]]:
+    """Return the kernels (doing, rows, j, k), which notes a `Doing` in rows (fields, T, A), and its reverse.
+
+    The reverse, (rows, j, k, duration_s), takes the duration given.
+    """
+    fields = Doing._fields
+    noted = "".join(f"    rows[{n}, j, k] = doing.{name}\n" for n, name in enumerate(fields))
+    taken = ", ".join("duration" if name == "duration_s" else f"rows[{n}, j, k]" for n, name in enumerate(fields))
+    return (
+        generated("note_doing", f"def note_doing(doing, rows, j, k):\n{noted}", {}),
+        generated("doing_at", f"def doing_at(rows, j, k, duration):\n    return Doing({taken})\n", {"Doing": Doing}),
+    )
+
+
+note_doing, doing_at = _doings()
 
 
 class Moment(NamedTuple):
@@ -243,6 +266,7 @@ class Card(NamedTuple):
     derive: Callable[[Any], Any] | None = None  # Vehicle -> NamedTuple of constants
     memory: Callable[[int, Sequence[float]], Any] | None = None  # n, axle positions (A,) [m] -> NamedTuple of arrays (n, ...)
     study: Mapping[str, float] = {}  # the size at which agents are studied (assumption: a railway may meet it); {}: the typical
+    named: bool = True  # False: stands for physics without a name, which the diagnosis finds in another way than by trying it
     longest_step_m: float = math.inf  # between samples of a recording, for one that remembers the rail
 
     @property

@@ -55,12 +55,19 @@ def _handed_on(name: str, what: str) -> Callable[..., Any]:
     return _slot(name, "", f"{what} = {{call}}", what)
 
 
+#: What is noticed of an axle before its contact is evaluated, and whether anything is.
+before_contact = _slot("before_contact", "", "{call}", "None")
+before_contact_acts = _acts("before_contact")
 #: Factor of mu_cd [-] at a place [m].
 _contaminated_friction = _factor("contaminated_friction")
 #: Factor of both friction coefficients [-] at a running speed [m/s].
 _friction = _factor("friction")
 #: Shares of the contaminant layer [-], free and held, at a place [m] which the wheel reached after rolling `rolled` [m].
 _layer = _handed_on("layer", "layer, held")
+#: Factor of both friction coefficients [-] under axle k.
+_axle_friction = _factor("axle_friction")
+#: Recovery rate [m/J] under axle k, handed on: (active, i, k, tau).
+recovery = _handed_on("recovery", "tau")
 #: The contact's adhesion.
 _contact = _handed_on("contact", "adhesion")
 #: Load of one wheel [N] of axle k, from the vehicle's mass [kg] and deceleration [m/s2].
@@ -104,7 +111,8 @@ def surface(
     """
     mu_cd *= _contaminated_friction(active, place)
     layer, held = _layer(active, i, k, place, rolled, layer, 0.0)
-    return Surface(min(mu_cd, mu_cr), mu_cr, layer, held)
+    factor = _axle_friction(active, i, k)
+    return Surface(factor * min(mu_cd, mu_cr), factor * mu_cr, layer, held)
 
 
 @inlined

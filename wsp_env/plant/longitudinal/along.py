@@ -24,14 +24,16 @@ from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.resistance import running_resistance
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import mechanisms
-from wsp_env.plant.card import Doing, Moment, Passage
+from wsp_env.plant.card import Doing, Moment, Passage, doing_at, note_doing
 from wsp_env.plant.longitudinal.state import PlantConstants, constants, physics
 from wsp_env.plant.mechanisms import Active, Mechanisms
 from wsp_env.plant.port import Choice, Setup
 from wsp_env.plant.slots import (
     after_contact,
     after_passage,
+    before_contact,
     contact,
+    recovery,
     resistance,
     surface,
     torque,
@@ -126,8 +128,10 @@ def model(vehicle: Vehicle, choice: Choice | None = None) -> PlantModel:
     return PlantModel(constants(vehicle, Setup()), own, type(believed)(*map(float, law)), inertia, vehicle.axle_positions_m)
 
 
-def along(trajectory: Trajectory, run: Belief, m: PlantModel) -> Prediction:
+def along(trajectory: Trajectory, run: Belief, m: PlantModel, doings: np.ndarray | None = None) -> Prediction:
     """Evaluate the model of `model` along a trajectory (T samples, A axles).
+
+    `doings` (fields of `Doing`, T, A), if given, is filled with what every axle is doing, as slot "before_contact" is told.
 
     Raises
     ------
@@ -154,7 +158,9 @@ def along(trajectory: Trajectory, run: Belief, m: PlantModel) -> Prediction:
     per_vehicle = np.empty((2, samples))
     active = Active(m.mechanisms, m.constants.derived, mechanisms.remember(1, m.axle_positions_m))
     conditions = _Believed(mu_cd, float(tau), float(mass), float(gradient), radius)
-    _evaluate(_columns(trajectory), conditions, m.constants, m.law, active, per_axle, per_vehicle, np.zeros((_KEPT, axles)))
+    doings = np.empty((len(Doing._fields), 1, axles)) if doings is None else doings
+    kept = np.zeros((_KEPT, axles))
+    _evaluate(_columns(trajectory), conditions, m.constants, m.law, active, per_axle, per_vehicle, kept, doings)
     adhesion, slope, load, slip, wheel, factor, true = per_axle
     speed, resisted = per_vehicle
     return Prediction(adhesion, slope, load, slip, wheel, factor, true, speed, resisted, mass, radius, m.inertia_kgm2)
@@ -186,10 +192,12 @@ def _columns(trajectory: Trajectory) -> _Columns:
     return _Columns(*(getattr(trajectory, field.name) for field in dataclasses.fields(trajectory)))
 
 
+_SLIP = Doing._fields.index("slip")
+
 # Rows of the scratch array `kept` (_KEPT, axles): at the last sample the friction power of one wheel and the braking power of
 # the axle [W] and the slip speed [m/s]; so far the heat in both contacts [J] and the angle turned [rad]; the wheels' speed now
 # [rad/s].
-_FRICTION, _BRAKING, _SLIP, _WORK, _ANGLE, _WHEEL, _KEPT = range(7)
+_FRICTION, _BRAKING, _SLID, _WORK, _ANGLE, _WHEEL, _KEPT = range(7)
 
 
 @loop
@@ -202,6 +210,7 @@ def _evaluate(
     per_axle: np.ndarray,
     per_vehicle: np.ndarray,
     kept: np.ndarray,
+    doings: np.ndarray,
 ) -> None:
     samples, axles = measured.wheel.shape
     full_torque = p.brake.torque_per_bar * p.brake.full_pressure
@@ -216,7 +225,7 @@ def _evaluate(
             passage = Passage(
                 measured.position[before] - offset, measured.position[j] - offset, kept[_FRICTION, k] * duration,
                 kept[_BRAKING, k] * duration, duration, measured.torque[j, k], full_torque,
-                kept[_SLIP, k],
+                kept[_SLID, k],
             )  # fmt: skip
             after_passage(active, 0, k, passage)
             last = kept[_WHEEL, k]
@@ -228,27 +237,31 @@ def _evaluate(
         believed = running_resistance(speed, p.resistance) + c.mass * p.gravity * c.gradient
         now, deceleration = measured.time[j] - measured.time[0], -measured.acceleration[j]
         moment = Moment(now, measured.position[j], deceleration, braking)
+        at = j if doings.shape[1] > 1 else 0
+        for k in range(axles):
+            rate = measured.wheel_acceleration[j, k]
+            doing = Doing(
+                now, duration, speed, deceleration, kept[_WHEEL, k], rate, speed - c.radius[k] * kept[_WHEEL, k],
+                -deceleration - c.radius[k] * rate, measured.position[j] - p.axle_offset[k], kept[_ANGLE, k], c.radius[k],
+                float(axles), mean_wheel, measured.torque[j, k], full_torque, kept[_WORK, k],
+            )  # fmt: skip
+            note_doing(doing, doings, at, k)
+            before_contact(active, 0, k, doing)
         per_vehicle[0, j] = speed
         per_vehicle[1, j] = resistance(0, speed, believed, moment, active)
         rolled = speed * duration
         for k in range(axles):
-            wheel = kept[_WHEEL, k]
-            slip = speed - c.radius[k] * wheel
+            wheel, slip = kept[_WHEEL, k], doings[_SLIP, at, k]
             load = wheel_load(k, c.mass, deceleration, static, active)
             on = surface(0, k, measured.position[j] - p.axle_offset[k], rolled, c.mu_cd[j, k], 1.0, law.mu_cr, active)
-            adhesion = contact(slip, speed, load, on, c.tau, law, active)
+            adhesion = contact(slip, speed, load, on, recovery(active, 0, k, c.tau), law, active)
             after_contact(active, 0, k, rolled, adhesion.kept)
-            nominal, rate = measured.torque[j, k], measured.wheel_acceleration[j, k]
+            nominal = measured.torque[j, k]
             factor = torque_factor(active, 0, k, c.radius[k] * wheel, nominal / p.brake.torque_per_bar)
-            doing = Doing(
-                now, 0.0, speed, deceleration, wheel, rate, slip, -deceleration - c.radius[k] * rate,
-                measured.position[j] - p.axle_offset[k], kept[_ANGLE, k], c.radius[k], mean_wheel, nominal, full_torque,
-                kept[_WORK, k],
-            )  # fmt: skip
-            true = torque(0, k, factor * nominal, doing, active)
+            true = torque(0, k, factor * nominal, doing_at(doings, at, k, 0.0), active)
             kept[_FRICTION, k] = adhesion.f * load * abs(slip)
             kept[_BRAKING, k] = true * wheel
-            kept[_SLIP, k] = slip
+            kept[_SLID, k] = slip
             per_axle[0, j, k] = adhesion.f if slip >= 0.0 else -adhesion.f
             per_axle[1, j, k] = adhesion.df_ds
             per_axle[2, j, k] = load

@@ -18,7 +18,7 @@ def moment(i: int, h: float, deceleration: float, state: State, p: PlantConstant
 
 
 @inlined
-def mean_wheel_speed(i: int, state: State) -> float:
+def _mean_wheel_speed(i: int, state: State) -> float:
     """Mean speed of the wheelsets of vehicle i [rad/s]."""
     total = 0.0
     for k in range(state.wheel_speed.shape[1]):
@@ -28,13 +28,16 @@ def mean_wheel_speed(i: int, state: State) -> float:
 
 @inlined
 def doing(
-    i: int, k: int, h: float, pressure: float, mean_wheel: float, deceleration: float, state: State,
-    c: Conditions, p: PlantConstants,
+    i: int, k: int, h: float, since: float, pressure: float, deceleration: float, state: State, c: Conditions, p: PlantConstants
 ) -> Doing:  # fmt: skip
-    """Return what axle k is doing h [s] after the start of a substep, at a cylinder pressure [bar]."""
+    """Return what axle k is doing h [s] after the start of a substep, at a cylinder pressure [bar].
+
+    `since` is the time since mechanisms were brought up to date [s].
+    """
     speed, wheel, rate, radius = state.speed[i], state.wheel_speed[i, k], state.wheel_rate[i, k], c.radius[i, k]
     return Doing(
-        state.time[i] + h, h, speed, deceleration, wheel, rate, speed - radius * wheel, -deceleration - radius * rate,
-        state.position[i] - p.axle_offset[k] + h * speed, state.tachometer.angle[i, k] + h * wheel, radius, mean_wheel,
-        brake.torque(pressure, 1.0, p.brake), brake.torque(p.brake.full_pressure, 1.0, p.brake), state.contact_work[i, k],
+        state.time[i] + h, since, speed, deceleration, wheel, rate, speed - radius * wheel, -deceleration - radius * rate,
+        state.position[i] - p.axle_offset[k] + h * speed, state.tachometer.angle[i, k] + h * wheel, radius,
+        float(state.wheel_speed.shape[1]), _mean_wheel_speed(i, state), brake.torque(pressure, 1.0, p.brake),
+        brake.torque(p.brake.full_pressure, 1.0, p.brake), state.contact_work[i, k],
     )  # fmt: skip

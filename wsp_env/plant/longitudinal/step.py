@@ -25,7 +25,7 @@ from wsp_env.parameters.resistance import running_resistance
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.plant.card import Passage
 from wsp_env.plant.components import brake, rail, tachometer
-from wsp_env.plant.longitudinal.doing import doing, mean_wheel_speed, moment
+from wsp_env.plant.longitudinal.doing import doing, moment
 from wsp_env.plant.longitudinal.exponential import slip_after, slip_drift, slip_growth
 from wsp_env.plant.longitudinal.state import PlantConstants, State, batch
 from wsp_env.plant.mechanisms import NULL, Active, mechanisms_at
@@ -33,8 +33,11 @@ from wsp_env.plant.port import Conditions, Setup
 from wsp_env.plant.slots import (
     after_contact,
     after_passage,
+    before_contact,
+    before_contact_acts,
     contact,
     recorded_speed,
+    recovery,
     resistance,
     surface,
     torque,
@@ -44,7 +47,7 @@ from wsp_env.plant.slots import (
 )
 
 # Rows of the scratch array `work` (ROWS, A) that holds one substep of one vehicle.
-SLIP, FORCE, FORCE_BY_SLIP, FORCE_BY_SPEED, LOAD, MU_CD, LAYER, HELD, TORQUE, LOCKED, ROWS = range(11)
+SLIP, FORCE, FORCE_BY_SLIP, FORCE_BY_SPEED, LOAD, MU_CD, MU_CR, LAYER, HELD, TAU, TORQUE, LOCKED, ROWS = range(13)
 
 
 class Stepping(NamedTuple):
@@ -65,6 +68,17 @@ def _believed_resistance(i: int, speed: float, c: Conditions, p: PlantConstants)
     return running_resistance(speed, p.resistance) + c.mass[i] * p.gravity * c.gradient[i]
 
 
+@loop
+def _notice(i: int, on_step: Stepping) -> None:
+    """Let mechanisms take notice of every axle at the start of a substep."""
+    state, c, p, _, active, _, _ = on_step
+    since = p.substep if state.time[i] > 0.0 else 0.0
+    for k in range(state.wheel_speed.shape[1]):
+        pressure = state.brake.pressure[i, k]
+        now = doing(i, k, 0.0, since, pressure, state.deceleration[i], state, c, p)
+        before_contact(active, i, k, now)
+
+
 @inlined
 def _start(i: int, on_step: Stepping) -> float:
     """Evaluate the contacts at the start of a substep into `work`; return the vehicle's deceleration [m/s2]."""
@@ -81,7 +95,8 @@ def _start(i: int, on_step: Stepping) -> float:
         mu_cd, layer = rail.look(i, place, c, p.rail)
         on = surface(i, k, place, rolled, mu_cd, layer, law.mu_cr, active)
         slip = speed - c.radius[i, k] * state.wheel_speed[i, k]
-        adhesion = contact(slip, speed, load, on, c.tau[i], law, active)
+        tau = recovery(active, i, k, c.tau[i])
+        adhesion = contact(slip, speed, load, on, tau, law, active)
         after_contact(active, i, k, rolled, adhesion.kept)
         sign = 1.0 if slip >= 0.0 else -1.0
         state.adhesion[i, k] = sign * adhesion.f
@@ -93,6 +108,8 @@ def _start(i: int, on_step: Stepping) -> float:
         work[FORCE_BY_SPEED, k] = 2.0 * load * sign * adhesion.df_dv  # [N s/m]
         work[LOAD, k] = load
         work[MU_CD, k] = on.mu_cd
+        work[MU_CR, k] = on.mu_cr
+        work[TAU, k] = tau
         work[LAYER, k] = on.layer
         work[HELD, k] = on.held
         total += work[FORCE, k]
@@ -114,8 +131,8 @@ def _slip(i: int, k: int, start_torque: float, deceleration: float, jerk: float,
         return after
     used = h * slip / (slip - after)
     speed = state.speed[i] - deceleration * used
-    on = Surface(work[MU_CD, k], law.mu_cr, work[LAYER, k], work[HELD, k])
-    rolling = contact(0.0, speed, work[LOAD, k], on, c.tau[i], law, active)
+    on = Surface(work[MU_CD, k], work[MU_CR, k], work[LAYER, k], work[HELD, k])
+    rolling = contact(0.0, speed, work[LOAD, k], on, work[TAU, k], law, active)
     slope = 2.0 * work[LOAD, k] * rolling.df_ds
     torque = start_torque + torque_rate * used
     growth = slip_growth(0.0, torque, deceleration, radius, inertia)
@@ -143,9 +160,9 @@ def _solve_speed(i: int, resisted: float, on_step: Stepping) -> float:
     return momentum / mass
 
 
-@inlined
+@loop
 def _changed_torque(
-    i: int, k: int, pressure: float, factor: float, mean_wheel: float, deceleration: float, on_step: Stepping
+    i: int, k: int, pressure: float, factor: float, deceleration: float, on_step: Stepping
 ) -> float:  # fmt: skip
     """Let the mechanisms on the torque act on axle k; return it at the start of the substep, where `pressure` [bar] was.
 
@@ -154,8 +171,8 @@ def _changed_torque(
     state, c, p, _, active, work, _ = on_step
     after = state.brake.pressure[i, k]
     before, end = brake.torque(pressure, factor, p.brake), brake.torque(after, factor, p.brake)
-    now = doing(i, k, 0.0, pressure, mean_wheel, deceleration, state, c, p)
-    then = doing(i, k, p.substep, after, mean_wheel, deceleration, state, c, p)
+    now = doing(i, k, 0.0, 0.0, pressure, deceleration, state, c, p)
+    then = doing(i, k, p.substep, p.substep, after, deceleration, state, c, p)
     start = torque(i, k, before, now, active)
     added = torque(i, k, end, then, active) - end
     work[TORQUE, k] = max(work[TORQUE, k] + 0.5 * (start - before + added), 0.0)
@@ -167,7 +184,6 @@ def _brake(i: int, elapsed: float, deceleration: float, jerk: float, on_step: St
     """Let valves, cylinders and discs act on every wheelset for a substep; note torques and new slips in `work`."""
     state, c, p, _, active, work, _ = on_step
     h = p.substep
-    mean_wheel = mean_wheel_speed(i, state)
     acts = torque_acts(active)
     distributor = brake.distribute(i, c.demand[i], h, state.brake, p.brake)
     for k in range(state.wheel_speed.shape[1]):
@@ -176,10 +192,7 @@ def _brake(i: int, elapsed: float, deceleration: float, jerk: float, on_step: St
         wheel_mps = c.radius[i, k] * state.wheel_speed[i, k]
         factor = torque_factor(active, i, k, wheel_mps, start)
         work[TORQUE, k] = brake.torque(mean, factor, p.brake)
-        if acts:
-            start = _changed_torque(i, k, start, factor, mean_wheel, deceleration, on_step)
-        else:
-            start = brake.torque(start, factor, p.brake)
+        start = _changed_torque(i, k, start, factor, deceleration, on_step) if acts else brake.torque(start, factor, p.brake)
         # A locked wheel stays so while the contact cannot turn it; its torque is a reaction.
         work[LOCKED, k] = 1.0 if state.wheel_speed[i, k] == 0.0 and c.radius[i, k] * work[FORCE, k] <= start else 0.0
         if work[LOCKED, k] > 0.0:
@@ -233,6 +246,8 @@ def _substep(i: int, elapsed: float, on_step: Stepping) -> bool:
     axles = state.wheel_speed.shape[1]
     speed = state.speed[i]
     last = state.deceleration[i]
+    if before_contact_acts(active):
+        _notice(i, on_step)
     deceleration = _start(i, on_step)
     jerk = (deceleration - last) / h if state.time[i] > 0.0 else 0.0
     middle = speed - 0.5 * h * deceleration

@@ -43,6 +43,7 @@ _FILES = (
     "brake_delay",
     "dragging_brake",
     "blended_brake",
+    "discovered",
 )
 
 
@@ -62,6 +63,9 @@ def _cards() -> dict[str, Card]:
 
 #: Every mechanism's card by name.
 ALL: dict[str, Card] = _cards()
+
+#: Those of them that are known physics, which may be said by name.
+LIBRARY: dict[str, Card] = {name: card for name, card in ALL.items() if card.named}
 
 if TYPE_CHECKING:
     Mechanisms: TypeAlias = Any
