@@ -10,7 +10,7 @@ from wsp_env.diagnosis.fitting import baseline
 from wsp_env.diagnosis.rules import largest_cosine
 from wsp_env.diagnosis.search import scan
 from wsp_env.diagnosis.stops import prepare
-from wsp_env.plant.mechanisms import ALL
+from wsp_env.plant.mechanisms import LIBRARY
 from wsp_env.recordings import CampaignWarning, demo_campaign, read_campaign
 
 #: Cosine from which on a campaign of several speeds and demands, with coasting, could not tell two mechanisms: a residual of
@@ -27,15 +27,15 @@ def cosines():
     balances = Balances(campaign, prepare(campaign)[0])
     model, weights = baseline(balances)
     found = scan(balances, model, weights, list(variants(balances)), held_out=False)
-    members = {name: [i for i, one in enumerate(found.candidates) if one.variant and one.name == name] for name in ALL}
+    members = {name: [i for i, one in enumerate(found.candidates) if one.variant and one.name == name] for name in LIBRARY}
 
     def cosine(i, j):
         return largest_cosine(found.whole.gram, found.columns_of(i), found.columns_of(j))
 
-    return {a: {b: max(cosine(i, j) for i in members[a] for j in members[b]) for b in ALL} for a in ALL}
+    return {a: {b: max(cosine(i, j) for i in members[a] for j in members[b]) for b in LIBRARY} for a in LIBRARY}
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", LIBRARY)
 def test_every_mechanism_has_a_trace_of_its_own(name, cosines):
     row = cosines[name]
     assert row[name] == pytest.approx(1.0, abs=1e-6)

@@ -162,17 +162,17 @@ def ends_of(choice: Mechanisms, end: int) -> dict[str, Any]:
 
 
 def draw_mechanisms(choice: Mechanisms, rng: np.random.Generator) -> dict[str, dict[str, float]]:
-    """Draw the parameters given as ranges, uniform, an axle's number among the whole ones; the others stay as they are."""
+    """Draw the parameters given as ranges, uniform, whole numbers among the whole ones; the others stay as they are."""
     drawn: dict[str, dict[str, float]] = {}
     for name, parameters in choice.items():
-        kinds = {parameter.name: parameter.kind for parameter in mechanisms.ALL[name].parameters}
+        whole = {parameter.name: parameter.whole for parameter in mechanisms.ALL[name].parameters}
         drawn[name] = {}
         for key, value in parameters.items():
             if not _is_range(value):
                 drawn[name][key] = value  # type: ignore[assignment]  # a number
                 continue
             low, high = (_end(name, key, value, end) for end in (0, 1))
-            drawn[name][key] = float(rng.integers(low, high + 1.0)) if kinds[key] == "axle" else rng.uniform(low, high)
+            drawn[name][key] = float(rng.integers(low, high + 1.0)) if whole[key] else rng.uniform(low, high)
     return drawn
 
 

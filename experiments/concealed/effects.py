@@ -1,4 +1,4 @@
-"""The effects that a case may conceal: the eighteen of the library's names, and some that no library has.
+"""The effects that a case may conceal: eighteen of the library's names, and some that no library has.
 
 Each is a function of (setup, size, place) that returns the setup with the effect in it; at size 0 nothing changes. `Place`
 says where: which axle, where along the track, which variant. Sizes are in the unit stated and may be negative where

@@ -13,7 +13,7 @@ from wsp_env.diagnosis.answer import ClosureKind
 from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, Balances
 from wsp_env.diagnosis.evaluate import Choice, Model
 from wsp_env.plant.card import Parameter, Recorded
-from wsp_env.plant.mechanisms import ALL
+from wsp_env.plant.mechanisms import ALL, LIBRARY
 
 #: Finite-difference steps as share of the typical change.
 _STEP = 0.05
@@ -45,18 +45,21 @@ def unavailable(balances: Balances) -> dict[str, str]:
     rows, measured = balances.rows, balances.campaign.vehicle.torque_is_measured
     blind = measured and not (rows.balance == ACTUATOR).any()
     slides = bool((rows.balance == ADHESION).any())
+    stops: dict[str, str] = {}
     brakes: dict[str, str] = {}
     axles: dict[str, str] = {}
     contacts: dict[str, str] = {}
-    for name, card in ALL.items():
+    for name, card in LIBRARY.items():
         signature = card.signature
         if blind and signature.acts_on == "brake":
             brakes[name] = "the torque itself is measured, and no cylinder pressure beside it"
         elif balances.axles < signature.least_axles:
             axles[name] = f"needs {signature.least_axles} axles"
+        elif len(balances.stops) < signature.least_stops:
+            stops[name] = f"needs {signature.least_stops} stops"
         elif not slides and "adhesion" in signature.balances:
             contacts[name] = "no wheel slides"
-    return brakes | axles | contacts
+    return brakes | axles | stops | contacts
 
 
 def variants(balances: Balances) -> Iterator[Variant]:
@@ -64,7 +67,7 @@ def variants(balances: Balances) -> Iterator[Variant]:
     closed, rows = unavailable(balances), balances.rows
     slides = (rows.balance == ADHESION) & (rows.slip > 0.005 * rows.speed)
     recorded = Recorded(balances.axles, rows.place[slides])
-    for name, card in ALL.items():
+    for name, card in LIBRARY.items():
         if name not in closed:
             sizes = tuple(size.name for size in card.sizes if size.fitted)
             for fixed in card.signature.variants(recorded):

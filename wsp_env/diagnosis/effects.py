@@ -12,7 +12,7 @@ from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.variation import nuisances
-from wsp_env.plant.mechanisms import ALL
+from wsp_env.plant.mechanisms import ALL, at_stop
 from wsp_env.recordings import Recording, Smoothing, derive, rolling_radii
 from wsp_env.recordings import simulate as simulation
 from wsp_env.recordings.derive import braking
@@ -154,6 +154,14 @@ def _slide(
     end = max(min(end, int(fast[-1]) + 1 if fast.size else start), start + 2)
     choice = {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on != "sensor"}
     whole = simulation.simulate(
-        campaign, run, derived, radii, np.array([start]), end - start, model.mu_cd[i], model.tau, choice
+        campaign,
+        run,
+        derived,
+        radii,
+        np.array([start]),
+        end - start,
+        model.mu_cd[i],
+        model.tau,
+        at_stop(choice, balances.stops[i].earlier),
     )
     return simulation.slide(derived, whole, start)

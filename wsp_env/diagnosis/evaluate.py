@@ -10,6 +10,7 @@ from wsp_env.diagnosis.stops import PreparedStop, torque_per_bar
 from wsp_env.parameters.campaign_vehicle import plant_vehicle
 from wsp_env.parameters.vehicle import Brake, Vehicle
 from wsp_env.plant.longitudinal import along
+from wsp_env.plant.mechanisms import at_stop
 from wsp_env.recordings import Campaign
 
 #: Mechanism -> its parameters.
@@ -73,25 +74,26 @@ class Evaluator:
 
     def __call__(self, model: Model) -> list[Evaluation]:
         """Return what the model says of every stop."""
-        constants = along.model(self.vehicle, model.choice)
-        return [self._one(i, constants, model) for i in range(len(self.stops))]
+        common = along.model(self.vehicle, model.choice)
+        own = [at_stop(model.choice, stop.earlier) for stop in self.stops]
+        each = [common if one is model.choice else along.model(self.vehicle, one) for one in own]
+        return [self._one(i, constants, model) for i, constants in enumerate(each)]
 
     def _one(self, i: int, constants: Any, model: Model) -> Evaluation:
-        stop, inertia = self.stops[i], self.vehicle.wheelset_inertia_kgm2
+        stop = self.stops[i]
         belief = along.Belief(model.mu_cd[i], model.tau, stop.mass, self.vehicle.wheel_radius_m, stop.gradient)
         p = along.along(self._trajectories[i], belief, constants)
         rate = along.true_wheel_acceleration(constants, stop.wheel_rate, stop.wheel_jerk)
-        braking = p.torque_factor * (stop.torque if stop.pressed is None else stop.pressed)
-        torque = braking if stop.pressed is None else stop.torque
+        torque = p.torque_nm if stop.pressed is None else stop.torque
         return Evaluation(
             adhesion=p.adhesion,
             slope=p.adhesion_slope,
             load=p.wheel_load_n,
             slip=p.slip_speed_mps,
-            force=(torque + inertia * rate) / p.radius_m,
+            force=(torque + p.inertia_kgm2 * rate) / p.radius_m,
             torque=torque,
-            braking=braking,
-            impulse=(inertia * p.wheel_speed_radps / p.radius_m).sum(axis=1),
+            braking=p.torque_nm,
+            impulse=(p.inertia_kgm2 * p.wheel_speed_radps / p.radius_m).sum(axis=1),
             brake_force=(torque / p.radius_m).sum(axis=1),
             recorded_speed=stop.recorded_speed + (p.speed_mps - stop.speed),
             resistance=p.resistance_n,

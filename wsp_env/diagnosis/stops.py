@@ -84,6 +84,7 @@ class PreparedStop:
     gradient: float  # [-] as believed
     believed_mu_cd: float  # [-]
     noise: Noise
+    earlier: int = 0  # stops before it on the same rail (assumption: a campaign lists its runs in the order they were made)
 
 
 def prepare(campaign: Campaign) -> tuple[list[PreparedStop], list[str]]:
@@ -106,7 +107,7 @@ def prepare(campaign: Campaign) -> tuple[list[PreparedStop], list[str]]:
             axles = ", ".join(map(str, strange))
             left_out.append(f"run {name}: torque and cylinder pressure of axle {axles} do not go together; pressures left out")
             stop = dataclasses.replace(stop, pressed=None)
-        stops.append(stop)
+        stops.append(dataclasses.replace(stop, earlier=list(campaign.runs).index(name)))
     return stops, left_out
 
 

@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from wsp_env.compiled import generated, inlined
 from wsp_env.parameters.quantity import ParameterError
 
 #: The balances of a recording in which a mechanism may show (see `wsp_env.plant.longitudinal.along`).
@@ -18,25 +19,34 @@ BALANCES = ("vehicle", "adhesion", "kinematics", "actuator")
 #: What a mechanism may act on.
 ACTS_ON = ("contact", "brake", "vehicle", "sensor")
 
+#: Share of the largest torque of one axle from which on its brake counts as applied (assumption).
+APPLIED_SHARE = 0.05
+
 #: What the curve of a mechanism may be drawn over.
 Over = Literal["slip", "work", "place", "time", "speed", "axle", "deceleration"]
 
 
 #: The slots in which a mechanism may act, with the arguments that its function there takes after its own (record, what `derive`
-#: and `memory` made). Those of the first four are called once a stop and return the true value in place of the believed one;
+#: and `memory` made). Those of the first six are called once a stop and return the true value in place of the believed one;
 #: `wsp_env.plant.slots` says what each of the others returns.
 SLOTS = {
     "mass": "believed_kg",
     "gradient": "believed",
     "radii": "believed_m",
+    "inertia": "believed_kgm2",
     "law": "believed",
+    "tau": "believed_m_per_j",
+    "before_contact": "i, k, doing",
     "contaminated_friction": "place",
     "friction": "speed",
     "layer": "i, k, place, rolled, layer, held",
+    "axle_friction": "i, k",
+    "recovery": "i, k, tau",
     "contact": "adhesion, slip, speed, load",
     "wheel_load": "load, k, mass, deceleration",
-    "force": "i, speed, believed",
+    "force": "i, speed, believed, moment",
     "torque_factor": "i, k, wheel_mps, pressure",
+    "torque": "i, k, torque, doing",
     "reading": "now, before, last, duration",
     "wheel_speed": "wheel, rate",
     "recorded_speed": "speed, acceleration",
@@ -50,7 +60,8 @@ class Parameter(NamedTuple):
     """One parameter of a mechanism.
 
     `kind` is "size" (with all sizes at their null the mechanism vanishes exactly), "shape" (where or how a size acts; means
-    nothing while the sizes are null) or "axle" (a whole number: the wheelset concerned, from 1).
+    nothing while the sizes are null), "axle" (a whole number: the wheelset concerned, from 1) or "stop" (a whole number: how
+    many stops came before on the same rail; along a campaign every recording has its own).
     """
 
     name: str
@@ -63,6 +74,11 @@ class Parameter(NamedTuple):
     kind: str = "size"
     fitted: bool = True  # False: the diagnosis leaves this size to another mechanism, or size, with the same trace
     refit_step: float = 0.0  # of a shape: the step by which a refit moves it; 0: it stays where the search put it
+
+    @property
+    def whole(self) -> bool:
+        """Whether it is a whole number."""
+        return self.kind in ("axle", "stop")
 
 
 class Said(NamedTuple):
@@ -102,6 +118,22 @@ def each_axle(recorded: Recorded) -> list[dict[str, float]]:
     return [{"axle": float(k + 1)} for k in range(recorded.axles)]
 
 
+def all_or_each_axle(recorded: Recorded) -> list[dict[str, float]]:
+    """Return a variant for all axles together, 0, and one for every axle."""
+    return [{"axle": 0.0}, *(each_axle(recorded) if recorded.axles > 1 else [])]
+
+
+@inlined
+def concerns(axle: float, k: int) -> bool:
+    """Whether a parameter `axle`, from 1 or 0 for all, concerns the axle with index k, from 0."""
+    return axle == 0.0 or axle == k + 1.0
+
+
+def whose(values: Mapping[str, float]) -> Mapping[str, Any]:
+    """Return the axle in words, for the sentences of `Said`; 0 stands for all."""
+    return {"whose": f"axle {values['axle']:.0f}'s" if values["axle"] else "every axle's"}
+
+
 def no_words(values: Mapping[str, float]) -> Mapping[str, Any]:
     """Return no further fields for the sentences of `Said`."""
     return {}
@@ -135,6 +167,7 @@ class Signature(NamedTuple):
     over: Over = "slip"  # what its curve is drawn over
     exact: bool = False  # it has one form only, so that next to nothing of it is left once it was fitted
     least_axles: int = 1  # that a vehicle must have to show it
+    least_stops: int = 1  # that a campaign must have to show it
     normal: Mapping[str, float] = {}  # size -> change from its null up to which it is normal variation of sound vehicles
     variants: Callable[[Recorded], list[dict[str, float]]] = one_variant  # its shapes and axles to try
     words: Callable[[Mapping[str, float]], Mapping[str, Any]] = no_words  # further fields for `said`, from the parameters
@@ -154,6 +187,66 @@ class Passage(NamedTuple):
     duration_s: float
     torque_nm: float  # of the brake, believed [N m]
     full_torque_nm: float  # the same at full pressure [N m]
+    slip_mps: float  # v - r w, mean [m/s]
+
+
+@inlined
+def brakes(passage: Passage) -> bool:
+    """Whether the axle's brake was applied."""
+    return passage.torque_nm > APPLIED_SHARE * passage.full_torque_nm
+
+
+class Doing(NamedTuple):
+    """What one axle is doing at a moment; causal, from the last substep and the present speeds.
+
+    Slot "before_contact" is told at every sample, with the time since the last one as `duration_s`: what mechanisms remember is
+    brought up to date there, or in the slots "after_". Slot "torque" remembers nothing: the plant's step asks it at the start
+    of a substep (`duration_s` 0) and for its end (`duration_s` the substep), with the speeds as at its start; along a recording
+    at the sample alone (`duration_s` 0).
+    """
+
+    time_s: float  # since the start of the stop
+    duration_s: float  # since what mechanisms remember was brought up to date
+    speed: float  # of the vehicle [m/s]
+    deceleration: float  # of the vehicle [m/s2]
+    wheel: float  # speed of the wheelset [rad/s]
+    wheel_rate: float  # its rate of change, in the plant that of the last substep [rad/s2]
+    slip: float  # v - r w [m/s]
+    slip_rate: float  # its rate of change [m/s2]
+    place_m: float  # of the axle along the track
+    angle_rad: float  # turned by the wheel since the start
+    radius_m: float
+    axles: float  # number of wheelsets
+    mean_wheel: float  # mean speed of all wheelsets [rad/s]
+    believed_torque: float  # of the axle's brake [N m]
+    full_torque: float  # the same at full pressure [N m]
+    contact_work: float  # heat in both contacts of the wheelset so far [J]
+
+
+def _doings() -> tuple[Callable[..., None], Callable[..., Doing]]:
+    """Return the kernels (doing, rows, j, k), which notes a `Doing` in rows (fields, T, A), and its reverse.
+
+    The reverse, (rows, j, k, duration_s), takes the duration given.
+    """
+    fields = Doing._fields
+    noted = "".join(f"    rows[{n}, j, k] = doing.{name}\n" for n, name in enumerate(fields))
+    taken = ", ".join("duration" if name == "duration_s" else f"rows[{n}, j, k]" for n, name in enumerate(fields))
+    return (
+        generated("note_doing", f"def note_doing(doing, rows, j, k):\n{noted}", {}),
+        generated("doing_at", f"def doing_at(rows, j, k, duration):\n    return Doing({taken})\n", {"Doing": Doing}),
+    )
+
+
+note_doing, doing_at = _doings()
+
+
+class Moment(NamedTuple):
+    """When and where a force acts on the vehicle, and whether it brakes."""
+
+    time_s: float  # since the start of the stop
+    place_m: float  # of the leading axle along the track
+    deceleration: float  # [m/s2]
+    braking: float  # believed brake torque over that at full pressure, mean over the axles [-]
 
 
 class Card(NamedTuple):
@@ -173,6 +266,7 @@ class Card(NamedTuple):
     derive: Callable[[Any], Any] | None = None  # Vehicle -> NamedTuple of constants
     memory: Callable[[int, Sequence[float]], Any] | None = None  # n, axle positions (A,) [m] -> NamedTuple of arrays (n, ...)
     study: Mapping[str, float] = {}  # the size at which agents are studied (assumption: a railway may meet it); {}: the typical
+    named: bool = True  # False: stands for physics without a name, which the diagnosis finds in another way than by trying it
     longest_step_m: float = math.inf  # between samples of a recording, for one that remembers the rail
 
     @property

@@ -1,8 +1,8 @@
 """Where mechanisms act. Each slot is written once; the plant's step and the evaluation along a recording call the same ones.
 
 A slot runs through the cards that act in it, in the order of `mechanisms.ALL`: factors multiply, forces add, and what is handed
-on goes from one to the next. Their code is made from the cards when this module is loaded. Four further slots, "mass",
-"gradient", "radii" and "law", act on what is constant in a stop, see `mechanisms.believed_to_true`.
+on goes from one to the next. Their code is made from the cards when this module is loaded. Six further slots, "mass",
+"gradient", "radii", "inertia", "law" and "tau", act on what is constant in a stop, see `mechanisms.believed_to_true`.
 """
 
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from typing import Any
 from wsp_env.compiled import generated, inlined
 from wsp_env.contact.port import traction
 from wsp_env.contact.traction import Adhesion, Surface
-from wsp_env.plant.card import SLOTS
+from wsp_env.plant.card import SLOTS, Doing, Moment
 from wsp_env.plant.mechanisms import ALL, Active
 
 
@@ -33,6 +33,20 @@ def _slot(name: str, start: str, each: str, result: str) -> Callable[..., Any]:
     return generated(name, f"def {name}(active, {arguments}):\n{body}", kernels)
 
 
+def _acts(name: str) -> Callable[..., Any]:
+    """Return the kernel (active) -> bool: whether a mechanism that is on acts in a slot.
+
+    What only such mechanisms ask for need not be computed for a vehicle without them.
+    """
+    sizes = [
+        f"active.parameters.{card.name}.{size.name} != {size.null!r}"
+        for card in ALL.values()
+        if name in card.acts
+        for size in card.sizes
+    ]
+    return generated(f"{name}_acts", f"def {name}_acts(active):\n    return {' or '.join(sizes) or 'False'}\n", {})
+
+
 def _factor(name: str) -> Callable[..., Any]:
     return _slot(name, "value = 1.0", "value *= {call}", "value")
 
@@ -41,12 +55,19 @@ def _handed_on(name: str, what: str) -> Callable[..., Any]:
     return _slot(name, "", f"{what} = {{call}}", what)
 
 
+#: What is noticed of an axle before its contact is evaluated, and whether anything is.
+before_contact = _slot("before_contact", "", "{call}", "None")
+before_contact_acts = _acts("before_contact")
 #: Factor of mu_cd [-] at a place [m].
 _contaminated_friction = _factor("contaminated_friction")
 #: Factor of both friction coefficients [-] at a running speed [m/s].
 _friction = _factor("friction")
 #: Shares of the contaminant layer [-], free and held, at a place [m] which the wheel reached after rolling `rolled` [m].
 _layer = _handed_on("layer", "layer, held")
+#: Factor of both friction coefficients [-] under axle k.
+_axle_friction = _factor("axle_friction")
+#: Recovery rate [m/J] under axle k, handed on: (active, i, k, tau).
+recovery = _handed_on("recovery", "tau")
 #: The contact's adhesion.
 _contact = _handed_on("contact", "adhesion")
 #: Load of one wheel [N] of axle k, from the vehicle's mass [kg] and deceleration [m/s2].
@@ -56,6 +77,10 @@ _force = _slot("force", "total = believed", "total += {call}", "total")
 
 #: Brake torque of axle k over the believed one [-], from wheel speed [m/s] and cylinder pressure [bar]: (active, i, k, ...).
 torque_factor = _factor("torque_factor")
+#: True torque of axle k's brake [N m], from what the factors left of the believed one, by what the axle is doing.
+_torque = _handed_on("torque", "torque")
+#: Whether any mechanism changes it.
+torque_acts = _acts("torque")
 #: Reading of a wheel-speed sensor [rad/s] from the last reading, the last and the present true speed and the time between [s].
 reading = _handed_on("reading", "now")
 #: True wheel speed [rad/s] from a reading and its rate [rad/s2].
@@ -86,7 +111,8 @@ def surface(
     """
     mu_cd *= _contaminated_friction(active, place)
     layer, held = _layer(active, i, k, place, rolled, layer, 0.0)
-    return Surface(min(mu_cd, mu_cr), mu_cr, layer, held)
+    factor = _axle_friction(active, i, k)
+    return Surface(factor * min(mu_cd, mu_cr), factor * mu_cr, layer, held)
 
 
 @inlined
@@ -99,7 +125,14 @@ def contact(slip: float, speed: float, load: float, on: Surface, tau: float, law
 
 
 @inlined
-def resistance(i: int, speed: float, believed: float, active: Active) -> float:
+def torque(i: int, k: int, believed: float, doing: Doing, active: Active) -> float:
+    """Torque of axle k's brake [N m]; a mechanism takes away no more than all of it."""
+    value: float = _torque(active, i, k, believed, doing)
+    return max(value, min(believed, 0.0))  # a measured torque may lie below zero
+
+
+@inlined
+def resistance(i: int, speed: float, believed: float, moment: Moment, active: Active) -> float:
     """Force [N] against the motion beside the wheels; `believed` is that of running resistance and gradient [N]."""
-    total: float = _force(active, i, speed, believed)
+    total: float = _force(active, i, speed, believed, moment)
     return total

@@ -11,7 +11,7 @@ from wsp_env.diagnosis.creep_curves.model import CreepModel, CurveFit, creep_mec
 from wsp_env.diagnosis.creep_curves.search import CreepSearch
 from wsp_env.diagnosis.creep_curves.separation import mechanism_of, radius_note
 from wsp_env.diagnosis.words import said
-from wsp_env.plant.mechanisms import ALL
+from wsp_env.plant.mechanisms import LIBRARY
 
 
 def sentence(verdict: Verdict, named: Sequence[NamedOnCurve]) -> str:
@@ -69,7 +69,7 @@ def notes(search: CreepSearch, fit: CurveFit, closure: Closure | None, seen: Map
         )
     if note := radius_note(search, fit):
         found.append(note)
-    blind = [_called(name) for name, card in ALL.items() if card.signature.creep_curve is None]
+    blind = [_called(name) for name, card in LIBRARY.items() if card.signature.creep_curve is None]
     found.append(f"not searched, as a steady curve of one wheel on the rail as it is cannot show them: {', '.join(blind)}")
     return tuple(found)
 

@@ -5,12 +5,12 @@ Evaluation is causal: a sample depends on itself and earlier ones, through the s
 discs' temperature, energy on the rail), which run through the whole recording on the model's own adhesion at the measured slip.
 
 With a prediction a caller forms the four balances, w and v being the prediction's wheel and vehicle speed, r its radii and
-T = (torque_factor C + J dw/dt) / r the force of a wheelset from its own balance (C the believed or measured torque):
+J its inertia, T = (C + J dw/dt) / r the force of a wheelset from its own balance (C is torque_nm, or the measured torque):
 
     vehicle     mass dv/dt + sum T + resistance
     adhesion    T / (2 wheel_load) - adhesion
     kinematics  v - r w while rolling freely
-    actuator    measured torque - torque_factor (nominal gain x pressure)
+    actuator    measured torque - torque_nm
 """
 
 import dataclasses
@@ -24,16 +24,19 @@ from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.resistance import running_resistance
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import mechanisms
-from wsp_env.plant.card import Passage
+from wsp_env.plant.card import Doing, Moment, Passage, doing_at, note_doing
 from wsp_env.plant.longitudinal.state import PlantConstants, constants, physics
 from wsp_env.plant.mechanisms import Active, Mechanisms
 from wsp_env.plant.port import Choice, Setup
 from wsp_env.plant.slots import (
     after_contact,
     after_passage,
+    before_contact,
     contact,
+    recovery,
     resistance,
     surface,
+    torque,
     torque_factor,
     true_speed,
     wheel_load,
@@ -99,10 +102,12 @@ class Prediction(NamedTuple):
     slip_speed_mps: np.ndarray  # (T, A) v - r w with the mechanisms on the sensors undone [m/s]
     wheel_speed_radps: np.ndarray  # (T, A) with the mechanisms on the sensors undone [rad/s]
     torque_factor: np.ndarray  # (T, A) brake torque over `brake_torque_nm` where that is a nominal one [-]
+    torque_nm: np.ndarray  # (T, A) of the brakes, from `brake_torque_nm` where that is a nominal one [N m]
     speed_mps: np.ndarray  # (T,) with the mechanisms on the sensors undone [m/s]
     resistance_n: np.ndarray  # (T,) against the motion, beside the wheels: resistances, gradient, track brake [N]
     mass_kg: float  # with the mechanisms on it
     radius_m: np.ndarray  # (A,) with the mechanisms on them [m]
+    inertia_kgm2: np.ndarray  # (A,) of the wheelsets, with the mechanisms on it [kg m2]
 
 
 class PlantModel(NamedTuple):
@@ -111,19 +116,22 @@ class PlantModel(NamedTuple):
     constants: PlantConstants
     mechanisms: Mechanisms
     law: Any  # with the mechanisms that change it
+    inertia_kgm2: np.ndarray  # (A,) with the mechanisms that change it
     axle_positions_m: tuple[float, ...]
 
 
 def model(vehicle: Vehicle, choice: Choice | None = None) -> PlantModel:
     """Return a vehicle with the mechanisms of `choice` on, see `mechanisms.make`."""
     own = mechanisms.make(choice)
-    _, law = physics(own, vehicle)
+    _, law, inertia = physics(own, vehicle)
     believed = vehicle.contact.law
-    return PlantModel(constants(vehicle, Setup()), own, type(believed)(*map(float, law)), vehicle.axle_positions_m)
+    return PlantModel(constants(vehicle, Setup()), own, type(believed)(*map(float, law)), inertia, vehicle.axle_positions_m)
 
 
-def along(trajectory: Trajectory, run: Belief, m: PlantModel) -> Prediction:
+def along(trajectory: Trajectory, run: Belief, m: PlantModel, doings: np.ndarray | None = None) -> Prediction:
     """Evaluate the model of `model` along a trajectory (T samples, A axles).
+
+    `doings` (fields of `Doing`, T, A), if given, is filled with what every axle is doing, as slot "before_contact" is told.
 
     Raises
     ------
@@ -143,15 +151,19 @@ def along(trajectory: Trajectory, run: Belief, m: PlantModel) -> Prediction:
     for name, lowest in (("mu_cd", mu_cd.min()), ("mass_kg", mass), ("radius_m", radius.min())):
         if not lowest > 0.0:
             raise ParameterError(f"{name} = {lowest:g} is impossible: it must be above 0")
-    if not 0.0 <= run.tau < np.inf:
-        raise ParameterError(f"tau = {run.tau:g} m/J is impossible: it must be finite, 0 or more")
-    per_axle = np.empty((6, samples, axles))
+    tau = mechanisms.believed_to_true("tau", m.mechanisms, run.tau)
+    if not 0.0 <= tau < np.inf:
+        raise ParameterError(f"tau = {tau:g} m/J is impossible: it must be finite, 0 or more")
+    per_axle = np.empty((7, samples, axles))
     per_vehicle = np.empty((2, samples))
     active = Active(m.mechanisms, m.constants.derived, mechanisms.remember(1, m.axle_positions_m))
-    conditions = _Believed(mu_cd, float(run.tau), float(mass), float(gradient), radius)
-    _evaluate(_columns(trajectory), conditions, m.constants, m.law, active, per_axle, per_vehicle, np.zeros((2, axles)))
-    adhesion, slope, load, slip, wheel, factor = per_axle
-    return Prediction(adhesion, slope, load, slip, wheel, factor, per_vehicle[0], per_vehicle[1], mass, radius)
+    conditions = _Believed(mu_cd, float(tau), float(mass), float(gradient), radius)
+    doings = np.empty((len(Doing._fields), 1, axles)) if doings is None else doings
+    kept = np.zeros((_KEPT, axles))
+    _evaluate(_columns(trajectory), conditions, m.constants, m.law, active, per_axle, per_vehicle, kept, doings)
+    adhesion, slope, load, slip, wheel, factor, true = per_axle
+    speed, resisted = per_vehicle
+    return Prediction(adhesion, slope, load, slip, wheel, factor, true, speed, resisted, mass, radius, m.inertia_kgm2)
 
 
 class _Believed(NamedTuple):
@@ -180,8 +192,12 @@ def _columns(trajectory: Trajectory) -> _Columns:
     return _Columns(*(getattr(trajectory, field.name) for field in dataclasses.fields(trajectory)))
 
 
-# Rows of the scratch array `power` (2, axles) at the last sample: friction power of one wheel, braking power of the axle [W].
-_FRICTION, _BRAKING = range(2)
+_SLIP = Doing._fields.index("slip")
+
+# Rows of the scratch array `kept` (_KEPT, axles): at the last sample the friction power of one wheel and the braking power of
+# the axle [W] and the slip speed [m/s]; so far the heat in both contacts [J] and the angle turned [rad]; the wheels' speed now
+# [rad/s].
+_FRICTION, _BRAKING, _SLID, _WORK, _ANGLE, _WHEEL, _KEPT = range(7)
 
 
 @loop
@@ -193,7 +209,8 @@ def _evaluate(
     active: Active,
     per_axle: np.ndarray,
     per_vehicle: np.ndarray,
-    power: np.ndarray,
+    kept: np.ndarray,
+    doings: np.ndarray,
 ) -> None:
     samples, axles = measured.wheel.shape
     full_torque = p.brake.torque_per_bar * p.brake.full_pressure
@@ -202,34 +219,56 @@ def _evaluate(
         before = max(j - 1, 0)
         duration = measured.time[j] - measured.time[before]
         speed = true_speed(active, measured.speed[j], measured.acceleration[j])
+        mean_wheel, braking = 0.0, 0.0
         for k in range(axles):
             offset = p.axle_offset[k]
             passage = Passage(
-                measured.position[before] - offset, measured.position[j] - offset, power[_FRICTION, k] * duration,
-                power[_BRAKING, k] * duration, duration, measured.torque[j, k], full_torque,
+                measured.position[before] - offset, measured.position[j] - offset, kept[_FRICTION, k] * duration,
+                kept[_BRAKING, k] * duration, duration, measured.torque[j, k], full_torque,
+                kept[_SLID, k],
             )  # fmt: skip
             after_passage(active, 0, k, passage)
+            last = kept[_WHEEL, k]
+            kept[_WHEEL, k] = wheel_speed(active, measured.wheel[j, k], measured.wheel_acceleration[j, k])
+            kept[_WORK, k] += 2.0 * kept[_FRICTION, k] * duration
+            kept[_ANGLE, k] += 0.5 * (last + kept[_WHEEL, k]) * duration
+            mean_wheel += kept[_WHEEL, k] / axles
+            braking += measured.torque[j, k] / (full_torque * axles)
         believed = running_resistance(speed, p.resistance) + c.mass * p.gravity * c.gradient
+        now, deceleration = measured.time[j] - measured.time[0], -measured.acceleration[j]
+        moment = Moment(now, measured.position[j], deceleration, braking)
+        at = j if doings.shape[1] > 1 else 0
+        for k in range(axles):
+            rate = measured.wheel_acceleration[j, k]
+            doing = Doing(
+                now, duration, speed, deceleration, kept[_WHEEL, k], rate, speed - c.radius[k] * kept[_WHEEL, k],
+                -deceleration - c.radius[k] * rate, measured.position[j] - p.axle_offset[k], kept[_ANGLE, k], c.radius[k],
+                float(axles), mean_wheel, measured.torque[j, k], full_torque, kept[_WORK, k],
+            )  # fmt: skip
+            note_doing(doing, doings, at, k)
+            before_contact(active, 0, k, doing)
         per_vehicle[0, j] = speed
-        per_vehicle[1, j] = resistance(0, speed, believed, active)
+        per_vehicle[1, j] = resistance(0, speed, believed, moment, active)
         rolled = speed * duration
         for k in range(axles):
-            wheel = wheel_speed(active, measured.wheel[j, k], measured.wheel_acceleration[j, k])
-            slip = speed - c.radius[k] * wheel
-            load = wheel_load(k, c.mass, -measured.acceleration[j], static, active)
+            wheel, slip = kept[_WHEEL, k], doings[_SLIP, at, k]
+            load = wheel_load(k, c.mass, deceleration, static, active)
             on = surface(0, k, measured.position[j] - p.axle_offset[k], rolled, c.mu_cd[j, k], 1.0, law.mu_cr, active)
-            adhesion = contact(slip, speed, load, on, c.tau, law, active)
+            adhesion = contact(slip, speed, load, on, recovery(active, 0, k, c.tau), law, active)
             after_contact(active, 0, k, rolled, adhesion.kept)
-            torque = measured.torque[j, k]
-            factor = torque_factor(active, 0, k, c.radius[k] * wheel, torque / p.brake.torque_per_bar)
-            power[_FRICTION, k] = adhesion.f * load * abs(slip)
-            power[_BRAKING, k] = factor * torque * wheel
+            nominal = measured.torque[j, k]
+            factor = torque_factor(active, 0, k, c.radius[k] * wheel, nominal / p.brake.torque_per_bar)
+            true = torque(0, k, factor * nominal, doing_at(doings, at, k, 0.0), active)
+            kept[_FRICTION, k] = adhesion.f * load * abs(slip)
+            kept[_BRAKING, k] = true * wheel
+            kept[_SLID, k] = slip
             per_axle[0, j, k] = adhesion.f if slip >= 0.0 else -adhesion.f
             per_axle[1, j, k] = adhesion.df_ds
             per_axle[2, j, k] = load
             per_axle[3, j, k] = slip
             per_axle[4, j, k] = wheel
             per_axle[5, j, k] = factor
+            per_axle[6, j, k] = true
 
 
 def true_wheel_acceleration(m: PlantModel, read_rate: np.ndarray, read_jerk: np.ndarray) -> np.ndarray:

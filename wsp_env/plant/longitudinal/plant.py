@@ -43,12 +43,13 @@ class LongitudinalPlant(Plant):
         """Put vehicle `index` at the start of a stop, see `Plant.start`."""
         check_stop(stop, self.vehicle)
         own = self._mechanisms if mechanisms is None else library.make(mechanisms)
-        self._physics.mechanisms[index], self._physics.law[index] = physics(own, self.vehicle)
+        for array, row in zip(self._physics, physics(own, self.vehicle), strict=True):
+            array[index] = row
         c, s = self.conditions, self.state
         for array in (*s[: State._fields.index("brake")], *(array for memory in s.memory for array in memory)):
             array[index] = 0.0
         c.mu_cd[index] = stop.mu_cd
-        c.tau[index] = stop.tau
+        c.tau[index] = library.believed_to_true("tau", own, stop.tau)
         c.mass[index] = library.believed_to_true("mass", own, stop.mass)
         c.demand[index] = stop.demand
         c.gradient[index] = library.believed_to_true("gradient", own, stop.gradient)
@@ -103,6 +104,6 @@ class LongitudinalPlant(Plant):
     @property
     def kinetic_energy(self) -> np.ndarray:
         """Kinetic energy of each vehicle with its wheelsets (N,) [J]."""
-        wheels = 0.5 * self.vehicle.wheelset_inertia_kgm2 * np.sum(self.state.wheel_speed**2, axis=1)
+        wheels = 0.5 * np.sum(self._physics.inertia * self.state.wheel_speed**2, axis=1)
         energy: np.ndarray = 0.5 * self.conditions.mass * self.state.speed**2 + wheels
         return energy

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.resistance import Resistance
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import mechanisms
@@ -29,6 +30,7 @@ class State(NamedTuple):
     speed: np.ndarray  # [m/s]
     deceleration: np.ndarray  # at the start of the last substep [m/s2]
     wheel_speed: np.ndarray  # (N, A) [rad/s]
+    wheel_rate: np.ndarray  # (N, A) its rate of change in the last substep [rad/s2]
     slip_speed: np.ndarray  # (N, A) v - r w [m/s]
     recorded_speed: np.ndarray  # (N,) of the vehicle, as its own recorder has it [m/s]
     adhesion: np.ndarray  # (N, A) f = T / N [-], signed as the slip
@@ -47,6 +49,7 @@ class Physics(NamedTuple):
 
     mechanisms: np.ndarray  # (N, mechanisms.ROW) parameters of all mechanisms
     law: np.ndarray  # (N, fields) the traction law with the mechanisms that change it
+    inertia: np.ndarray  # (N, A) of the wheelsets [kg m2]
 
 
 class PlantConstants(NamedTuple):
@@ -57,7 +60,6 @@ class PlantConstants(NamedTuple):
     tachometer: tachometer.TachometerConstants
     rail: RailConstants
     axle_offset: np.ndarray  # (A,) behind the leading axle [m]; no tuple: one compilation for any number of axles
-    inertia: float  # of a wheelset [kg m2]
     gravity: float  # [m/s2]
     resistance: Resistance
     substeps: int  # per control interval
@@ -83,7 +85,6 @@ def constants(vehicle: Vehicle, setup: Setup) -> PlantConstants:
         tachometer=tachometer.constants(vehicle.tachometer),
         rail=RailConstants(setup.track_step_m),
         axle_offset=np.array(vehicle.axle_positions_m),
-        inertia=vehicle.wheelset_inertia_kgm2,
         gravity=vehicle.gravity_mps2,
         resistance=vehicle.resistance,
         substeps=substeps,
@@ -104,15 +105,18 @@ def allocate(n: int, vehicle: Vehicle, p: PlantConstants) -> State:
     )
 
 
-def physics(m: Mechanisms, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
-    """Return a row of `Physics`: all mechanisms' parameters, and the law with those that change it.
+def physics(m: Mechanisms, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a row of `Physics`: all mechanisms' parameters; the law and the wheelsets' inertia with those that change them.
 
     `ParameterError` for a mechanism on an axle that the vehicle does not have, or that the vehicle's traction law has no place
     for.
     """
     mechanisms.check_axles(m, vehicle.axles)
     law = mechanisms.believed_to_true("law", m, vehicle.contact.law)
-    return mechanisms.row(m), np.array(law, dtype=np.float64)
+    inertia = mechanisms.believed_to_true("inertia", m, np.full(vehicle.axles, vehicle.wheelset_inertia_kgm2))
+    if not (np.min(inertia) > 0.0 and np.isfinite(inertia).all()):
+        raise ParameterError(f"wheelset inertia of {np.min(inertia):g} kg m2 is impossible: it must be above 0")
+    return mechanisms.row(m), np.array(law, dtype=np.float64), np.array(inertia, dtype=np.float64)
 
 
 def conditions(n: int, axles: int, nodes: int) -> Conditions:

@@ -14,7 +14,6 @@ wheel's own momentum and is what the vehicle feels: momentum is exact, and the w
 vehicle stands.
 """
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,22 +25,29 @@ from wsp_env.parameters.resistance import running_resistance
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.plant.card import Passage
 from wsp_env.plant.components import brake, rail, tachometer
+from wsp_env.plant.longitudinal.doing import doing, moment
+from wsp_env.plant.longitudinal.exponential import slip_after, slip_drift, slip_growth
 from wsp_env.plant.longitudinal.state import PlantConstants, State, batch
 from wsp_env.plant.mechanisms import NULL, Active, mechanisms_at
 from wsp_env.plant.port import Conditions, Setup
 from wsp_env.plant.slots import (
     after_contact,
     after_passage,
+    before_contact,
+    before_contact_acts,
     contact,
     recorded_speed,
+    recovery,
     resistance,
     surface,
+    torque,
+    torque_acts,
     torque_factor,
     wheel_load,
 )
 
 # Rows of the scratch array `work` (ROWS, A) that holds one substep of one vehicle.
-SLIP, FORCE, FORCE_BY_SLIP, FORCE_BY_SPEED, LOAD, MU_CD, LAYER, HELD, TORQUE, LOCKED, ROWS = range(11)
+SLIP, FORCE, FORCE_BY_SLIP, FORCE_BY_SPEED, LOAD, MU_CD, MU_CR, LAYER, HELD, TAU, TORQUE, LOCKED, ROWS = range(13)
 
 
 class Stepping(NamedTuple):
@@ -52,16 +58,8 @@ class Stepping(NamedTuple):
     p: PlantConstants
     law: Any  # the traction law of the vehicle at hand, with the mechanisms that change it
     active: Active  # its mechanisms
+    inertia: np.ndarray  # (N, A) of the wheelsets [kg m2]
     work: np.ndarray  # (ROWS, A) scratch
-
-
-@inlined
-def _phi(z: float) -> tuple[float, float]:
-    """phi_1(z) = (e^z - 1) / z and phi_2(z) = (phi_1(z) - 1) / z, by series where they would cancel."""
-    if abs(z) < 1e-3:
-        return 1.0 + z * (0.5 + z / 6.0), 0.5 + z * (1.0 / 6.0 + z / 24.0)
-    phi_1 = (math.exp(z) - 1.0) / z
-    return phi_1, (phi_1 - 1.0) / z
 
 
 @inlined
@@ -70,13 +68,25 @@ def _believed_resistance(i: int, speed: float, c: Conditions, p: PlantConstants)
     return running_resistance(speed, p.resistance) + c.mass[i] * p.gravity * c.gradient[i]
 
 
+@loop
+def _notice(i: int, on_step: Stepping) -> None:
+    """Let mechanisms take notice of every axle at the start of a substep."""
+    state, c, p, _, active, _, _ = on_step
+    since = p.substep if state.time[i] > 0.0 else 0.0
+    for k in range(state.wheel_speed.shape[1]):
+        pressure = state.brake.pressure[i, k]
+        now = doing(i, k, 0.0, since, pressure, state.deceleration[i], state, c, p)
+        before_contact(active, i, k, now)
+
+
 @inlined
 def _start(i: int, on_step: Stepping) -> float:
     """Evaluate the contacts at the start of a substep into `work`; return the vehicle's deceleration [m/s2]."""
-    state, c, p, law, active, work = on_step
+    state, c, p, law, active, work, _ = on_step
     speed = state.speed[i]
     mass = c.mass[i]
-    total = resistance(i, speed, _believed_resistance(i, speed, c, p), active)
+    now = moment(i, 0.0, state.deceleration[i], state, p)
+    total = resistance(i, speed, _believed_resistance(i, speed, c, p), now, active)
     static = mass * p.gravity / (2.0 * len(p.axle_offset))
     rolled = speed * p.substep
     for k in range(state.wheel_speed.shape[1]):
@@ -85,7 +95,8 @@ def _start(i: int, on_step: Stepping) -> float:
         mu_cd, layer = rail.look(i, place, c, p.rail)
         on = surface(i, k, place, rolled, mu_cd, layer, law.mu_cr, active)
         slip = speed - c.radius[i, k] * state.wheel_speed[i, k]
-        adhesion = contact(slip, speed, load, on, c.tau[i], law, active)
+        tau = recovery(active, i, k, c.tau[i])
+        adhesion = contact(slip, speed, load, on, tau, law, active)
         after_contact(active, i, k, rolled, adhesion.kept)
         sign = 1.0 if slip >= 0.0 else -1.0
         state.adhesion[i, k] = sign * adhesion.f
@@ -97,6 +108,8 @@ def _start(i: int, on_step: Stepping) -> float:
         work[FORCE_BY_SPEED, k] = 2.0 * load * sign * adhesion.df_dv  # [N s/m]
         work[LOAD, k] = load
         work[MU_CD, k] = on.mu_cd
+        work[MU_CR, k] = on.mu_cr
+        work[TAU, k] = tau
         work[LAYER, k] = on.layer
         work[HELD, k] = on.held
         total += work[FORCE, k]
@@ -104,46 +117,27 @@ def _start(i: int, on_step: Stepping) -> float:
 
 
 @inlined
-def _growth(force: float, torque: float, deceleration: float, radius: float, inertia: float) -> float:
-    """Rate of the slip speed [m/s2]."""
-    return -deceleration - radius * (radius * force - torque) / inertia
-
-
-@inlined
-def _drift(slope_v: float, torque_rate: float, deceleration: float, jerk: float, radius: float, inertia: float) -> float:
-    """Rate of that rate at a constant slip speed [m/s3]."""
-    return -jerk + radius * (radius * slope_v * deceleration + torque_rate) / inertia
-
-
-@inlined
-def _slip_after(h: float, slip: float, growth: float, rate: float, drift: float) -> float:
-    """Slip speed [m/s] after h [s] of the exponential Rosenbrock-Euler step; `rate` is L [1/s], see the module."""
-    phi_1, phi_2 = _phi(h * rate)
-    return slip + h * (phi_1 * growth + h * phi_2 * drift)
-
-
-@inlined
 def _slip(i: int, k: int, start_torque: float, deceleration: float, jerk: float, on_step: Stepping) -> float:
     """Slip speed [m/s] of a turning wheelset after the substep."""
-    state, c, p, law, active, work = on_step
-    h = p.substep
+    state, c, p, law, active, work, inertias = on_step
+    h, inertia = p.substep, inertias[i, k]
     radius = c.radius[i, k]
     slip = work[SLIP, k]
     torque_rate = 2.0 * (work[TORQUE, k] - start_torque) / h  # a linear torque with the same mean
-    growth = _growth(work[FORCE, k], start_torque, deceleration, radius, p.inertia)
-    drift = _drift(work[FORCE_BY_SPEED, k], torque_rate, deceleration, jerk, radius, p.inertia)
-    after = _slip_after(h, slip, growth, -radius * radius * work[FORCE_BY_SLIP, k] / p.inertia, drift)
+    growth = slip_growth(work[FORCE, k], start_torque, deceleration, radius, inertia)
+    drift = slip_drift(work[FORCE_BY_SPEED, k], torque_rate, deceleration, jerk, radius, inertia)
+    after = slip_after(h, slip, growth, -radius * radius * work[FORCE_BY_SLIP, k] / inertia, drift)
     if slip * after >= 0.0:
         return after
     used = h * slip / (slip - after)
     speed = state.speed[i] - deceleration * used
-    on = Surface(work[MU_CD, k], law.mu_cr, work[LAYER, k], work[HELD, k])
-    rolling = contact(0.0, speed, work[LOAD, k], on, c.tau[i], law, active)
+    on = Surface(work[MU_CD, k], work[MU_CR, k], work[LAYER, k], work[HELD, k])
+    rolling = contact(0.0, speed, work[LOAD, k], on, work[TAU, k], law, active)
     slope = 2.0 * work[LOAD, k] * rolling.df_ds
     torque = start_torque + torque_rate * used
-    growth = _growth(0.0, torque, deceleration, radius, p.inertia)
-    drift = _drift(0.0, torque_rate, deceleration, jerk, radius, p.inertia)
-    return _slip_after(h - used, 0.0, growth, -radius * radius * slope / p.inertia, drift)
+    growth = slip_growth(0.0, torque, deceleration, radius, inertia)
+    drift = slip_drift(0.0, torque_rate, deceleration, jerk, radius, inertia)
+    return slip_after(h - used, 0.0, growth, -radius * radius * slope / inertia, drift)
 
 
 @inlined
@@ -152,33 +146,53 @@ def _solve_speed(i: int, resisted: float, on_step: Stepping) -> float:
 
     A turning wheelset gives T = (J dw / h + C) / r with w = (v - s) / r at the end, a locked one its contact force.
     """
-    state, c, p, _, _, work = on_step
-    h, inertia = p.substep, p.inertia
+    state, c, p, _, _, work, inertias = on_step
+    h = p.substep
     momentum = c.mass[i] * state.speed[i] - h * resisted
     mass = c.mass[i]
     for k in range(state.wheel_speed.shape[1]):
         if work[LOCKED, k] > 0.0:
             momentum -= h * work[FORCE, k]
         else:
-            radius = c.radius[i, k]
+            radius, inertia = c.radius[i, k], inertias[i, k]
             momentum += (inertia * (work[SLIP, k] / radius + state.wheel_speed[i, k]) - h * work[TORQUE, k]) / radius
             mass += inertia / (radius * radius)
     return momentum / mass
 
 
+@loop
+def _changed_torque(
+    i: int, k: int, pressure: float, factor: float, deceleration: float, on_step: Stepping
+) -> float:  # fmt: skip
+    """Let the mechanisms on the torque act on axle k; return it at the start of the substep, where `pressure` [bar] was.
+
+    What they add changes linearly over the substep: its mean is that of start and end.
+    """
+    state, c, p, _, active, work, _ = on_step
+    after = state.brake.pressure[i, k]
+    before, end = brake.torque(pressure, factor, p.brake), brake.torque(after, factor, p.brake)
+    now = doing(i, k, 0.0, 0.0, pressure, deceleration, state, c, p)
+    then = doing(i, k, p.substep, p.substep, after, deceleration, state, c, p)
+    start = torque(i, k, before, now, active)
+    added = torque(i, k, end, then, active) - end
+    work[TORQUE, k] = max(work[TORQUE, k] + 0.5 * (start - before + added), 0.0)
+    return start
+
+
 @inlined
 def _brake(i: int, elapsed: float, deceleration: float, jerk: float, on_step: Stepping) -> None:
     """Let valves, cylinders and discs act on every wheelset for a substep; note torques and new slips in `work`."""
-    state, c, p, _, active, work = on_step
+    state, c, p, _, active, work, _ = on_step
     h = p.substep
+    acts = torque_acts(active)
     distributor = brake.distribute(i, c.demand[i], h, state.brake, p.brake)
     for k in range(state.wheel_speed.shape[1]):
         start = state.brake.pressure[i, k]
         mean = brake.fill(i, k, elapsed, h, distributor, c.demand[i], state.brake, p.brake)
         wheel_mps = c.radius[i, k] * state.wheel_speed[i, k]
         factor = torque_factor(active, i, k, wheel_mps, start)
-        start = brake.torque(start, factor, p.brake)
         work[TORQUE, k] = brake.torque(mean, factor, p.brake)
+        start = _changed_torque(i, k, start, factor, deceleration, on_step) if acts else brake.torque(start, factor, p.brake)
         # A locked wheel stays so while the contact cannot turn it; its torque is a reaction.
         work[LOCKED, k] = 1.0 if state.wheel_speed[i, k] == 0.0 and c.radius[i, k] * work[FORCE, k] <= start else 0.0
         if work[LOCKED, k] > 0.0:
@@ -194,29 +208,31 @@ def _brake(i: int, elapsed: float, deceleration: float, jerk: float, on_step: St
 @inlined
 def _move(i: int, h: float, after: float, on_step: Stepping) -> None:
     """Move vehicle and wheelsets to the end of a substep of h [s], at which the vehicle runs with `after` [m/s]."""
-    state, c, p, _, active, work = on_step
+    state, c, p, _, active, work, inertia = on_step
     travelled = 0.5 * h * (state.speed[i] + after)
     rolled = state.position[i]
     for k in range(state.wheel_speed.shape[1]):
         before = state.wheel_speed[i, k]
         radius = c.radius[i, k]
-        wheel, force, torque = 0.0, work[FORCE, k], work[TORQUE, k]
+        wheel, force, braking = 0.0, work[FORCE, k], work[TORQUE, k]
         if work[LOCKED, k] > 0.0:
-            torque = radius * force + p.inertia * before / p.substep
+            braking = radius * force + inertia[i, k] * before / p.substep
         else:
             wheel = max(after - work[SLIP, k], 0.0) / radius
-            force = (p.inertia * (wheel - before) / h + torque) / radius
+            force = (inertia[i, k] * (wheel - before) / h + braking) / radius
         turned = 0.5 * h * (before + wheel)
         spent = force * (travelled - radius * turned)
         state.contact_work[i, k] += spent
-        state.brake_work[i] += torque * turned
+        state.brake_work[i] += braking * turned
         place = rolled - p.axle_offset[k]
         passage = Passage(
-            place, place + travelled, 0.5 * spent, torque * turned, h,
+            place, place + travelled, 0.5 * spent, braking * turned, h,
             brake.torque(state.brake.pressure[i, k], 1.0, p.brake), brake.torque(p.brake.full_pressure, 1.0, p.brake),
+            (travelled - radius * turned) / h,
         )  # fmt: skip
         after_passage(active, i, k, passage)
         state.wheel_speed[i, k] = wheel
+        state.wheel_rate[i, k] = (wheel - before) / p.substep
         state.tachometer.angle[i, k] += turned
     state.speed[i] = after
     state.position[i] = rolled + travelled
@@ -225,15 +241,18 @@ def _move(i: int, h: float, after: float, on_step: Stepping) -> None:
 @inlined
 def _substep(i: int, elapsed: float, on_step: Stepping) -> bool:
     """Advance vehicle i by one substep that starts `elapsed` [s] into the control interval; True when it has stopped."""
-    state, c, p, _, active, work = on_step
+    state, c, p, _, active, work, _ = on_step
     h = p.substep
     axles = state.wheel_speed.shape[1]
     speed = state.speed[i]
     last = state.deceleration[i]
+    if before_contact_acts(active):
+        _notice(i, on_step)
     deceleration = _start(i, on_step)
     jerk = (deceleration - last) / h if state.time[i] > 0.0 else 0.0
     middle = speed - 0.5 * h * deceleration
-    resisted = resistance(i, middle, _believed_resistance(i, middle, c, p), active)
+    halfway = moment(i, 0.5 * h, deceleration, state, p)
+    resisted = resistance(i, middle, _believed_resistance(i, middle, c, p), halfway, active)
     _brake(i, elapsed, deceleration, jerk, on_step)
     after = _solve_speed(i, resisted, on_step)
     locks = False
@@ -291,7 +310,7 @@ def advance(command: np.ndarray, believed: Any, given: Any, moving: np.ndarray, 
             continue
         law = law_at(believed, physics.law, i)
         active = Active(mechanisms_at(physics.mechanisms, i), p.derived, state.memory)
-        on_step = Stepping(state, c, p, law, active, work)
+        on_step = Stepping(state, c, p, law, active, work, physics.inertia)
         brake.receive(i, command, state.brake)
         for j in range(p.substeps):
             if _substep(i, j * p.substep, on_step):

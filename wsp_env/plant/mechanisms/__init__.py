@@ -36,6 +36,14 @@ _FILES = (
     "wheel_radius",
     "wheel_speed_lag",
     "clock_offset",
+    "sanding",
+    "coupler_force",
+    "rail_drift",
+    "wheelset_inertia",
+    "brake_delay",
+    "dragging_brake",
+    "blended_brake",
+    "discovered",
 )
 
 
@@ -55,6 +63,9 @@ def _cards() -> dict[str, Card]:
 
 #: Every mechanism's card by name.
 ALL: dict[str, Card] = _cards()
+
+#: Those of them that are known physics, which may be said by name.
+LIBRARY: dict[str, Card] = {name: card for name, card in ALL.items() if card.named}
 
 if TYPE_CHECKING:
     Mechanisms: TypeAlias = Any
@@ -102,11 +113,20 @@ def _record(card: Card, given: Mapping[str, float]) -> tuple[float, ...]:
         value = given.get(parameter.name, parameter.typical)
         metadata = {"low": parameter.low, "high": parameter.high, "unit": parameter.unit, "open_low": False}
         check(f"mechanism {card.name}: {parameter.name}", value, metadata)
-        if parameter.kind == "axle" and value != math.floor(value):
-            raise ParameterError(f"mechanism {card.name}: {parameter.name} = {value:g} must be a whole number, from 1")
+        if parameter.whole and value != math.floor(value):
+            least = f"{parameter.low:g}"
+            raise ParameterError(f"mechanism {card.name}: {parameter.name} = {value:g} must be a whole number, from {least}")
         values.append(float(value))
     record: tuple[float, ...] = card.record(*values)
     return record
+
+
+def at_stop(choice: Mapping[str, Mapping[str, float]], earlier: int) -> Mapping[str, Mapping[str, float]]:
+    """Return the mechanisms of `choice` as they are after so many earlier stops on the same rail; itself where none asks."""
+    counts = {name: [one.name for one in ALL[name].parameters if one.kind == "stop"] for name in choice}
+    if not any(counts.values()):
+        return choice
+    return {name: {**given, **dict.fromkeys(counts[name], float(earlier))} for name, given in choice.items()}
 
 
 def check_axles(mechanisms: Mechanisms, axles: int) -> None:
@@ -144,8 +164,9 @@ mechanisms_at = _reader()
 
 
 def believed_to_true(slot: str, mechanisms: Mechanisms, believed: Any) -> Any:
-    """Hand a quantity that is constant in a stop through the mechanisms acting on it: "mass", "gradient", "radii" or "law".
+    """Hand a quantity that is constant in a stop through the mechanisms acting on it.
 
+    The slots are "mass", "gradient", "radii", "inertia", "law" and "tau".
     `ParameterError` for a mechanism that is on and acts on what the vehicle's traction law does not have.
     """
     for name, card in ALL.items():

@@ -14,10 +14,16 @@ def table() -> str:
 
 def _row(card: Card) -> tuple[str, ...]:
     signature = card.signature
-    parameters = "<br>".join(map(_parameter, card.parameters))
+    parameters = "<br>".join(map(_parameter, card.parameters if card.named else _first_of_a_kind(card)))
     shows = ", ".join(balance for balance in BALANCES if balance in signature.balances)
     slots = ", ".join(f"`{slot}`" for slot in card.acts)
     return f"`{card.name}`", card.summary, slots, parameters, shows, signature.trace, signature.next_test
+
+
+def _first_of_a_kind(card: Card) -> list[Parameter]:
+    """Return the first of parameters whose names differ in a number at their end only, with that number left open."""
+    kinds = {one.name.rstrip("0123456789"): one for one in reversed(card.parameters)}
+    return [one._replace(name=f"{kind}n") for kind, one in reversed(kinds.items())]
 
 
 def _parameter(one: Parameter) -> str:

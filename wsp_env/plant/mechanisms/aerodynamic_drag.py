@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Parameter, Said, Signature
+from wsp_env.plant.card import Card, Moment, Parameter, Said, Signature
 
 _DAVIS = "form: Davis (1926); size: assumption, "
 
@@ -17,7 +17,7 @@ class Parameters(NamedTuple):
 
 
 @inlined
-def force(p: Parameters, i: int, speed_mps: float, believed_n: float) -> float:
+def force(p: Parameters, i: int, speed_mps: float, believed_n: float, moment: Moment) -> float:
     """Force against the motion [N] beyond the believed running resistance."""
     return p.a_n + speed_mps * (p.b_ns_per_m + speed_mps * p.c_ns2_per_m2)
 

@@ -11,13 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Parameter, Passage, Recorded, Said, Signature
+from wsp_env.plant.card import Card, Moment, Parameter, Passage, Recorded, Said, Signature, brakes
 
 #: Width of the band's edges [m/s] (assumption).
 EDGE_MPS = 0.5
-
-#: Share of the largest torque of one axle from which on the brake counts as applied (assumption).
-APPLIED_SHARE = 0.05
 
 #: Bands of speed that are tried in recordings [m/s]: at every speed, or lifted below one (assumption).
 _BANDS_MPS = ((-10.0, 200.0), (8.0, 200.0), (15.0, 200.0), (22.0, 200.0))
@@ -45,12 +42,12 @@ def memory(n: int, axle_positions_m: Sequence[float]) -> Applied:
 @inlined
 def apply(p: Parameters, applied: Applied, i: int, k: int, passage: Passage) -> None:
     """Note the first application of the brake."""
-    if p.force_n != 0.0 and passage.torque_nm > APPLIED_SHARE * passage.full_torque_nm:
+    if p.force_n != 0.0 and brakes(passage):
         applied.once[i] = 1.0
 
 
 @inlined
-def force(p: Parameters, applied: Applied, i: int, speed_mps: float, believed_n: float) -> float:
+def force(p: Parameters, applied: Applied, i: int, speed_mps: float, believed_n: float, moment: Moment) -> float:
     """Force against the motion [N]."""
     if p.force_n == 0.0:
         return 0.0

@@ -1,4 +1,4 @@
-"""A mechanism of another package, tried in a process of its own by `test_mechanism_cards`: `nineteenth_mechanism.py FOLDER`.
+"""A mechanism of another package, tried in a process of its own by `test_mechanism_cards`: `further_mechanism.py FOLDER`.
 
 The package is `rail_joints.py`, written by the test with the entry point that names it. What is found is printed as JSON.
 """

@@ -1,0 +1,85 @@
+"""A brake beside the discs that the recorded torque does not hold: the electrodynamic brake of axles with motors.
+
+Its torque is constant above a blending speed and falls in proportion to the wheel's speed below, as the motor's voltage does
+(dynamic brakes fade below some 5 m/s; there the pneumatic brake takes over: blending). It acts while the disc brake of its axle
+is applied, in full from the share of the torque on from which a brake counts as applied, and leaves an axle that its WSP vents.
+Form and sizes: assumption.
+"""
+
+from typing import NamedTuple
+
+from wsp_env.compiled import inlined
+from wsp_env.plant.card import (
+    APPLIED_SHARE,
+    Card,
+    Doing,
+    Parameter,
+    Recorded,
+    Said,
+    Signature,
+    all_or_each_axle,
+    concerns,
+    itself,
+    whose,
+)
+
+#: Blending speeds that are tried in recordings [m/s] (assumption), the first only for the brakes of all axles: on one axle a
+#: torque that fades no sooner cannot be told from a constant one in recordings above walking pace.
+_BLENDING_MPS = (5.0, 10.0, 20.0)
+
+
+class Parameters(NamedTuple):
+    """Parameters of the brake, see `CARD`."""
+
+    torque_nm: float
+    axle: float
+    blending_mps: float
+
+
+@inlined
+def torque(p: Parameters, i: int, k: int, torque_nm: float, doing: Doing) -> float:
+    """Torque of axle k [N m]."""
+    if p.torque_nm == 0.0 or not concerns(p.axle, k):
+        return torque_nm
+    applied = min(max(doing.believed_torque / (APPLIED_SHARE * doing.full_torque), 0.0), 1.0)
+    return torque_nm + p.torque_nm * applied * min(doing.radius_m * doing.wheel / p.blending_mps, 1.0)
+
+
+def at_speeds(recorded: Recorded) -> list[dict[str, float]]:
+    """Return the axles and blending speeds that are tried."""
+    return [
+        axle | {"blending_mps": speed}
+        for axle in all_or_each_axle(recorded)
+        for speed in _BLENDING_MPS[int(axle["axle"] > 0.0) :]
+    ]
+
+
+CARD = Card(
+    name="blended_brake",
+    summary="an electrodynamic brake acts beside the discs, above a blending speed in full",
+    parameters=(
+        Parameter("torque_nm", "N m", 0.0, 1000.0, 0.0, 2e4, "assumption: per axle; a sixth of a coach's full torque"),
+        Parameter("axle", "-", 0.0, 0.0, 0.0, 64.0, "assumption: which wheelset, from 1; 0: all", "axle"),
+        Parameter("blending_mps", "m/s", 10.0, 10.0, 0.5, 100.0, "assumption: it fades below", "shape", refit_step=0.5),
+    ),
+    record=Parameters,
+    acts={"torque": torque},
+    signature=Signature(
+        balances=frozenset({"vehicle", "adhesion", "actuator"}),
+        trace="actuator, and vehicle with adhesion: a torque while braking that follows no pressure and fades with speed",
+        acts_on="brake",
+        next_test="the same stop with the electrodynamic brake cut out",
+        said=(
+            Said(
+                "torque_nm",
+                "N m",
+                itself,
+                "{whose} torque holds {size} that is not recorded, fading below {blending_mps:.0f} m/s",
+            ),
+        ),
+        over="speed",
+        variants=at_speeds,
+        words=whose,
+    ),
+    study={"torque_nm": 1000.0},
+)

@@ -1,0 +1,259 @@
+"""Physics without a name: up to three terms that a diagnosis found where no mechanism of the library acts.
+
+The card holds codes and coefficients instead of a formula, see `wsp_env.plant.mechanisms.terms`. What is found so can be put
+into the plant, evaluated along recordings and fitted as any other mechanism; the diagnosis finds it by a search of its own.
+"""
+
+import math
+from collections import namedtuple
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from wsp_env.compiled import generated, inlined, loop
+from wsp_env.parameters.quantity import ParameterError
+from wsp_env.plant.card import Card, Doing, Moment, Parameter, Recorded, Said, Signature, itself
+from wsp_env.plant.mechanisms.term_words import equation_of
+from wsp_env.plant.mechanisms.terms import (
+    UNBOUNDED,
+    Feature,
+    Past,
+    Slot,
+    Term,
+    brought_up_to_date,
+    concerns,
+    feature_value,
+    is_of_the_vehicle,
+)
+
+#: Most terms that a model may hold.
+TERMS = 3
+
+#: What is left at least of the friction, whatever the terms take [-] (assumption: keeps the contact law's friction above zero).
+LEAST_FRICTION = 0.1
+
+#: Most that the logarithm of tau changes by (assumption: from no recovery to recovery at once, without overflow).
+_MOST_LOG = 20.0
+
+_SOURCE = "assumption: a diagnosis finds it"
+
+# Codes as compiled code takes them.
+_BRAKE_TORQUE, _FRICTION, _RECOVERY, _VEHICLE_FORCE = map(int, Slot)
+
+
+def _parameters_of_term(n: int) -> tuple[Parameter, ...]:
+    first = n == 1
+    last_slot, last_feature = float(max(Slot)), float(max(Feature))
+    return (
+        Parameter(
+            f"coefficient_{n}", "of slot / of feature", 0.0, 650.0 if first else 0.0, -1e7, 1e7,
+            "assumption: a brake that drags with some 5 % of its full torque", fitted=False,
+        ),
+        Parameter(f"slot_{n}", "code", 0.0, 0.0, 0.0, last_slot, "terms.Slot", "shape"),
+        Parameter(f"axles_{n}", "bit mask", 0.0, 1.0, 0.0, 2.0**52, "1, 2, 4 ... for axles 1, 2, 3 ...; 0: all", "shape"),
+        Parameter(f"feature_{n}", "code", 0.0, 0.0, 0.0, last_feature, "terms.Feature", "shape"),
+        Parameter(f"scale_{n}", "of feature", 1.0, 1.0, -1e6, 1e6, _SOURCE, "shape"),
+        Parameter(f"second_scale_{n}", "of feature", 1.0, 1.0, -1e6, 1e6, _SOURCE, "shape"),
+        Parameter(f"low_{n}", "of feature", -UNBOUNDED, -UNBOUNDED, -UNBOUNDED, UNBOUNDED, "range that was recorded", "shape"),
+        Parameter(f"high_{n}", "of feature", UNBOUNDED, UNBOUNDED, -UNBOUNDED, UNBOUNDED, "range that was recorded", "shape"),
+    )  # fmt: skip
+
+
+_PARAMETERS = tuple(parameter for n in range(1, TERMS + 1) for parameter in _parameters_of_term(n))
+
+if TYPE_CHECKING:
+    Parameters: TypeAlias = Any
+else:
+    #: The fields of every `Term`, numbered from 1.
+    Parameters = namedtuple("Parameters", [parameter.name for parameter in _PARAMETERS])
+
+
+def _reader() -> Any:
+    """Return the kernel (p, n) -> `Term` with index n, from 0."""
+    lines = []
+    for n in range(TERMS):
+        fields = ", ".join(f"p.{field}_{n + 1}" for field in Term._fields)
+        lines.append(f"    if n == {n}:\n        return Term({fields})\n" if n < TERMS - 1 else f"    return Term({fields})\n")
+    return generated("term_at", f"def term_at(p, n):\n{''.join(lines)}", {"Term": Term})
+
+
+_term_at = _reader()
+
+
+# What is noticed of an axle by each term: its feature at the last sample and the fields of `terms.Past`; and with the first
+# term what all of them make of the friction and of tau, as factors.
+_FEATURE, _PAST, _FRICTION_FACTOR, _TAU_FACTOR, _NOTED = 0, 1, 5, 6, 7
+
+
+class Noticed(NamedTuple):
+    """What terms noticed of the A axles of N vehicles; one array, as compiled code is the slower to make the more there are."""
+
+    noted: np.ndarray  # (N, A, TERMS, _NOTED)
+
+
+def memory(n: int, axle_positions_m: Sequence[float]) -> Noticed:
+    """Return axles of which nothing was noticed."""
+    return Noticed(np.zeros((n, len(axle_positions_m), TERMS, _NOTED)))
+
+
+@inlined
+def _is_off(p: Parameters) -> bool:
+    return p.coefficient_1 == 0.0 and p.coefficient_2 == 0.0 and p.coefficient_3 == 0.0
+
+
+@loop
+def _past(noticed: Noticed, i: int, k: int, n: int) -> Past:
+    noted = noticed.noted
+    return Past(noted[i, k, n, 1], noted[i, k, n, 2], noted[i, k, n, 3], noted[i, k, n, 4])
+
+
+@loop
+def _sum(p: Parameters, noticed: Noticed, i: int, k: int, slot: int) -> float:
+    """Sum of coefficients times features of axle k at the last sample, in one slot."""
+    total = 0.0
+    for n in range(TERMS):
+        term = _term_at(p, n)
+        if int(term.slot) == slot and concerns(term.axles, k):
+            total += term.coefficient * noticed.noted[i, k, n, _FEATURE]
+    return total
+
+
+@loop
+def _notice(p: Parameters, noticed: Noticed, i: int, k: int, doing: Doing) -> None:
+    for n in range(TERMS):
+        term = _term_at(p, n)
+        past = brought_up_to_date(term, _past(noticed, i, k, n), doing)
+        noticed.noted[i, k, n, _FEATURE] = feature_value(term, past, doing)
+        for m, value in enumerate(past):
+            noticed.noted[i, k, n, _PAST + m] = value
+    noticed.noted[i, k, 0, _FRICTION_FACTOR] = max(1.0 + _sum(p, noticed, i, k, _FRICTION), LEAST_FRICTION)
+    log = _sum(p, noticed, i, k, _RECOVERY)
+    noticed.noted[i, k, 0, _TAU_FACTOR] = math.exp(min(max(log, -_MOST_LOG), _MOST_LOG))
+
+
+@inlined
+def notice(p: Parameters, noticed: Noticed, i: int, k: int, doing: Doing) -> None:
+    """Compute the features of axle k, and bring what they remember up to date."""
+    if not _is_off(p):
+        _notice(p, noticed, i, k, doing)
+
+
+@loop
+def _torque(p: Parameters, noticed: Noticed, i: int, k: int, doing: Doing) -> float:
+    added = 0.0
+    for n in range(TERMS):
+        term = _term_at(p, n)
+        if int(term.slot) == _BRAKE_TORQUE and term.coefficient != 0.0 and concerns(term.axles, k):
+            past = _past(noticed, i, k, n)
+            if doing.duration_s > 0.0:
+                past = brought_up_to_date(term, past, doing)
+            added += term.coefficient * feature_value(term, past, doing)
+    return added
+
+
+@inlined
+def torque(p: Parameters, noticed: Noticed, i: int, k: int, believed_nm: float, doing: Doing) -> float:
+    """Brake torque of axle k [N m]."""
+    return believed_nm if _is_off(p) else believed_nm + _torque(p, noticed, i, k, doing)
+
+
+@inlined
+def friction(p: Parameters, noticed: Noticed, i: int, k: int) -> float:
+    """Factor of both friction coefficients [-] under axle k."""
+    return 1.0 if _is_off(p) else noticed.noted[i, k, 0, _FRICTION_FACTOR]
+
+
+@inlined
+def recovery(p: Parameters, noticed: Noticed, i: int, k: int, tau: float) -> float:
+    """Recovery rate [m/J] under axle k."""
+    return tau if _is_off(p) else tau * noticed.noted[i, k, 0, _TAU_FACTOR]
+
+
+@loop
+def _force(p: Parameters, noticed: Noticed, i: int, speed: float, moment: Moment) -> float:
+    total = 0.0
+    for n in range(TERMS):
+        term = _term_at(p, n)
+        if int(term.slot) != _VEHICLE_FORCE or term.coefficient == 0.0:
+            continue
+        if is_of_the_vehicle(term.feature):  # at this very moment, which may lie between two samples
+            none = 0.0
+            doing = Doing(
+                moment.time_s, none, speed, moment.deceleration, none, none, none, none, moment.place_m, none, 1.0, 1.0, none,
+                none, 1.0, none,
+            )  # fmt: skip
+            total += term.coefficient * feature_value(term, Past(0.0, 0.0, 0.0, 0.0), doing)
+            continue
+        value, count = 0.0, 0.0
+        for k in range(noticed.noted.shape[1]):
+            if concerns(term.axles, k):
+                value += noticed.noted[i, k, n, _FEATURE]
+                count += 1.0
+        total += term.coefficient * value / max(count, 1.0)
+    return total
+
+
+@inlined
+def force(p: Parameters, noticed: Noticed, i: int, speed_mps: float, believed_n: float, moment: Moment) -> float:
+    """Force against the motion [N]."""
+    return 0.0 if _is_off(p) else _force(p, noticed, i, speed_mps, moment)
+
+
+def parameters_of(terms: Sequence[Term]) -> dict[str, float]:
+    """Return the card's parameters of up to `TERMS` terms; the others are null."""
+    if len(terms) > TERMS:
+        raise ParameterError(f"{len(terms)} terms are too many: a model holds {TERMS}")
+    given = {f"{name}_{n}": float(value) for n, term in enumerate(terms, 1) for name, value in term._asdict().items()}
+    return {parameter.name: given.get(parameter.name, parameter.null) for parameter in _PARAMETERS}
+
+
+def terms_of(parameters: Mapping[str, float]) -> list[Term]:
+    """Return the terms that are on, from the card's parameters; those left out are typical."""
+    values = {parameter.name: parameters.get(parameter.name, parameter.typical) for parameter in _PARAMETERS}
+    terms = [Term(*(float(values[f"{field}_{n}"]) for field in Term._fields)) for n in range(1, TERMS + 1)]
+    return [term for term in terms if term.coefficient != 0.0]
+
+
+def equation(parameters: Mapping[str, float]) -> str:
+    """Return the terms that are on in words and units."""
+    return "; ".join(map(equation_of, terms_of(parameters))) or "nothing"
+
+
+def no_variants(recorded: Recorded) -> list[dict[str, float]]:
+    """Return nothing to try: terms are not searched by name."""
+    return []
+
+
+CARD = Card(
+    name="discovered",
+    summary="up to three terms of physics without a name, each a coefficient times a feature of what an axle is doing",
+    parameters=_PARAMETERS,
+    record=Parameters,
+    acts={
+        "before_contact": notice,
+        "axle_friction": friction,
+        "recovery": recovery,
+        "force": force,
+        "torque": torque,
+    },
+    memory=memory,
+    signature=Signature(
+        balances=frozenset({"vehicle", "adhesion", "actuator"}),
+        trace="whatever no mechanism of the library leaves",
+        acts_on="vehicle",
+        next_test="a stop in which the feature changes and all else stays",
+        said=tuple(
+            Said(
+                f"coefficient_{n}",
+                "",
+                itself,
+                f"term {n} is {{size}} times its feature",
+                f"term {n} is -{{size}} times its feature",
+            )
+            for n in range(1, TERMS + 1)
+        ),
+        variants=no_variants,
+    ),
+    named=False,
+)

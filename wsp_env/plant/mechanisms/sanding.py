@@ -1,0 +1,129 @@
+"""A sander blows sand before an axle that slides; the sand takes away a share of the contaminant layer.
+
+It starts once the axle's slip has exceeded a threshold for a while, as a WSP triggers it, and stops with the slide. The sand
+between wheel and rail builds up and goes with time constants; the axles behind find what those before leave. Full-scale: S. R.
+Lewis, S. Riley, D. I. Fletcher, R. Lewis, International Journal of Railway Technology 6 (2017) 87-98; on track RSSB's trials of
+2017 at Melton, where at an adhesion of 0.02 one sander with a fixed rate shortened a stop from over 1200 m to 800 m: the mean
+adhesion of all axles rose by about 0.01, a twentieth of the way to a dry rail. The form and the times are assumptions.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from wsp_env.compiled import inlined
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.card import Card, Parameter, Passage, Recorded, Said, Signature, percent
+
+#: Share of the sand before one axle that the next one behind it finds (assumption: each crushes and throws off some of it).
+BEHIND = 0.7
+
+#: Thresholds of slip [m/s] and the delay [s] that are tried in recordings (assumption); a refit moves them.
+_THRESHOLDS_MPS = (0.7, 1.5, 3.0)
+_DELAY_S = 0.8
+
+
+class Parameters(NamedTuple):
+    """Parameters of the sanders, see `CARD`."""
+
+    share: float
+    axle: float
+    threshold_mps: float
+    delay_s: float
+    build_up_s: float
+    decay_s: float
+
+
+class Bogies(NamedTuple):
+    """Where sanders stand if every bogie has one."""
+
+    leads: np.ndarray  # (A,) 1 for the leading axle of a bogie [-]
+
+
+class Sand(NamedTuple):
+    """Sanders of N vehicles with A axles."""
+
+    slid_s: np.ndarray  # (N, A) since when the slip has exceeded the threshold [s]
+    built: np.ndarray  # (N, A) sand before an axle, over that at full rate [-]
+
+
+def derive(vehicle: Vehicle) -> Bogies:
+    """Return the leading axles of a vehicle's bogies."""
+    return Bogies(np.array([float(k == 0) for body in vehicle.running_gear for count in body for k in range(count)]))
+
+
+def memory(n: int, axle_positions_m: Sequence[float]) -> Sand:
+    """Return sanders that have not worked."""
+    return Sand(*(np.zeros((n, len(axle_positions_m))) for _ in Sand._fields))
+
+
+@inlined
+def layer_left(
+    p: Parameters, bogies: Bogies, sand: Sand, i: int, k: int, place_m: float, rolled_m: float, layer: float, held: float
+) -> tuple[float, float]:  # fmt: skip
+    """Shares of the contaminant layer [-], free and held, that the sand before axle k and those ahead of it leaves."""
+    if p.share == 0.0:
+        return layer, held
+    found = 0.0
+    for ahead in range(k + 1):
+        found = max(BEHIND * found, sand.built[i, ahead])
+    left = 1.0 - p.share * found
+    return left * layer, left * held
+
+
+@inlined
+def work(p: Parameters, bogies: Bogies, sand: Sand, i: int, k: int, passage: Passage) -> None:
+    """Let the sander of axle k, if it has one, work while the axle slides."""
+    if p.share == 0.0 or not (p.axle == k + 1.0 or (p.axle == 0.0 and bogies.leads[k] > 0.0)):
+        return
+    sand.slid_s[i, k] = sand.slid_s[i, k] + passage.duration_s if passage.slip_mps > p.threshold_mps else 0.0
+    works = sand.slid_s[i, k] > p.delay_s
+    aim = 1.0 if works else 0.0
+    past = math.exp(-passage.duration_s / (p.build_up_s if works else p.decay_s))
+    sand.built[i, k] = aim + (sand.built[i, k] - aim) * past
+
+
+def sanders(recorded: Recorded) -> list[dict[str, float]]:
+    """Return the sanders that are tried: one for every bogie, or on one axle, each with its threshold of slip."""
+    axles = range(recorded.axles + 1) if recorded.axles > 1 else (0,)
+    return [{"axle": float(axle), "threshold_mps": slip, "delay_s": _DELAY_S} for axle in axles for slip in _THRESHOLDS_MPS]
+
+
+def where(values: Mapping[str, float]) -> dict[str, str]:
+    """Return the sander in words, for the sentence."""
+    return {"where": f"axle {values['axle']:.0f}" if values["axle"] else "each bogie's leading axle"}
+
+
+CARD = Card(
+    name="sanding",
+    summary="sanders before axles that slide take away a share of the contaminant layer",
+    parameters=(
+        Parameter("share", "-", 0.0, 0.1, 0.0, 1.0, "size: RSSB's trials at Melton (2017), some 0.05 as mean of all axles"),
+        Parameter("axle", "-", 0.0, 0.0, 0.0, 64.0, "assumption: which, from 1; 0: the leading one of each bogie", "axle"),
+        Parameter(
+            "threshold_mps", "m/s", 1.5, 1.5, 0.0, 50.0, "assumption: slip beyond which it starts", "shape", refit_step=0.1
+        ),
+        Parameter(
+            "delay_s", "s", _DELAY_S, _DELAY_S, 0.0, 10.0, "assumption: logic, valve, way to the rail", "shape", refit_step=0.05
+        ),
+        Parameter("build_up_s", "s", 0.5, 0.5, 0.01, 10.0, "assumption: time constant of the rate of sand", "shape"),
+        Parameter("decay_s", "s", 1.5, 1.5, 0.01, 60.0, "assumption: time constant of what clings to the wheel", "shape"),
+    ),
+    record=Parameters,
+    acts={"layer": layer_left, "after_passage": work},
+    derive=derive,
+    memory=memory,
+    signature=Signature(
+        balances=frozenset({"adhesion"}),
+        trace="adhesion: rises about a second after a slide has begun, on one axle and less on those behind it",
+        acts_on="contact",
+        next_test="the same stop with the sanders cut out",
+        said=(Said("share", "%", percent, "sand at {where} takes away {size} of the contaminant layer while it slides"),),
+        over="time",
+        variants=sanders,
+        words=where,
+    ),
+    study={"share": 0.2},
+)
