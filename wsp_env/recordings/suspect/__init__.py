@@ -1,0 +1,30 @@
+"""Suspect channels before suspect physics: units, copies, offsets, factors, exchanged axles and delays.
+
+`suspects` looks at a read campaign. What it finds is mended in what it goes on with, so that one fault is told once; the campaign itself
+is left as it is.
+"""
+
+from wsp_env.recordings.campaign import Campaign
+from wsp_env.recordings.suspect import copies, dead, delays, factors, offsets, speeds, swaps
+from wsp_env.recordings.suspect.channel import SuspectChannel
+from wsp_env.recordings.suspect.search import Search
+
+__all__ = ["SuspectChannel", "suspects"]
+
+_STEPS = (
+    dead.find,
+    speeds.find,
+    copies.find,
+    offsets.find,
+    factors.find,
+    swaps.find,
+    delays.find,
+)
+
+
+def suspects(campaign: Campaign) -> tuple[SuspectChannel, ...]:
+    """Return the channels that contradict the others as no physics does, each with how to mend it."""
+    search = Search(campaign)
+    for step in _STEPS:
+        step(search)
+    return tuple(search.found)
