@@ -1,15 +1,18 @@
 """Suspect channels before suspect physics: units, copies, offsets, factors, exchanged axles and delays.
 
-`suspects` looks at a read campaign. What it finds is mended in what it goes on with, so that one fault is told once; the campaign itself
-is left as it is.
+`suspects` looks at a read campaign. What it finds is mended in what it goes on with, so that one fault is told once; the
+campaign itself is left as it is.
 """
 
+import warnings
+
 from wsp_env.recordings.campaign import Campaign
+from wsp_env.recordings.errors import CampaignWarning
 from wsp_env.recordings.suspect import copies, dead, delays, factors, offsets, speeds, swaps
 from wsp_env.recordings.suspect.channel import SuspectChannel
 from wsp_env.recordings.suspect.search import Search
 
-__all__ = ["SuspectChannel", "suspects"]
+__all__ = ["SuspectChannel", "suspects", "warn_of_suspects"]
 
 _STEPS = (
     dead.find,
@@ -28,3 +31,10 @@ def suspects(campaign: Campaign) -> tuple[SuspectChannel, ...]:
     for step in _STEPS:
         step(search)
     return tuple(search.found)
+
+
+def warn_of_suspects(campaign: Campaign) -> None:
+    """Give one `CampaignWarning` for every suspect channel that the reader has not told already."""
+    for one in suspects(campaign):
+        if one.kind != "dead":
+            warnings.warn(f"suspect channel {one.line}", CampaignWarning, stacklevel=2)

@@ -52,8 +52,11 @@ def _clipped(values: np.ndarray) -> np.ndarray:
 def _by_bogie(search: Search, seen: dict[tuple[int, int], list[str]]) -> bool:
     """Whether identical channels are those of neighbours, every axle has one, and in every run: one sensor a bogie."""
     bogies = {(k, k + 1) for k in range(0, search.axles - 1, 2)}
-    return search.axles > 2 and search.axles % 2 == 0 and set(seen) == bogies and all(
-        len(names) == len(search.runs) for names in seen.values()
+    return (
+        search.axles > 2
+        and search.axles % 2 == 0
+        and set(seen) == bogies
+        and all(len(names) == len(search.runs) for names in seen.values())
     )
 
 

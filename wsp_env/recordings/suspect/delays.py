@@ -1,9 +1,9 @@
 """Channels of one axle that are late beside the other axles'.
 
-Three witnesses: the wheel's own balance in a slide under a WSP tells to a hundredth of a second by how much torque and wheel are apart,
-but not which is late; the moment at which the brakes apply tells the torque; rolling together the wheel. A brake itself may lag:
-then its torque was computed from a pressure that is early beside its wheel and yet on time beside the others, or was measured late and
-the wheel says so too. Both are physics.
+Three witnesses: the wheel's own balance in a slide under a WSP tells to a hundredth of a second by how much torque and wheel
+are apart, but not which is late; the moment at which the brakes apply tells the torque; rolling together the wheel. A brake
+itself may lag: then its torque was computed from a pressure that is early beside its wheel and yet on time beside the others,
+or was measured late and the wheel says so too. Both are physics.
 """
 
 import dataclasses
@@ -41,12 +41,23 @@ class _Witnesses:
 
 
 def find(search: Search) -> None:
-    """Find and mend delays: those in all runs first, then those of single ones."""
+    """Find and mend delays: those in all runs first, then those of single ones; the largest first, which spoils the others."""
     names = list(search.traces())
+    heard: dict[str, dict[int, _Witnesses]] = {}
     for group in [names, *([name] for name in names if len(names) > 1)]:
-        for axle in range(search.axles):
-            if (late := _delay(search, group, axle)) is not None:
-                _tell(search, group, axle, *late)
+        left = set(range(search.axles))
+        while left:
+            for name in group:
+                if name not in heard:
+                    heard[name] = _witnesses(search, name)
+            late = {axle: one for axle in left if (one := _delay([heard[name] for name in group], axle)) is not None}
+            if not late:
+                break
+            axle = max(late, key=lambda k: abs(late[k][1]))
+            _tell(search, group, axle, *late[axle])
+            left.remove(axle)
+            for name in group:
+                del heard[name]
 
 
 def _tell(search: Search, names: list[str], axle: int, channel: str, seconds: float) -> None:
@@ -68,9 +79,9 @@ def _tell(search: Search, names: list[str], axle: int, channel: str, seconds: fl
         search.mend(name, **{field: with_column(values, axle, moved)})
 
 
-def _delay(search: Search, names: list[str], axle: int) -> tuple[str, float] | None:
-    """Return the channel of an axle (from 0) that is late, and by how much [s]; None where none is."""
-    heard = [_witnesses(search, name, axle) for name in names if axle in search.sound(name)]
+def _delay(runs: list[dict[int, "_Witnesses"]], axle: int) -> tuple[str, float] | None:
+    """Return the channel of an axle (from 0) that is late in some runs, and by how much [s]; None where none is."""
+    heard = [by_axle[axle] for by_axle in runs if axle in by_axle]
     if not heard:
         return None
     apart, onset, torque = (_median([getattr(one, field) for one in heard]) for field in ("apart", "onset", "torque"))
@@ -83,7 +94,7 @@ def _delay(search: Search, names: list[str], axle: int) -> tuple[str, float] | N
     if abs(onset) > _BRAKE_LAG_S:
         return "brake_torque", onset
     confirmed = torque / onset > _LATE if onset else False
-    least = _LEAST_S if len(names) > 1 else 0.5 * _BRAKE_LAG_S  # a single run's creepage is a poor witness
+    least = _LEAST_S if len(heard) > 1 else 0.5 * _BRAKE_LAG_S  # a single run's creepage is a poor witness
     return ("brake_torque", onset) if abs(onset) > least and confirmed else None
 
 
@@ -101,23 +112,23 @@ def _told_apart(apart: float, onset: float, wheel: float, wheel_is_late: bool) -
     return ("wheel_speed", -apart) if apart < -_BRAKE_LAG_S else None
 
 
-def _witnesses(search: Search, name: str, axle: int) -> _Witnesses:
-    one, here = search.traces()[name], search.sound(name)
-    own = search.own_balances()[name]
-    mine, others = own[axle], [b.lag_s for k, b in enumerate(own) if b is not None and k != axle and b.correlation > _FITS]
-    apart = np.nan
-    if mine is not None and mine.correlation > _FITS and (others or search.axles == 1):
-        apart = mine.lag_s - (float(np.median(others)) if others else 0.0)
-    if len(here) < 3:  # of two nobody says which is late
-        return _Witnesses(apart, np.nan, np.nan, np.nan, np.nan)
-    onsets = {k: _onset(one, k) for k in here}
-    onset = onsets[axle] - _median([value for k, value in onsets.items() if k != axle])
-    by_axle = {k: late for k in here if (late := _late(one, k)) is not None}
-    if axle not in by_axle or len(by_axle) < 3:
-        return _Witnesses(apart, onset, np.nan, np.nan, np.nan)
-    wheel, error, torque = by_axle[axle]
-    scatter = 1.5 * float(np.median([abs(late[0]) for k, late in by_axle.items() if k != axle]))
-    return _Witnesses(apart, onset, wheel, float(np.hypot(error, scatter)), torque)
+def _witnesses(search: Search, name: str) -> dict[int, _Witnesses]:
+    """Return what is known of every axle (from 0) that is there."""
+    one, here, own = search.traces()[name], search.sound(name), search.own_balances()[name]
+    lags = {k: b.lag_s for k in here if (b := own[k]) is not None and b.correlation > _FITS}
+    several = len(here) > 2  # of two nobody says which is late
+    onsets = {k: _onset(one, k) if several else np.nan for k in here}
+    rolls = {k: late for k in here if (late := _late(one, k)) is not None} if several else {}
+    found = {}
+    for axle in here:
+        apart = np.nan
+        if axle in lags and (len(lags) > 1 or search.axles == 1):
+            apart = lags[axle] - (_median([lag for k, lag in lags.items() if k != axle]) if len(lags) > 1 else 0.0)
+        onset = onsets[axle] - _median([value for k, value in onsets.items() if k != axle])
+        wheel, error, torque = rolls.get(axle, (np.nan, np.nan, np.nan)) if len(rolls) > 2 else (np.nan, np.nan, np.nan)
+        scatter = 1.5 * _median([abs(late[0]) for k, late in rolls.items() if k != axle])
+        found[axle] = _Witnesses(apart, onset, wheel, float(np.hypot(error, scatter)), torque)
+    return found
 
 
 def _onset(one: Traces, axle: int) -> float:

@@ -14,8 +14,8 @@ from wsp_env.recordings.suspect.traces import Traces, rolling
 #: Recorded over true -> what was recorded.
 _UNITS = {
     1e-3: "kN*m", 1e3: "N*mm", 0.7375621: "lbf*ft", 0.1019716: "kgf*m", 8.850746: "lbf*in", 0.5: "one of two wheels' torque",
-    2.0: "twice the torque", 1.355818: "N*m taken for lbf*ft", 9.80665: "N*m taken for kgf*m", 0.1382550: "lbf*ft taken for kgf*m",
-    0.1129848: "N*m taken for lbf*in", 7.233014: "kgf*m taken for lbf*ft",
+    2.0: "twice the torque", 1.355818: "N*m taken for lbf*ft", 9.80665: "N*m taken for kgf*m",
+    0.1382550: "lbf*ft taken for kgf*m", 0.1129848: "N*m taken for lbf*in", 7.233014: "kgf*m taken for lbf*ft",
 }  # fmt: skip
 _REAL_UNITS = ("kN*m", "N*mm", "lbf*ft", "kgf*m", "lbf*in")
 _BRAKES = 0.22  # log of the ratio between brakes of one vehicle, at most: gains within 15 %, some more while they fill
@@ -29,9 +29,9 @@ _LEAST_S = 0.2
 
 
 def find(search: Search) -> None:
-    """Find and mend factors: of all torques together, then of single axles."""
-    _all_axles(search)
+    """Find and mend factors: of single axles, then of all torques together."""
     _single_axles(search)
+    _all_axles(search)
 
 
 def level(one: Traces, axle: int, here: list[int]) -> tuple[float, float]:
@@ -84,7 +84,8 @@ def _factor(search: Search, name: str, axle: int) -> float:
         return np.nan
     if abs(np.log(ratio)) > _BEYOND:
         return ratio if follows > _FOLLOWS else np.nan
-    votes = [vote for vote in (_slope(search, name, axle), _creepage(one, axle), _momentum(search, name, axle, ratio)) if vote > 0]
+    witnesses = (_slope(search, name, axle), _creepage(one, axle), _momentum(search, name, axle, ratio))
+    votes = [vote for vote in witnesses if vote > 0.0]
     # The first that is known decides: they come in the order of what they are worth.
     if not votes or abs(np.log(votes[0] / ratio)) > abs(np.log(votes[0])):
         return np.nan
@@ -111,7 +112,7 @@ def _creepage(one: Traces, axle: int) -> float:
 
 
 def _momentum(search: Search, name: str, axle: int, ratio: float) -> float:
-    """Return `ratio` where mending by it brings the run's momentum nearer to the other runs', 1 where not, nan where neither."""
+    """Return `ratio` where it brings the run's momentum nearer to the other runs', 1 where not, nan where neither."""
     others = agreed({other: search.explained(other) for other in search.runs if other != name})
     torque = search.runs[name].brake_torque_nm
     before, after = search.explained(name), search.explained(name, with_column(torque, axle, torque[:, axle] / ratio))
@@ -146,11 +147,13 @@ def _slopes_agree(search: Search, factor: float, only: str = "") -> bool:
 
 def _tell_all(search: Search, factor: float, words: str, names: list[str]) -> None:
     unit = words in _REAL_UNITS
-    remedy = f'give every brake torque unit = "{words}" in [channels]' if unit else _scaled("every brake torque", factor, factor)
+    remedy = (
+        f'give every brake torque unit = "{words}" in [channels]' if unit else _scaled("every brake torque", factor, factor)
+    )
     search.report(
         SuspectChannel(
             "axle*_brake_torque",
-            f"all torques are {factor:.4g} times what the vehicle's loss of momentum asks for{where(names, search.runs)}: {words}",
+            f"{factor:.4g} times what the loss of momentum asks for{where(names, search.runs)}: {words}",
             remedy, "factor", 0, factor, tuple(names),
         )
     )  # fmt: skip

@@ -24,7 +24,7 @@ def find(search: Search) -> None:
         search.report(
             SuspectChannel(
                 channel,
-                f"an offset of {size / 1e3:.2g} kN m{where(values, search.runs)}: recorded while coasting, though nothing brakes",
+                f"an offset of {size / 1e3:.2g} kN m{where(values, search.runs)}: recorded while nothing brakes",
                 f"take the mean while coasting away from {channel}, or have its sensor's zero checked",
                 "offset", axle + 1, size, tuple(values),
             )

@@ -1,7 +1,7 @@
 """Each wheel's own balance while it slides under a WSP: C = r T - J dw/dt, with a T that changes slowly beside C.
 
-What changes slowly (straight lines between nodes a second apart, and slip) is taken away from both; the rest of C must be that of
--J dw/dt: in size, at the same time, and of the same axle.
+What changes slowly (straight lines between nodes a second apart, and slip) is taken away from both; the rest of C must be
+that of -J dw/dt: in size, at the same time, and of the same axle.
 """
 
 import dataclasses
@@ -12,6 +12,7 @@ from wsp_env.recordings.campaign import Campaign
 from wsp_env.recordings.suspect.traces import Traces, sliding
 
 LONGEST_S = 1.2  # delay that is looked for
+_COARSE = 4  # samples between the delays that are tried first: a valve acts within a tenth of a second
 _THIN = 2  # every second sample
 _NODE_S = 1.0  # of what changes slowly
 _LEAST_S = 1.5  # of sliding
@@ -57,21 +58,28 @@ def _own(campaign: Campaign, one: Traces, axle: int) -> OwnBalance | None:
     spread = float(np.sqrt(x @ x / len(x)))
     if spread < _LIVELY * one.mass * vehicle.gravity_mps2 * vehicle.wheel_radius_m / one.axles:
         return None
-    lags = np.arange(-furthest, furthest + 1)
+    lags = np.arange(-furthest, furthest + 1, _COARSE)
+    coarse = int(lags[np.argmax(_correlation(x, quick(one.torque[index[:, None] + lags, axle])))])
+    lags = np.clip(np.arange(coarse - _COARSE, coarse + _COARSE + 1), -furthest, furthest)
     shifted = quick(one.torque[index[:, None] + lags, axle])
-    correlation = x @ shifted / np.sqrt((x @ x) * np.maximum((shifted**2).sum(axis=0), 1e-12))
+    correlation = _correlation(x, shifted)
     best = int(np.argmax(correlation))
-    torques = quick(one.torque[index])
-    others = x @ torques / np.sqrt((x @ x) * np.maximum((torques**2).sum(axis=0), 1e-12))
+    others = _correlation(x, quick(one.torque[index]))
     return OwnBalance(
         lag_s=float(lags[best] * one.step),
         slope=float(x @ shifted[:, best] / (x @ x)),
         correlation=float(correlation[best]),
-        at_rest=float(correlation[furthest]),
+        at_rest=float(others[axle]),
         others=others,
         samples=len(index),
         moved=spread,
     )
+
+
+def _correlation(x: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Return the correlation (k,) of x (n,) with columns (n, k), all of mean 0."""
+    result: np.ndarray = x @ columns / np.sqrt((x @ x) * np.maximum((columns**2).sum(axis=0), 1e-12))
+    return result
 
 
 def _hats(time: np.ndarray) -> np.ndarray:

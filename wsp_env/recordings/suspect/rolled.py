@@ -1,7 +1,7 @@
 """Wheels that roll turn alike, but for radius and a creepage in proportion to their torque: one axle against the others.
 
-w_k = (1 + rho) w (1 - kappa (g C_k - C)), late by a: with w and C the medians of the others, linear in rho, g - 1, the delay a of
-the wheel's channel and the delay b of the torque's.
+w_k = (1 + rho) w (1 - kappa (g C_k - C)), late by a: with w and C the medians of the others, linear in rho, g - 1, the delay a
+of the wheel's channel and the delay b of the torque's.
 """
 
 import dataclasses

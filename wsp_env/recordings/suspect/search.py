@@ -74,7 +74,7 @@ class Search:
         self._own.pop(name, None)
 
     def explained(self, name: str, torque: np.ndarray | None = None) -> float:
-        """Return a run's lost momentum over what its brakes explain [-]; nan where hardly any is lost."""
+        """Return what a run's momentum asks of the brakes over what was recorded of them [-]; nan where hardly any is lost."""
         run, vehicle = self.runs[name], self.campaign.vehicle
         torque = run.brake_torque_nm if torque is None else torque
         duration = float(run.time_s[-1] - run.time_s[0])
@@ -87,8 +87,8 @@ class Search:
         lost = run.mass_kg * drop
         lost -= (run.mass_kg * vehicle.gravity_mps2 * run.gradient + float(np.mean(a + b * speed + c * speed**2))) * duration
         spun = vehicle.wheelset_inertia_kgm2 * float((wheel[-ends:].mean(axis=0) - wheel[:ends].mean(axis=0)).sum())
-        moment = float(torque.mean(axis=0).sum()) * duration + spun
-        return lost * vehicle.wheel_radius_m / moment if moment else np.inf
+        braked = float(torque.mean(axis=0).sum()) * duration
+        return (lost * vehicle.wheel_radius_m - spun) / braked if braked else np.inf
 
 
 def with_column(values: np.ndarray, axle: int, column: np.ndarray) -> np.ndarray:

@@ -29,7 +29,7 @@ def find(search: Search) -> None:
                 f"axle{a + 1}_wheel_speed",
                 f"goes with the torque of axle {b + 1}, and that axle's wheel with the torque of axle {a + 1}"
                 f"{where(names, search.runs)}: exchanged",
-                f"exchange the columns of axle{a + 1}_wheel_speed and axle{b + 1}_wheel_speed (or of the torques) in [channels]",
+                f"exchange the columns of axle{a + 1}_wheel_speed and axle{b + 1}_wheel_speed, or of the torques",
                 "swap", a + 1, float(b + 1), tuple(names),
             )
         )  # fmt: skip

@@ -1,8 +1,8 @@
 """What the search for suspect channels looks at: one run's channels at some 100 samples a second, smoothed alike.
 
 Two kinds of stretches tell a wheel's sensor from its brake's. Where a wheel slides under a WSP, its own balance
-C + J dw/dt = r T holds with a T that changes slowly beside what a valve does to C: C and J dw/dt mirror each other. Where all wheels
-roll, they turn alike but for a creepage of some per mille in proportion to their torques.
+C + J dw/dt = r T holds with a T that changes slowly beside what a valve does to C: C and J dw/dt mirror each other. Where all
+wheels roll, they turn alike but for a creepage of some per mille in proportion to their torques.
 """
 
 import dataclasses
@@ -17,7 +17,9 @@ from wsp_env.recordings.recording import Recording
 
 STEP_S = 0.01  # of the samples that are looked at
 LEAST_SPEED_MPS = 5.0  # creepage is mostly noise below
-_WHEEL_S, _RATE_S, _SPEED_S = 0.15, 0.5, 1.0  # windows of the filters: of what a valve does, of all wheels together, of the vehicle
+_WHEEL_S = 0.15  # windows of the filters: of what a valve does,
+_RATE_S = 0.5  # of all wheels together,
+_SPEED_S = 1.0  # and of the vehicle
 _SLIDING = 0.03  # creepage from which a wheel slides: well beyond the creep curve's rise
 _SLIDING_MPS = 0.5
 _ROLLING = 0.01  # creepage below which it rolls
