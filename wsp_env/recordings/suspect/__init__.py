@@ -6,6 +6,8 @@ campaign itself is left as it is.
 
 import warnings
 
+from threadpoolctl import threadpool_limits
+
 from wsp_env.recordings.campaign import Campaign
 from wsp_env.recordings.errors import CampaignWarning
 from wsp_env.recordings.suspect import copies, dead, delays, factors, offsets, speeds, swaps
@@ -28,8 +30,9 @@ _STEPS = (
 def suspects(campaign: Campaign) -> tuple[SuspectChannel, ...]:
     """Return the channels that contradict the others as no physics does, each with how to mend it."""
     search = Search(campaign)
-    for step in _STEPS:
-        step(search)
+    with threadpool_limits(1, "blas"):  # the matrices are small: threads would only wait for each other
+        for step in _STEPS:
+            step(search)
     return tuple(search.found)
 
 

@@ -11,7 +11,7 @@ import dataclasses
 import numpy as np
 
 from wsp_env.recordings.suspect.channel import SuspectChannel, where
-from wsp_env.recordings.suspect.own_balance import LONGEST_S
+from wsp_env.recordings.suspect.own_balance import LONGEST_S, OwnBalance
 from wsp_env.recordings.suspect.rolled import GAIN, TORQUE_LATE, WHEEL_LATE, rolled
 from wsp_env.recordings.suspect.search import Search, with_column
 from wsp_env.recordings.suspect.traces import Traces, rolling
@@ -20,6 +20,8 @@ _LEAST_S = 0.03  # of a delay: three samples
 _FITS = 0.7  # correlation from which a wheel's own balance tells a delay
 _BRAKE_LAG_S = 0.2  # by which a brake may lag its pressure, or one brake the others: assumption
 _APPLIES = 0.15  # of a torque's largest: early in filling, where times of filling hardly matter
+_MORE = 2.0  # times what the wheels' own balances usually leave
+_LEAST_LEFT = 0.01  # share that they leave by the filters alone: assumption
 _LATE = 0.6  # share of the torque's delay that the creepage must confirm where no slide tells
 _FORM = 0.08  # [s] error of a wheel's delay by rolling, per error of its brake's gain by the same: from simulated sound stops
 _FLOOR_S = 0.006  # the same that nothing else shows: from simulated sound stops
@@ -121,14 +123,26 @@ def _witnesses(search: Search, name: str) -> dict[int, _Witnesses]:
     rolls = {k: late for k in here if (late := _late(one, k)) is not None} if several else {}
     found = {}
     for axle in here:
-        apart = np.nan
-        if axle in lags and (len(lags) > 1 or search.axles == 1):
-            apart = lags[axle] - (_median([lag for k, lag in lags.items() if k != axle]) if len(lags) > 1 else 0.0)
+        apart = _apart(own, lags, axle) if len(lags) > 1 or search.axles == 1 else np.nan
         onset = onsets[axle] - _median([value for k, value in onsets.items() if k != axle])
         wheel, error, torque = rolls.get(axle, (np.nan, np.nan, np.nan)) if len(rolls) > 2 else (np.nan, np.nan, np.nan)
         scatter = 1.5 * _median([abs(late[0]) for k, late in rolls.items() if k != axle])
         found[axle] = _Witnesses(apart, onset, wheel, float(np.hypot(error, scatter)), torque)
     return found
+
+
+def _apart(own: list[OwnBalance | None], lags: dict[int, float], axle: int) -> float:
+    """Return by how much a torque is late beside its wheel [s], less the others' median; 0: may be chance, nan: unseen.
+
+    Where contact forces change about as fast as the brakes, lags are off on sound wheels: then the others' usual lag leaves
+    hardly more of the torque than their own balances leave of theirs.
+    """
+    mine = own[axle]
+    if axle not in lags or mine is None:
+        return np.nan
+    usual = _median([lag for k, lag in lags.items() if k != axle]) if len(lags) > 1 else 0.0
+    leave = [one.left() for k, one in enumerate(own) if one is not None and k in lags]
+    return lags[axle] - usual if mine.left(usual) > _MORE * max(float(np.median(leave)), _LEAST_LEFT) else 0.0
 
 
 def _onset(one: Traces, axle: int) -> float:

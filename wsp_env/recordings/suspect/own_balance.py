@@ -12,7 +12,7 @@ from wsp_env.recordings.campaign import Campaign
 from wsp_env.recordings.suspect.traces import Traces, sliding
 
 LONGEST_S = 1.2  # delay that is looked for
-_COARSE = 4  # samples between the delays that are tried first: a valve acts within a tenth of a second
+_COARSE = 2  # samples between the delays that are tried first: a valve acts within a tenth of a second
 _THIN = 2  # every second sample
 _NODE_S = 1.0  # of what changes slowly
 _LEAST_S = 1.5  # of sliding
@@ -27,9 +27,15 @@ class OwnBalance:
     slope: float  # recorded over expected changes of torque, at that lag
     correlation: float  # at that lag
     at_rest: float  # the same at no lag
+    course: tuple[np.ndarray, np.ndarray]  # lags [s], correlations
     others: np.ndarray  # (A,) correlation of this wheel with every axle's torque, at no lag
     samples: int
     moved: float  # deviation of J dw/dt [N m]
+
+    def left(self, lag_s: float | None = None) -> float:
+        """Return the share of the torque's changes that the balance leaves at a lag, its own where none is given."""
+        fit = self.correlation if lag_s is None else float(np.interp(lag_s, *self.course))
+        return 1.0 - max(fit, 0.0) ** 2
 
 
 def own_balances(campaign: Campaign, one: Traces) -> list[OwnBalance | None]:
@@ -59,7 +65,8 @@ def _own(campaign: Campaign, one: Traces, axle: int) -> OwnBalance | None:
     if spread < _LIVELY * one.mass * vehicle.gravity_mps2 * vehicle.wheel_radius_m / one.axles:
         return None
     lags = np.arange(-furthest, furthest + 1, _COARSE)
-    coarse = int(lags[np.argmax(_correlation(x, quick(one.torque[index[:, None] + lags, axle])))])
+    course = (lags * one.step, _correlation(x, quick(one.torque[index[:, None] + lags, axle])))
+    coarse = int(lags[np.argmax(course[1])])
     lags = np.clip(np.arange(coarse - _COARSE, coarse + _COARSE + 1), -furthest, furthest)
     shifted = quick(one.torque[index[:, None] + lags, axle])
     correlation = _correlation(x, shifted)
@@ -70,6 +77,7 @@ def _own(campaign: Campaign, one: Traces, axle: int) -> OwnBalance | None:
         slope=float(x @ shifted[:, best] / (x @ x)),
         correlation=float(correlation[best]),
         at_rest=float(others[axle]),
+        course=course,
         others=others,
         samples=len(index),
         moved=spread,
