@@ -21,7 +21,7 @@ _REAL_UNITS = ("kN*m", "N*mm", "lbf*ft", "kgf*m", "lbf*in")
 _BRAKES = 0.22  # log of the ratio between brakes of one vehicle, at most: gains within 15 %, some more while they fill
 _NEAR = 0.12  # to a unit's factor [-]: gains and filling times differ by so much
 _BEYOND = 1.4  # log of a ratio that no working brakes have between them: four
-_FOLLOWS = 0.9  # correlation of a torque that follows the others': it is alive
+_FOLLOWS = 0.7  # correlation of a torque that follows the others': it is alive
 _WHOLE = 0.06  # log of the momentum that all torques' common factor leaves: masses are known to some 3 %
 _STEADY = 0.04  # log of its scatter between runs: forces that no torque holds change it with the deceleration
 _APPLIED = 0.3  # of a run's largest torque
@@ -34,18 +34,22 @@ def find(search: Search) -> None:
     _all_axles(search)
 
 
-def level(one: Traces, axle: int, here: list[int]) -> tuple[float, float]:
-    """Return an axle's torque over the others' median while these roll and brake, and their correlation; nan where not."""
+def level(one: Traces, axle: int, here: list[int]) -> tuple[float, float, bool]:
+    """Return an axle's torque over the others' median while these roll and brake, their correlation, and whether they rolled.
+
+    Where they hardly roll while braking, the ratio is that of the whole run, which friction changes too; nan of a single axle.
+    """
     others = [k for k in here if k != axle]
     if not others:
-        return np.nan, np.nan
+        return np.nan, np.nan, False
     usual = np.median(one.torque[:, others], axis=1)
     index = np.flatnonzero(rolling(one, others) & (usual > _APPLIED * float(usual.max())))
-    if len(index) * one.step < _LEAST_S:
-        return np.nan, np.nan
+    rolls = len(index) * one.step >= _LEAST_S
     whole = one.good
+    index = index if rolls else np.flatnonzero(whole)
     follows = np.corrcoef(usual[whole], one.torque[whole, axle])[0, 1] if np.ptp(one.torque[whole, axle]) > 0.0 else 0.0
-    return float(usual[index] @ one.torque[index, axle] / (usual[index] @ usual[index])), float(follows)
+    square = max(float(usual[index] @ usual[index]), 1e-12)
+    return float(usual[index] @ one.torque[index, axle]) / square, float(follows), rolls
 
 
 def _single_axles(search: Search) -> None:
@@ -79,11 +83,14 @@ def _factor(search: Search, name: str, axle: int) -> float:
     one, here = search.traces()[name], search.sound(name)
     if axle not in here:
         return np.nan
-    ratio, follows = level(one, axle, here)
+    ratio, follows, rolls = level(one, axle, here)
     if not ratio > 0.0 or abs(np.log(ratio)) < _BRAKES:
         return np.nan
     if abs(np.log(ratio)) > _BEYOND:
         return ratio if follows > _FOLLOWS else np.nan
+    if not rolls:
+        slope = _slope(search, name, axle)
+        return slope if abs(np.log(slope / ratio)) < _BRAKES < abs(np.log(slope)) else np.nan
     witnesses = (_slope(search, name, axle), _creepage(one, axle), _momentum(search, name, axle, ratio))
     votes = [vote for vote in witnesses if vote > 0.0]
     # The first that is known decides: they come in the order of what they are worth.
