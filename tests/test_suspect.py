@@ -202,7 +202,7 @@ def test_the_commands_tell_suspect_channels(tmp_path, capsys):
 
 def without_starts(folder, to, line=""):
     to.mkdir()
-    for file in folder.iterdir():
+    for file in (file for file in folder.iterdir() if file.suffix in (".csv", ".toml")):
         text = file.read_text()
         if file.suffix == ".toml":
             text = "\n".join(line if row.startswith("start_position_m") else row for row in text.splitlines())
@@ -232,6 +232,16 @@ def test_a_run_alone_may_begin_anywhere(tmp_path):
     (run,) = read_campaign(write_campaign(tmp_path, {"A1": columns})).runs.values()
     assert run.start_is_known
     assert run.start_position_m == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("diagnosis")
+def test_a_worn_wheel_is_named_alone_where_nobody_knows_the_starts(tmp_path):
+    demo = without_starts(demo_campaign(), tmp_path / "copy")
+    found = diagnose(changed(demo, scaled(WHEEL, 1, 1.008)), effort=0.4)
+    assert found.verdict == "named"
+    assert [one.name for one in found.mechanisms] == ["wheel_radius"]
+    assert any("start positions" in note for note in found.notes)
 
 
 # --- axles without sensors -------------------------------------------------------------------------------------------

@@ -24,6 +24,7 @@ _BEYOND = 1.4  # log of a ratio that no working brakes have between them: four
 _FOLLOWS = 0.7  # correlation of a torque that follows the others': it is alive
 _WHOLE = 0.06  # log of the momentum that all torques' common factor leaves: masses are known to some 3 %
 _STEADY = 0.04  # log of its scatter between runs: forces that no torque holds change it with the deceleration
+_AGREE = 0.5  # log of a factor between rolling and the whole run: friction differs between axles by so much
 _APPLIED = 0.3  # of a run's largest torque
 _LEAST_S = 0.2
 
@@ -46,10 +47,17 @@ def level(one: Traces, axle: int, here: list[int]) -> tuple[float, float, bool]:
     index = np.flatnonzero(rolling(one, others) & (usual > _APPLIED * float(usual.max())))
     rolls = len(index) * one.step >= _LEAST_S
     whole = one.good
-    index = index if rolls else np.flatnonzero(whole)
+    everywhere = _over(usual[whole], one.torque[whole, axle])
     follows = np.corrcoef(usual[whole], one.torque[whole, axle])[0, 1] if np.ptp(one.torque[whole, axle]) > 0.0 else 0.0
-    square = max(float(usual[index] @ usual[index]), 1e-12)
-    return float(usual[index] @ one.torque[index, axle]) / square, float(follows), rolls
+    ratio = _over(usual[index], one.torque[index, axle]) if rolls else everywhere
+    # A torque that is late is small while the others roll, but not in the whole run.
+    agree = everywhere > 0.0 and ratio > 0.0 and abs(np.log(ratio / everywhere)) < _AGREE
+    return ratio if agree else np.nan, float(follows), rolls
+
+
+def _over(usual: np.ndarray, torque: np.ndarray) -> float:
+    """Return the best factor between two torques (n,)."""
+    return float(usual @ torque) / max(float(usual @ usual), 1e-12)
 
 
 def _single_axles(search: Search) -> None:
