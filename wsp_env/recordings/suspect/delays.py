@@ -86,7 +86,8 @@ def _delay(runs: list[dict[int, "_Witnesses"]], axle: int) -> tuple[str, float] 
     heard = [by_axle[axle] for by_axle in runs if axle in by_axle]
     if not heard:
         return None
-    apart, onset, torque = (_median([getattr(one, field) for one in heard]) for field in ("apart", "onset", "torque"))
+    onset, torque = (_median([getattr(one, field) for one in heard]) for field in ("onset", "torque"))
+    apart = _shared([one.apart for one in heard])
     wheel, error = _weighed([(one.wheel, one.wheel_error) for one in heard])
     wheel_is_late = abs(wheel) > max(_LEAST_S, _SURE * error)
     if np.isfinite(apart):
@@ -188,6 +189,12 @@ def _coarse_wheel(one: Traces, axle: int) -> float:
 def _median(values: list[float]) -> float:
     known = [value for value in values if np.isfinite(value)]
     return float(np.median(known)) if known else np.nan
+
+
+def _shared(values: list[float]) -> float:
+    """Return what several runs have in common: of two the smaller, nan where only one of several says anything."""
+    known = sorted((value for value in values if np.isfinite(value)), key=abs)
+    return known[(len(known) - 1) // 2] if len(known) > 1 or (known and len(values) == 1) else np.nan
 
 
 def _weighed(values: list[tuple[float, float]]) -> tuple[float, float]:
