@@ -192,7 +192,7 @@ def scaled(columns, pattern, factor):
         ("vehicle_speed", -1.0, "vehicle_speed is negative; give it scale = -1"),
         ("vehicle_speed", 0.0, "dead channel"),
         ("axle2_wheel", 60.0 / (2 * np.pi), 'axle2_wheel_speed.* unit = "rpm"'),
-        ("axle2_wheel", 0.0, "axle2_wheel_speed is 0 throughout: a dead channel"),
+        ("wheel", 0.0, "axle1_wheel_speed is 0 throughout: a dead channel"),
         ("speed", 3.6, "all speeds are in km/h"),
         ("torque", 1e-3, 'unit = "kN\\*m"'),
     ],
@@ -209,6 +209,7 @@ def test_channels_in_another_unit_are_refused(tmp_path, columns, pattern, factor
         (lambda c: scaled(c, "torque", 0.1), "slows .* times as much as its brakes explain"),
         (lambda c: scaled(c, "torque", 1e-6), "its brakes do not explain it"),
         (lambda c: scaled(c, "axle3_brake_torque", 0.0), "brake torque of axle 3 never changes"),
+        (lambda c: scaled(c, "axle2_wheel", 0.0), "axle2_wheel_speed is 0 throughout: a dead channel; axle 2 is left out"),
         (lambda c: scaled(c, "axle1_wheel", 0.7), "axle 1 turns 0.7"),
     ],
 )

@@ -164,6 +164,9 @@ def _print(found: Diagnosis | CreepDiagnosis, out: Path) -> None:
     if isinstance(found, CreepDiagnosis):
         for tied in found.inseparable:
             console.print(f"  left open: {tied.words}")
+    else:
+        for suspect in found.suspect_channels:
+            console.print(f"  channel: {suspect.line}")
     console.print(f"  null recordings: {max((len(one.null) for one in found.evidence), default=0)}")
     console.print(f"  next test: {found.next_test}")
     for note in found.notes:

@@ -1,13 +1,16 @@
 """`wsp inspect`: what is in a third-party file, and a campaign.toml to start from."""
 
 import sys
+import warnings
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from wsp_env.recordings import CampaignError
-from wsp_env.recordings.inspection import InspectedChannel, draft, inspect
+from wsp_env.parameters.quantity import ParameterError
+from wsp_env.recordings import CampaignError, CampaignWarning, read_campaign
+from wsp_env.recordings.inspection import InspectedChannel, draft, inspect, suspicions
+from wsp_env.recordings.suspect import suspects
 
 _WIDTH = 160  # of the table in a file or a pipe
 
@@ -37,6 +40,8 @@ def main(
     console.print(
         terminal_table(Table(header, [_row(channel) for channel in found], "noise and resolution in the channel's unit"))
     )
+    for sentence in (*suspicions(found), *_beside(file)):
+        warnings.warn(sentence, CampaignWarning, stacklevel=2)
     text = draft(file, found)
     if out is None:
         console.print("Draft of campaign.toml (--out FILE writes it):\n")
@@ -47,6 +52,17 @@ def main(
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(text, encoding="utf-8")
     console.print(f"Draft written: [bold]{out}[/bold]")
+
+
+def _beside(file: Path) -> list[str]:
+    """Return the suspect channels of the campaign that the file belongs to, where one is beside it and can be read."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CampaignWarning)  # the reader's own are told when the campaign is used
+        try:
+            campaign = read_campaign(file.parent)
+        except (CampaignError, ParameterError):
+            return []
+    return [f"campaign {campaign.name}: suspect channel {one.line}" for one in suspects(campaign)]
 
 
 def _row(channel: InspectedChannel) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import tyro
 
 from wsp_env.recordings import Tuning, read_campaign, tune
 from wsp_env.recordings.derive import Smoothing
+from wsp_env.recordings.suspect import warn_of_suspects
 
 
 def main(
@@ -31,7 +32,9 @@ def main(
         How the recordings are filtered, and which samples count.
 
     """
-    tuning = tune(read_campaign(campaign), smoothing, tune_friction=not fixed_mu_cd)
+    recorded = read_campaign(campaign)
+    warn_of_suspects(recorded)
+    tuning = tune(recorded, smoothing, tune_friction=not fixed_mu_cd)
     if as_json:
         print(json.dumps(tuning.to_json()))
     else:

@@ -10,6 +10,7 @@ import tyro
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import Campaign, read_campaign
 from wsp_env.recordings.derive import Smoothing
+from wsp_env.recordings.suspect import warn_of_suspects
 from wsp_env.recordings.validation import CLOSED_LOOP_BY, ClosedLoop, validate
 
 _WIDTH = 160  # of tables in a file or a pipe
@@ -49,6 +50,7 @@ def main(
         raise ParameterError("--controller brakes with the tuned friction coefficients: leave out --fixed-mu-cd")
     if as_json:
         recorded = read_campaign(campaign)
+        warn_of_suspects(recorded)
         found = validate(recorded, smoothing, not fixed_mu_cd).to_json()
         if controller:
             figures = {name: slide.figures() for name, slide in _closed_loop(recorded, controller, smoothing).items()}
@@ -63,6 +65,7 @@ def main(
     plotly()  # says at once when it is missing
     console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
     recorded = read_campaign(campaign)
+    warn_of_suspects(recorded)
     validation = validate(recorded, smoothing, not fixed_mu_cd)
     console.print(validation.tuning.sentence)
     tables = [report.adhesion_table(validation.tuning)]

@@ -3,6 +3,8 @@
 import dataclasses
 from typing import Any, Literal
 
+from wsp_env.recordings.suspect import SuspectChannel
+
 #: What a diagnosis may say.
 Verdict = Literal["adequate", "named", "ambiguous", "discovered", "unknown", "insufficient", "data"]
 
@@ -99,15 +101,6 @@ class Discovered:
     multiple: float  # size over the smallest effect of interest
     gain: float  # reduction of chi-square
     held_out_gain: float
-
-
-@dataclasses.dataclass(frozen=True)
-class SuspectChannel:
-    """A channel that contradicts the others as no physics does."""
-
-    channel: str
-    suspicion: str
-    remedy: str
 
 
 @dataclasses.dataclass(frozen=True)

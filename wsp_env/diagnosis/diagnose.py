@@ -13,6 +13,7 @@ from wsp_env.diagnosis import null
 from wsp_env.diagnosis.answer import Closure, Diagnosis, Estimate, Evidence, Named, Pair, Verdict
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import Variant, choice_of, parameter_of, unavailable, variants
+from wsp_env.diagnosis.data_first import data_first
 from wsp_env.diagnosis.decide import Outcome, select
 from wsp_env.diagnosis.effects import course, curve, held_out
 from wsp_env.diagnosis.evaluate import Model
@@ -79,6 +80,9 @@ def diagnose(
 
 def _diagnose(campaign: Campaign, effort: float, seed: int, progress: Progress, pool: Executor) -> Diagnosis:
     progress("checking the data")
+    first = data_first(campaign)
+    if first.answer is not None:
+        return first.answer
     stops, notes = prepare(campaign)
     if not stops:
         raise CampaignError(f"campaign {campaign.name}: no run can be diagnosed: {'; '.join(notes)}")
@@ -98,7 +102,8 @@ def _diagnose(campaign: Campaign, effort: float, seed: int, progress: Progress, 
     data = scan(balances, model, weights, tried)
     outcome = select(balances, model, weights, data, nulls, tried, pool)
     progress("judging")
-    return _answer(balances, model, weights, outcome, nulls, raws, notes)
+    answer = _answer(balances, model, weights, outcome, nulls, raws, notes)
+    return dataclasses.replace(answer, suspect_channels=first.suspects)
 
 
 def _sound(campaign: Campaign, stops: list[PreparedStop]) -> tuple[Balances, Model, Weights, list[str]]:

@@ -16,6 +16,11 @@ _SHOWN = 14  # candidates in the picture of the evidence
 
 def write_report(path: Path, found: Diagnosis) -> None:
     """Write the page of a diagnosis."""
+    if found.verdict == "data":
+        text = [f"{one.channel}: {one.suspicion}. Remedy: {one.remedy}." for one in found.suspect_channels]
+        sections = [Section("Suspect channels", text, []), _remains(found)]
+        write_page(path, f"Diagnosis of {found.campaign}: data", found.sentence, sections, "Written by: wsp diagnose")
+        return
     sections = [_where(found), _what(found), *_fitted(found), _before_after(found), _remains(found)]
     write_page(path, f"Diagnosis of {found.campaign}: {found.verdict}", found.sentence, sections, "Written by: wsp diagnose")
 

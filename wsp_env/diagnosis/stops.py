@@ -90,6 +90,7 @@ class PreparedStop:
 def prepare(campaign: Campaign) -> tuple[list[PreparedStop], list[str]]:
     """Return the stops that can be used, and what was left out and why, with what the reader said of the runs."""
     stops, left_out = [], [sentence for run in campaign.runs.values() for sentence in run.warnings]
+    left_out += _believed(campaign)
     per_bar = torque_per_bar(campaign)
     for name in (*campaign.tune, *campaign.validate):
         run = campaign.runs[name]
@@ -109,6 +110,27 @@ def prepare(campaign: Campaign) -> tuple[list[PreparedStop], list[str]]:
             stop = dataclasses.replace(stop, pressed=None)
         stops.append(dataclasses.replace(stop, earlier=list(campaign.runs).index(name)))
     return stops, left_out
+
+
+def _believed(campaign: Campaign) -> list[str]:
+    """Say what nobody knows and is taken for granted: where runs began, what axles without sensors did."""
+    notes = []
+    if unknown := [name for name, run in campaign.runs.items() if not run.start_is_known]:
+        notes.append(
+            f"start positions of {', '.join(unknown)} are not known: these runs share no place of the track, and a change of "
+            "the rail along it is seen only within a run, from axle to axle; places are counted one run after the other"
+        )
+    gone: dict[tuple[int, ...], list[str]] = {}
+    for name, run in campaign.runs.items():
+        if run.missing_axles:
+            gone.setdefault(run.missing_axles, []).append(name)
+    for axles, names in gone.items():
+        notes.append(
+            f"axle {', '.join(map(str, axles))} of run {', '.join(names)} has no usable sensors and is not compared with the "
+            "law; in the vehicle's balance its force is its believed torque over the radius, with the others' mean wheel "
+            "acceleration"
+        )
+    return notes
 
 
 def _strange_pressures(stop: PreparedStop, whole: np.ndarray) -> list[int]:
@@ -197,7 +219,8 @@ def _prepared(campaign: Campaign, run: Recording, group: str, noise: Noise, per_
     if run.suspect is not None and run.suspect.any():
         near = maximum_filter1d(run.suspect, 2 * end + 1, axis=0)
         usable &= ~near
-        turning &= ~near.any(axis=1)
+        there = ~np.isin(np.arange(vehicle.axles) + 1, run.missing_axles)  # what stands in for the others is believed there
+        turning &= ~near[:, there].any(axis=1)
     usable[:end] = usable[len(usable) - end :] = False
     turning[:end] = turning[len(turning) - end :] = False
     behind = np.cumsum(speed) * step

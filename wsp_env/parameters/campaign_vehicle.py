@@ -23,6 +23,7 @@ class CampaignVehicle(Checked):
     resistance_n: tuple[float, ...] = quantity((0.0, 0.0, 0.0), "N, N s/m, N s2/m2", _SOURCE, 0.0, 1e6)  # A + B v + C v2
     # [Nm/bar] of a wheelset, for files with cylinder pressures but no torques; 0: the files have torques
     torque_per_bar_nm: float = quantity(0.0, "N m/bar", _SOURCE, 0.0, 1e6)
+    missing_axles: tuple[int, ...] = ()  # from 1: without sensors; their mass and brake stay
     brake_torque_source: str = "measured"  # or "cylinder pressure times the nominal gain": then itself a model
 
     @property
@@ -43,6 +44,7 @@ class CampaignVehicle(Checked):
                 "distances behind any point of the vehicle [m]"
             )
         object.__setattr__(self, "axle_positions_m", tuple(x - self.axle_positions_m[0] for x in self.axle_positions_m))
+        check_missing(self.missing_axles, self.axles)
         if len(self.resistance_n) != 3:
             raise ParameterError(f"resistance_n must be the three numbers [A, B, C], got {list(self.resistance_n)}")
         if self.brake_torque_source != "measured" and "pressure" not in str(self.brake_torque_source):
@@ -50,6 +52,16 @@ class CampaignVehicle(Checked):
                 f'brake_torque_source = {self.brake_torque_source!r} is unknown; valid: "measured", '
                 '"cylinder pressure times the nominal gain"'
             )
+
+
+def check_missing(missing: object, axles: int) -> None:
+    """Raise `ParameterError` unless `missing` are axles from 1, each once, with one left."""
+    whole = isinstance(missing, tuple) and all(type(k) is int and 1 <= k <= axles for k in missing)
+    if not whole or len(set(missing)) != len(missing) or len(missing) >= axles:  # type: ignore[arg-type,call-overload]
+        raise ParameterError(
+            f"missing_axles = {list(missing) if isinstance(missing, tuple) else missing!r} must be a list of axles from 1 to "
+            f"{axles}, each once, and leave one"
+        )
 
 
 def plant_vehicle(

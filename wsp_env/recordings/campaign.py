@@ -5,7 +5,8 @@ A campaign is a folder with `campaign.toml` and one file (CSV, Parquet, MDF4 or 
 - `[campaign]` name, tune, validate (names of runs: groups A and B of the seed paper), sample_time_s
 - `[vehicle]` see `CampaignVehicle`
 - `[contact]` fields of `ContactParameters`; what is left out comes from the named `set` (default "velim", Table 2)
-- `[runs.NAME]` file, start_position_m; optionally mass_kg, kinetic_friction_d, gradient, direction, notes
+- `[runs.NAME]` file; optionally start_position_m, mass_kg, kinetic_friction_d, gradient, direction, notes, missing_axles. Where
+  start_position_m is left out, or the same in all of several runs, nobody knows it: such runs share no place (`laid_out`)
 - `[channels]` optional: other people's columns and units, see `channels`
 
 Columns of a file in the native format: `time_s`, `vehicle_speed_mps`, and per axle k from 1
@@ -21,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from wsp_env.parameters import velim
-from wsp_env.parameters.campaign_vehicle import CampaignVehicle
+from wsp_env.parameters.campaign_vehicle import CampaignVehicle, check_missing
 from wsp_env.parameters.contact import ContactParameters
 from wsp_env.parameters.quantity import ParameterError, replace
 from wsp_env.recordings import channels
@@ -32,9 +33,10 @@ from wsp_env.recordings.recording import Recording
 #: Parameter sets that `[contact] set` may name.
 CONTACT_SETS = {"velim": velim.CONTACT}
 
+_APART_M = 50.0  # between stretches of track that belong to single runs: longer than anything that varies along it
 _TABLES = ("campaign", "vehicle", "contact", "channels", "runs")
 _CAMPAIGN_KEYS = ("name", "tune", "validate", "sample_time_s")
-_RUN_KEYS = ("file", "start_position_m", "mass_kg", "kinetic_friction_d", "gradient", "direction", "notes")
+_RUN_KEYS = ("file", "start_position_m", "mass_kg", "kinetic_friction_d", "gradient", "direction", "notes", "missing_axles")
 
 
 _REQUIRED_VEHICLE_KEYS = ("axles", "mass_kg", "wheelset_inertia_kgm2", "wheel_radius_m")
@@ -100,7 +102,31 @@ def read_campaign(folder: Path) -> Campaign:
     for name, entry in described.items():
         file, blank = _described(path, name, entry, vehicle, contact)
         runs[name] = read_recording(file, blank, mapping, vehicle, sample_time)
+    runs = laid_out(runs, vehicle)
     return Campaign(str(head["name"]), tune, validate, sample_time, vehicle, contact, runs)
+
+
+def laid_out(runs: dict[str, Recording], vehicle: CampaignVehicle) -> dict[str, Recording]:
+    """Give every run whose start nobody knows a stretch of track of its own, behind all others.
+
+    Runs that all say the same start were measured by nobody: stops differ by metres at least.
+    """
+    starts = [run.start_position_m for run in runs.values() if run.start_is_known]
+    if len(runs) > 1 and len(starts) == len(runs) and len(set(starts)) == 1:
+        runs = {name: dataclasses.replace(run, start_is_known=False) for name, run in runs.items()}
+    elif len(starts) == len(runs) or len(runs) == 1:
+        return runs
+    apart = max(vehicle.axle_positions_m, default=0.0) + _APART_M
+    end = max((run.start_position_m + _travelled(run) + apart for run in runs.values() if run.start_is_known), default=0.0)
+    placed = {}
+    for name, run in runs.items():
+        placed[name] = run if run.start_is_known else dataclasses.replace(run, start_position_m=end)
+        end += 0.0 if run.start_is_known else _travelled(run) + apart
+    return placed
+
+
+def _travelled(run: Recording) -> float:
+    return float(np.trapezoid(np.maximum(run.vehicle_speed_mps, 0.0), run.time_s))
 
 
 def _groups(path: Path, head: dict[str, object], described: dict[str, object]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -172,7 +198,18 @@ def _described(
         gradient=_number(path, f"{where} gradient", entry.get("gradient", 0.0)),
         direction=str(entry.get("direction", "")),
         notes=str(entry.get("notes", "")),
+        start_is_known="start_position_m" in entry,
+        missing_axles=_missing(path, where, entry.get("missing_axles", []), vehicle),
     )
+
+
+def _missing(path: Path, where: str, given: object, vehicle: CampaignVehicle) -> tuple[int, ...]:
+    """Return the axles without sensors in a run: the vehicle's and its own."""
+    try:
+        check_missing(tuple(given) if isinstance(given, list) else given, vehicle.axles)
+    except ParameterError as error:
+        raise CampaignError(f"{path}: {where} {error}") from None
+    return tuple(sorted({*vehicle.missing_axles, *given}))  # type: ignore[misc]  # checked above
 
 
 def _table(path: Path, document: dict[str, object], key: str) -> dict[str, object]:

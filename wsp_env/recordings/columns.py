@@ -51,7 +51,7 @@ def read_columns(
 
     """
     opened = open_file(file)
-    _check_axles(opened, required)
+    _check_axles(opened, required, optional)
     sources = {name: mapping.get(name) or channels.native(name) for name in ["time", *required, *optional]}
     wanted = [name for name in required if name != "time"]
     opened.require([sources[name].column for name in ([] if opened.own_clocks else ["time"]) + wanted])
@@ -64,15 +64,16 @@ def read_columns(
     return _Reader(opened, sources, wheel_radius_m).gather(raw, wanted, sample_time_s)
 
 
-def _check_axles(opened: ChannelFile, required: list[str]) -> None:
-    """Refuse native columns that speak of other axles than the vehicle has."""
+def _check_axles(opened: ChannelFile, required: list[str], optional: list[str]) -> None:
+    """Refuse native columns that speak of other axles than the vehicle has; those of missing ones may be there."""
     believed = {int(match[1]) for name in required if (match := re.match(r"axle(\d+)_", name))}
+    missing = {int(match[1]) for name in optional if (match := re.match(r"axle(\d+)_", name))} - believed
     pattern = r"axle(\d+)_(wheel_speed_radps|brake_torque_nm)$"
     seen = {int(match[1]) for name in opened.units if (match := re.match(pattern, name))}
-    if seen and seen != believed:
+    if seen and seen - missing != believed:
         raise CampaignError(
             f"{opened.file}: its columns speak of axles {', '.join(map(str, sorted(seen)))}, but campaign.toml says "
-            f"[vehicle] axles = {len(believed)}; correct the one or the other"
+            f"[vehicle] axles = {len(believed | missing)}; correct the one or the other"
         )
 
 

@@ -134,6 +134,26 @@ def alike(file: Path, found: list[InspectedChannel]) -> list[Path]:
     return files
 
 
+def dead(found: list[InspectedChannel]) -> list[InspectedChannel]:
+    """Return the wheel speeds and torques that never change while others do."""
+    wheels = [channel for channel in found if channel.guess.endswith(("_wheel_speed", "_brake_torque"))]
+    moving = any(channel.quality.highest > channel.quality.lowest for channel in found if channel.guess.endswith("_speed"))
+    return [channel for channel in wheels if moving and channel.quality.highest == channel.quality.lowest]
+
+
+def suspicions(found: list[InspectedChannel]) -> list[str]:
+    """Say which channels of a single file look dead, each with what to do."""
+    return [
+        f"{channel.name} ({channel.guess}) never changes: dead, or a brake isolated; map another column to it, or give "
+        f"missing_axles = [{_axle(channel)}] in [vehicle]"
+        for channel in dead(found)
+    ]
+
+
+def _axle(channel: InspectedChannel) -> int:
+    return int(channel.guess.removeprefix("axle").split("_")[0])
+
+
 def draft(file: Path, found: list[InspectedChannel]) -> str:
     """Return a campaign.toml to edit: what is known is filled in, what only a person can know is left out and asked for.
 
@@ -146,6 +166,7 @@ def draft(file: Path, found: list[InspectedChannel]) -> str:
     step = 1.0 / max(rates) if rates and max(rates) < 100.0 else 0.01
     pressures = any("pressure" in name for name in guesses) and not any("torque" in name for name in guesses)
     clocked = all(channel.rate_hz for channel in found)  # every channel brings its clock
+    silent = sorted({_axle(channel) for channel in dead(found) if channel.guess.endswith("_wheel_speed")})
     lines = [
         f"# Draft by `wsp inspect` from {file.name}. Lines with EDIT need you; check every guess.",
         "[campaign]",
@@ -160,6 +181,7 @@ def draft(file: Path, found: list[InspectedChannel]) -> str:
         "# mass_kg = ...                     # EDIT: required",
         "# wheelset_inertia_kgm2 = ...       # EDIT: required; 160 for a coach's wheelset with discs",
         "# wheel_radius_m = ...              # EDIT: required",
+        *([f"# missing_axles = {silent}             # EDIT: their wheel speed never changes"] if silent else []),
         *(_FROM_PRESSURES if pressures else _MEASURED),
         "",
         "[contact]",
@@ -177,7 +199,7 @@ def draft(file: Path, found: list[InspectedChannel]) -> str:
             unless = ", or pressures and torque_per_bar_nm" if name.endswith("brake_torque") else ""
             lines.append(f"# {name} = {example}   # EDIT: required{unless}; none found")
     for run in runs:
-        place = "start_position_m = 0.0   # of the leading axle along the track; 0 will do where nobody knows"
+        place = "# start_position_m = ...           # of the leading axle along the track; leave it out where nobody knows"
         lines += ["", f"[runs.{json.dumps(run.stem)}]", f"file = {json.dumps(run.name)}", place]
     return "\n".join(lines) + "\n"
 

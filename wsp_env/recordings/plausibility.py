@@ -32,7 +32,7 @@ def check(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
     Raises
     ------
     CampaignError
-        for a dead speed channel, or a channel in another unit
+        for a dead vehicle speed, or a channel in another unit
 
     """
     _dead(run, where)
@@ -65,11 +65,10 @@ def _thinned(run: Recording) -> Recording:
 
 
 def _dead(run: Recording, where: str) -> None:
-    channels = {"vehicle_speed": run.vehicle_speed_mps}
-    channels |= {f"axle{k + 1}_wheel_speed": run.wheel_speed_radps[:, k] for k in range(run.wheel_speed_radps.shape[1])}
-    for name, values in channels.items():
-        if np.ptp(values) == 0.0:
-            raise CampaignError(f"{where}: {name} is {values[0]:g} throughout: a dead channel; map another column to it")
+    if np.ptp(run.vehicle_speed_mps) == 0.0:
+        raise CampaignError(
+            f"{where}: vehicle_speed is {run.vehicle_speed_mps[0]:g} throughout: a dead channel; map another column to it"
+        )
     if run.vehicle_speed_mps.mean() < 0.0:
         raise CampaignError(f"{where}: vehicle_speed is negative; give it scale = -1 in [channels]")
     if (run.wheel_speed_radps.mean(axis=0) < 0.0).any():
@@ -140,7 +139,7 @@ def _swapped(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
     """Tie each torque to a wheel: C + J dw/dt = 2 r T_c changes smoothly only if both belong to one axle."""
     step = float(run.time_s[-1] - run.time_s[0]) / (len(run.time_s) - 1)
     width = max(round(_CHANGE_S / step), 1)
-    if vehicle.axles < 2 or len(run.time_s) < 8 * width or (np.ptp(run.brake_torque_nm, axis=0) == 0.0).any():
+    if vehicle.axles < 2 or len(run.time_s) < 8 * width or run.missing_axles or constant_torques(run).any():
         return []
     turning = (run.wheel_speed_radps[2 * width :] - run.wheel_speed_radps[: -2 * width]) / (2 * width * step)
     force = run.brake_torque_nm[width:-width, :, None] + vehicle.wheelset_inertia_kgm2 * turning[:, None, :]

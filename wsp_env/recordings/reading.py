@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from wsp_env.parameters.campaign_vehicle import CampaignVehicle
-from wsp_env.recordings import plausibility
+from wsp_env.recordings import missing, plausibility
 from wsp_env.recordings.channels import Source
 from wsp_env.recordings.columns import read_columns
 from wsp_env.recordings.errors import CampaignWarning
@@ -36,9 +36,15 @@ def read_recording(
     from_pressure = vehicle.torque_per_bar_nm > 0.0
     needed = ("wheel_speed", "cylinder_pressure" if from_pressure else "brake_torque")
     axles = range(1, vehicle.axles + 1)
-    required = ["vehicle_speed", *(f"axle{k}_{channel}" for channel in needed for k in axles)]
-    optional = ["position", *(f"axle{k}_{channel}" for channel in _OPTIONAL if channel not in needed for k in axles)]
+    there = [k for k in axles if k not in blank.missing_axles]
+    required = ["vehicle_speed", *(f"axle{k}_{channel}" for channel in needed for k in there)]
+    optional = ["position", *(f"axle{k}_{channel}" for channel in needed for k in blank.missing_axles)]
+    optional += [f"axle{k}_{channel}" for channel in _OPTIONAL if channel not in needed for k in axles]
     columns = read_columns(file, required, optional, mapping, sample_time_s, vehicle.wheel_radius_m)
+    for name in (f"axle{k}_{channel}" for channel in needed for k in blank.missing_axles):
+        if name not in columns.values:
+            columns.values[name] = np.full(len(columns.time_s), np.nan)
+            columns.suspect[name] = np.ones(len(columns.time_s), dtype=bool)
     wheel_speed, braked_by = (_stacked(columns.values, channel, vehicle.axles) for channel in needed)
     wheel_speed_suspect, braked_by_suspect = (_stacked(columns.suspect, channel, vehicle.axles) for channel in needed)
     suspect = wheel_speed_suspect | braked_by_suspect
@@ -55,7 +61,8 @@ def read_recording(
         position_m=columns.values.get("position"),
         suspect=suspect | columns.suspect["vehicle_speed"][:, None],
     )
-    found = (*columns.notes, *plausibility.check(run, vehicle, str(file)))
+    run, said = missing.filled(run, blank.missing_axles, vehicle, str(file))
+    found = (*columns.notes, *said, *plausibility.check(run, vehicle, str(file)))
     for sentence in found:
         warnings.warn(sentence, CampaignWarning, stacklevel=3)
     return dataclasses.replace(run, warnings=found, suspect=run.suspect | plausibility.constant_torques(run))

@@ -1,0 +1,326 @@
+"""Suspect channels: every kind of fault is found, sound channels and missing physics are not; starts and sensors unknown."""
+
+import dataclasses
+import itertools
+import warnings
+
+import numpy as np
+import pytest
+from synthetic_stops import AXLES, INERTIA_KGM2, MASS_KG, RADIUS_M, SAMPLE_S, stops, write_campaign
+
+from wsp_env.cli import main
+from wsp_env.diagnosis import diagnose
+from wsp_env.diagnosis.data_first import data_first
+from wsp_env.diagnosis.stops import prepare
+from wsp_env.parameters.quantity import ParameterError
+from wsp_env.recordings import CampaignError, CampaignWarning, demo_campaign, read_campaign, tune
+from wsp_env.recordings.suspect import suspects
+
+WHEEL, TORQUE = "wheel_speed_radps", "brake_torque_nm"
+CREEP_PER_N = (
+    1.0 / 5.5e6
+)  # creepage of a wheelset by its force while rolling: some per mille at a brake's, as Kalker's theory has it
+
+
+def rolling_stop(level, seed, duration_s=25.0, speed_mps=30.0, gains=(1.0,) * AXLES, inertia=INERTIA_KGM2):
+    """Return a gentle stop: wheels roll with a creepage in proportion to their force, brakes fill within 0.3 s after 3 s."""
+    time = SAMPLE_S * np.arange(int(duration_s / SAMPLE_S))
+    rng = np.random.default_rng(seed)
+    filled = np.where(time > 3.0, 1.0 - np.exp(-(time - 3.0) / 0.25), 0.0)
+    torque = level * filled[:, None] * np.array(gains)
+    force = torque / RADIUS_M  # the wheels' own inertia is a hundredth of it
+    speed = speed_mps - np.cumsum(force.sum(axis=1)) * SAMPLE_S / (MASS_KG + AXLES * inertia / RADIUS_M**2)
+    wheel = speed[:, None] * (1.0 - CREEP_PER_N * force) / RADIUS_M
+    columns = {"time_s": time, "vehicle_speed_mps": speed + 0.01 * rng.standard_normal(len(time))}
+    for k in range(AXLES):
+        columns[f"axle{k + 1}_wheel_speed_radps"] = wheel[:, k] + 0.02 * rng.standard_normal(len(time))
+        columns[f"axle{k + 1}_brake_torque_nm"] = torque[:, k] + 50.0 * rng.standard_normal(len(time))
+    return columns
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Three stops that slide and two that roll."""
+    slides = stops(2e-4, [0.055, 0.06, 0.065], duration_s=10.0, noise=1.0, seeds=(1, 2, 3))
+    runs = {f"S{i + 1}": one for i, one in enumerate(slides)}
+    runs |= {"R1": rolling_stop(2500.0, 4), "R2": rolling_stop(3500.0, 5)}
+    return write_campaign(tmp_path_factory.mktemp("sound"), runs)
+
+
+@pytest.fixture(scope="module")
+def sound(folder):
+    return read_campaign(folder)
+
+
+def changed(campaign, change, runs=None):
+    """Return a campaign with `change` done to some of its runs, all unless said otherwise."""
+    chosen = runs or list(campaign.runs)
+    return dataclasses.replace(campaign, runs={n: change(run) if n in chosen else run for n, run in campaign.runs.items()})
+
+
+def scaled(field, axle, factor):
+    def change(run):
+        values = getattr(run, field).copy()
+        values[:, axle] *= factor
+        return dataclasses.replace(run, **{field: values})
+
+    return change
+
+
+def shifted(field, axle, seconds):
+    def change(run):
+        values = getattr(run, field).copy()
+        values[:, axle] = np.interp(run.time_s - seconds, run.time_s, values[:, axle])
+        return dataclasses.replace(run, **{field: values})
+
+    return change
+
+
+def offset(axle, size):
+    def change(run):
+        torque = run.brake_torque_nm.copy()
+        torque[:, axle] += size
+        return dataclasses.replace(run, brake_torque_nm=torque)
+
+    return change
+
+
+def exchanged(field, order):
+    return lambda run: dataclasses.replace(run, **{field: getattr(run, field)[:, order]})
+
+
+def vehicle(factor):
+    return lambda run: dataclasses.replace(run, vehicle_speed_mps=factor * run.vehicle_speed_mps)
+
+
+EVERY = slice(None)
+FAULTS = {
+    "kN m": (scaled(TORQUE, 1, 1e-3), "axle2_brake_torque", "factor", 1e-3),
+    "kgf m": (scaled(TORQUE, 0, 0.1019716), "axle1_brake_torque", "factor", 0.102),
+    "lbf ft": (scaled(TORQUE, 3, 0.7375621), "axle4_brake_torque", "factor", 0.7376),
+    "all in lbf ft": (scaled(TORQUE, EVERY, 0.7375621), "axle*_brake_torque", "factor", 0.7376),
+    "halved": (scaled(TORQUE, 2, 0.5), "axle3_brake_torque", "factor", 0.5),
+    "rpm": (scaled(WHEEL, 1, 60.0 / (2.0 * np.pi)), "axle2_wheel_speed", "unit", 9.549),
+    "turns": (scaled(WHEEL, 3, 1.0 / (2.0 * np.pi)), "axle4_wheel_speed", "unit", 0.159),
+    "circumference": (scaled(WHEEL, 1, RADIUS_M), "axle2_wheel_speed", "unit", RADIUS_M),
+    "km/h": (vehicle(3.6), "vehicle_speed", "unit", 3.6),
+    "mph": (vehicle(2.2369), "vehicle_speed", "unit", 2.2369),
+    "knots": (vehicle(1.9438), "vehicle_speed", "unit", 1.9438),
+    "copied wheel": (exchanged(WHEEL, [0, 1, 1, 3]), "axle3_wheel_speed", "copy", 2.0),
+    "copied torque": (exchanged(TORQUE, [0, 1, 2, 0]), "axle4_brake_torque", "copy", 1.0),
+    "swapped": (exchanged(WHEEL, [2, 1, 0, 3]), "axle1_wheel_speed", "swap", 3.0),
+    "offset": (offset(1, 700.0), "axle2_brake_torque", "offset", 700.0),
+    "negative offset": (offset(3, -2500.0), "axle4_brake_torque", "offset", -2500.0),
+    "late wheel": (shifted(WHEEL, 2, 0.08), "axle3_wheel_speed", "delay", 0.08),
+    "late torque": (shifted(TORQUE, 0, 0.1), "axle1_brake_torque", "delay", 0.1),
+    "very late torque": (shifted(TORQUE, 1, 0.8), "axle2_brake_torque", "delay", 0.8),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_every_fault_is_found_and_said_once(sound, fault):
+    change, channel, kind, value = FAULTS[fault]
+    (found,) = suspects(changed(sound, change))
+    assert (found.channel, found.kind) == (channel, kind)
+    # Slow contact forces move a lag by a few hundredths of a second here.
+    assert found.value == pytest.approx(value, rel=0.15, abs=0.06 if kind == "delay" else 0.0)
+    assert found.suspicion
+    assert found.remedy
+
+
+@pytest.mark.parametrize("fault", ["kN m", "rpm", "km/h", "offset", "copied wheel", "halved"])
+def test_a_fault_in_one_run_is_said_of_that_run(sound, fault):
+    change, channel, kind, _ = FAULTS[fault]
+    (found,) = suspects(changed(sound, change, ["R2"]))
+    assert (found.channel, found.kind, found.runs) == (channel, kind, ("R2",))
+    assert "in run R2" in found.suspicion
+
+
+def test_sound_recordings_are_not_suspected(sound):
+    assert suspects(sound) == ()
+    assert suspects(read_campaign(demo_campaign())) == ()
+
+
+@pytest.mark.parametrize(
+    "gains", [(1.15, 1.0, 1.0, 1.0), (1.0, 1.0, 0.86, 1.0), (1.1, 0.9, 1.1, 0.9)], ids=["strong", "weak", "uneven"]
+)
+def test_brakes_that_differ_are_physics(tmp_path, gains):
+    runs = {f"R{i}": rolling_stop(2500.0 + 500.0 * i, i, gains=gains) for i in range(3)}
+    assert suspects(read_campaign(write_campaign(tmp_path, runs))) == ()
+
+
+def test_an_axle_that_brakes_half_and_is_measured_so_is_physics(tmp_path):
+    """Its wheel's creepage is half, too: nothing contradicts the channel."""
+    runs = {f"R{i}": rolling_stop(2500.0 + 500.0 * i, i, gains=(1.0, 0.5, 1.0, 1.0)) for i in range(3)}
+    assert suspects(read_campaign(write_campaign(tmp_path, runs))) == ()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        scaled(WHEEL, 1, 1.01),  # a worn wheel
+        vehicle(1.01),
+        lambda run: dataclasses.replace(run, mass_kg=1.2 * run.mass_kg),
+        lambda run: dataclasses.replace(run, gradient=0.005),
+    ],
+    ids=["radius", "speed", "mass", "gradient"],
+)
+def test_what_physics_does_is_not_suspected(sound, change):
+    assert suspects(changed(sound, change)) == ()
+
+
+def test_a_diagnosis_stops_at_faulty_channels(sound):
+    change, channel, *_ = FAULTS["halved"]
+    found = diagnose(changed(sound, change))
+    assert found.verdict == "data"
+    assert found.mechanisms == ()
+    assert found.closure is None
+    assert found.fit.removed_validate is None
+    assert channel in found.sentence
+    assert found.next_test.startswith(found.suspect_channels[0].remedy)
+    assert found.to_json()["suspect_channels"][0]["channel"] == channel
+    assert data_first(sound).answer is None
+
+
+def test_the_commands_tell_suspect_channels(tmp_path, capsys):
+    columns = stops(2e-4, [0.06], duration_s=8.0, noise=1.0, seeds=(1,))[0]
+    columns |= {"axle2_brake_torque_nm": columns["axle2_brake_torque_nm"] / 1e3}
+    folder = write_campaign(tmp_path / "campaign", {"A1": columns})
+    assert main(["diagnose", str(folder), "--out", str(tmp_path / "out")]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "data: The recordings contradict themselves" in printed
+    assert "channel: axle2_brake_torque" in printed
+    assert '"verdict": "data"' in (tmp_path / "out" / "diagnosis.json").read_text()
+    assert main(["tune", str(folder)]) == 0
+    assert "warning: suspect channel axle2_brake_torque" in capsys.readouterr().err
+    assert main(["inspect", str(folder / "A1.csv")]) == 0
+    assert "suspect channel axle2_brake_torque" in capsys.readouterr().err
+
+
+# --- places that nobody knows ----------------------------------------------------------------------------------------
+
+
+def without_starts(folder, to, line=""):
+    to.mkdir()
+    for file in (file for file in folder.iterdir() if file.suffix in (".csv", ".toml")):
+        text = file.read_text()
+        if file.suffix == ".toml":
+            text = "\n".join(line if row.startswith("start_position_m") else row for row in text.splitlines())
+        (to / file.name).write_text(text)
+    return read_campaign(to)
+
+
+@pytest.mark.parametrize("line", ["", "start_position_m = 0.0", "start_position_m = 120.0"])
+def test_runs_whose_start_nobody_knows_share_no_place(folder, tmp_path, line):
+    campaign = without_starts(folder, tmp_path / "copy", line)
+    assert not any(run.start_is_known for run in campaign.runs.values())
+    prepared, notes = prepare(campaign)
+    ends = [(stop.place.min(), stop.place.max()) for stop in prepared]
+    for (_, end), (start, _) in itertools.pairwise(ends):
+        assert start > end + 20.0
+    assert any("start positions" in note and "not known" in note for note in notes)
+
+
+def test_starts_that_are_known_stay(sound):
+    assert all(run.start_is_known for run in sound.runs.values())
+    assert [run.start_position_m for run in sound.runs.values()] == [1000.0 * k for k in range(len(sound.runs))]
+    assert not any("start positions" in note for note in prepare(sound)[1])
+
+
+def test_a_run_alone_may_begin_anywhere(tmp_path):
+    columns = stops(2e-4, [0.06], duration_s=8.0, noise=1.0, seeds=(1,))[0]
+    (run,) = read_campaign(write_campaign(tmp_path, {"A1": columns})).runs.values()
+    assert run.start_is_known
+    assert run.start_position_m == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("diagnosis")
+def test_a_worn_wheel_is_named_alone_where_nobody_knows_the_starts(tmp_path):
+    demo = without_starts(demo_campaign(), tmp_path / "copy")
+    found = diagnose(changed(demo, scaled(WHEEL, 1, 1.008)), effort=0.4)
+    assert found.verdict == "named"
+    assert [one.name for one in found.mechanisms] == ["wheel_radius"]
+    assert any("start positions" in note for note in found.notes)
+
+
+# --- axles without sensors -------------------------------------------------------------------------------------------
+
+
+def without_axle(folder, to, entry, drop=True):
+    """Copy a campaign; `entry` goes below [vehicle], columns of axle 3 are dropped."""
+    import polars as pl
+
+    to.mkdir()
+    for file in folder.iterdir():
+        if file.suffix == ".csv":
+            frame = pl.read_csv(file)
+            (frame.drop([c for c in frame.columns if c.startswith("axle3") and drop])).write_csv(to / file.name)
+        else:
+            (to / file.name).write_text(file.read_text().replace("[vehicle]", f"[vehicle]\n{entry}"))
+    return to
+
+
+def test_an_axle_without_sensors_is_left_out_and_the_rest_stays(folder, sound, tmp_path):
+    campaign = read_campaign(without_axle(folder, tmp_path / "copy", "missing_axles = [3]"))
+    whole = sound.runs["S1"]
+    run = campaign.runs["S1"]
+    assert run.missing_axles == (3,)
+    assert run.suspect[:, 2].all()
+    np.testing.assert_allclose(run.wheel_speed_radps[:, 2], whole.wheel_speed_radps[:, [0, 1, 3]].mean(axis=1))
+    np.testing.assert_allclose(run.brake_torque_nm[:, 2], whole.brake_torque_nm[:, [0, 1, 3]].mean(axis=1))
+    assert suspects(campaign) == ()
+    assert tune(campaign).tau_m_per_J == pytest.approx(2e-4, rel=0.05)
+    prepared, notes = prepare(campaign)
+    assert not prepared[0].usable[:, 2].any()
+    assert prepared[0].usable[:, 0].any()
+    assert (prepared[0].segment >= 0).any()  # the vehicle's balance is still there
+    assert any("axle 3 of run" in note and "believed torque" in note for note in notes)
+
+
+def test_its_own_torque_is_used_where_it_is_recorded(folder, sound, tmp_path):
+    campaign = read_campaign(without_axle(folder, tmp_path / "copy", "missing_axles = [3]", drop=False))
+    np.testing.assert_allclose(campaign.runs["S1"].brake_torque_nm, sound.runs["S1"].brake_torque_nm)
+
+
+def test_missing_columns_are_still_refused_where_nobody_says_so(folder, tmp_path):
+    with pytest.raises(CampaignError, match="axles 1, 2, 4"):
+        read_campaign(without_axle(folder, tmp_path / "copy", ""))
+
+
+@pytest.mark.parametrize("entry", ["missing_axles = [5]", "missing_axles = [1, 2, 3, 4]", "missing_axles = 3"])
+def test_impossible_missing_axles_are_refused(folder, tmp_path, entry):
+    with pytest.raises((CampaignError, ParameterError), match="missing_axles"):
+        read_campaign(without_axle(folder, tmp_path / "copy", entry))
+
+
+@pytest.mark.parametrize("fault", ["zero", "constant", "stuck"])
+def test_a_dead_wheel_is_found_left_out_and_proposed(tmp_path, capsys, fault):
+    columns = stops(2e-4, [0.06], duration_s=8.0, noise=1.0, seeds=(1,))[0]
+    wheel = columns["axle3_wheel_speed_radps"].copy()
+    wheel[{"zero": slice(None), "constant": slice(None), "stuck": slice(150, None)}[fault]] = {"zero": 0.0}.get(
+        fault, wheel[150]
+    )
+    folder = write_campaign(tmp_path / "campaign", {"A1": columns | {"axle3_wheel_speed_radps": wheel}})
+    with pytest.warns(CampaignWarning, match=r"axle3_wheel_speed .* dead channel; axle 3 is left out"):
+        campaign = read_campaign(folder)
+    assert campaign.runs["A1"].missing_axles == (3,)
+    (found,) = suspects(campaign)
+    assert (found.kind, found.channel) == ("dead", "axle3_wheel_speed")
+    assert "missing_axles = [3]" in found.remedy
+    assert data_first(campaign).answer is None  # the rest is diagnosed
+    if fault != "stuck":
+        assert main(["inspect", str(folder / "A1.csv")]) == 0
+        printed = capsys.readouterr()
+        assert "missing_axles = [3]" in printed.out
+        assert "axle3_wheel_speed_radps" in printed.err
+
+
+def test_a_locked_wheel_is_not_dead(tmp_path):
+    columns = stops(2e-4, [0.06], duration_s=8.0, noise=1.0, seeds=(1,))[0]
+    wheel = columns["axle3_wheel_speed_radps"].copy()
+    wheel[200:] = 0.0
+    folder = write_campaign(tmp_path, {"A1": columns | {"axle3_wheel_speed_radps": wheel}})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CampaignWarning)
+        assert read_campaign(folder).runs["A1"].missing_axles == ()
