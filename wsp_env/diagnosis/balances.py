@@ -17,8 +17,10 @@ import threading
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import linalg
 
 from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
+from wsp_env.diagnosis.speed import NODE_S
 from wsp_env.diagnosis.stops import BLOCK_S, ROLLING_SHARE, VEHICLE_BLOCK_S, PreparedStop, thinned
 from wsp_env.recordings import Campaign
 
@@ -62,6 +64,28 @@ class Rows:
         return result
 
 
+@dataclasses.dataclass(frozen=True)
+class Whitening:
+    """What makes the noise of rows white and of deviation 1."""
+
+    deviation: np.ndarray  # (n,)
+    roots: tuple[tuple[np.ndarray, np.ndarray], ...]  # rows (m,) and the inverse root (m, m) of their covariance
+
+    def __call__(self, raw: np.ndarray) -> np.ndarray:
+        """Return rows (n,) or (n, k) whitened."""
+        white = raw / (self.deviation if raw.ndim == 1 else self.deviation[:, None])
+        for rows, root in self.roots:
+            white[rows] = root @ raw[rows]
+        return white
+
+    def back(self, white: np.ndarray) -> np.ndarray:
+        """Return whitened rows (n,) in the balances' own units."""
+        raw = white * self.deviation
+        for rows, root in self.roots:
+            raw[rows] = linalg.solve_triangular(root, white[rows], lower=True)
+        return raw
+
+
 class Balances:
     """The balances of a campaign's stops: residuals of a model, and how normal variation would move them."""
 
@@ -96,9 +120,16 @@ class Balances:
         other.rows = dataclasses.replace(rows, balance=self.rows.balance, segment=self.rows.segment)
         return other
 
-    def deviation(self, model: Model) -> np.ndarray:
-        """Deviation (n,) that the channels' noise gives each residual."""
-        return np.concatenate([part.deviation(one) for part, one in zip(self.parts, self.evaluate(model), strict=True)])
+    def whitening(self, model: Model) -> "Whitening":
+        """Return what makes the rows' noise, as the channels have it, white and of deviation 1."""
+        deviation = np.concatenate([part.deviation(one) for part, one in zip(self.parts, self.evaluate(model), strict=True)])
+        roots = []
+        for i, part in enumerate(self.parts):
+            if part.momenta:
+                root = linalg.cholesky(part.momentum_covariance(), lower=True)
+                rows = np.flatnonzero((self.rows.run == i) & (self.rows.balance == VEHICLE))
+                roots.append((rows, linalg.solve_triangular(root, np.eye(part.momenta), lower=True)))
+        return Whitening(deviation, tuple(roots))
 
 
 class _Blocks:
@@ -207,13 +238,23 @@ class _Blocks:
         return self.joined(self.wheel_rows(adhesion), momentum, self.wheel_rows(one.torque - one.braking))
 
     def deviation(self, one: Evaluation) -> np.ndarray:
-        """Deviation of the same by the channels' noise."""
+        """Deviation of the same by the channels' noise; of the vehicle's rows, whose noise is coloured, 1."""
         noise, radius = self.stop.noise, self.owner.radius
         moment = noise.moment(self.owner.inertia) / (2.0 * radius * self.mean(one.load))
         slip = noise.slip(radius) * self.mean(one.slope)
         adhesion = np.sqrt(moment**2 + slip**2 + _ADHESION_FLOOR**2)[self.used]
-        vehicle = np.full(self.momenta, np.hypot(noise.block_speed, _SPEED_FLOOR_MPS))
-        return self.joined(adhesion, vehicle, np.full(len(adhesion), np.hypot(noise.block_torque, _TORQUE_FLOOR_NM)))
+        brakes = np.full(len(adhesion), np.hypot(noise.block_torque, _TORQUE_FLOOR_NM))
+        return self.joined(adhesion, np.ones(self.momenta), brakes)
+
+    def momentum_covariance(self) -> np.ndarray:
+        """Covariance (m, m) [m2/s2] of the vehicle's rows by the noise of its recorded speed."""
+        noise = self.stop.noise.speed
+        shorter = noise.white * np.sqrt(NODE_S / (self.vehicle_length * self.stop.step_s))
+        covariance = noise._replace(white=shorter).covariance(self.vehicle_rows(self.stop.time))
+        segment = self.segments[self.segments >= 0]
+        same = segment[:, None] == segment
+        result: np.ndarray = np.where(same, covariance, 0.0) + _SPEED_FLOOR_MPS**2 * np.eye(self.momenta)
+        return result
 
 
 def _joined(parts: list[Rows]) -> Rows:

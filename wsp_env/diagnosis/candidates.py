@@ -12,11 +12,12 @@ import numpy as np
 from wsp_env.diagnosis.answer import ClosureKind
 from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, Balances
 from wsp_env.diagnosis.evaluate import Choice, Model
+from wsp_env.diagnosis.replica import Replica
 from wsp_env.plant.card import Parameter, Recorded
 from wsp_env.plant.mechanisms import ALL, LIBRARY
 
 #: Finite-difference steps as share of the typical change.
-_STEP = 0.05
+_STEP = 0.25
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,11 +37,12 @@ class Candidate:
     columns: np.ndarray  # (n, k) raw change of the residuals per step
     variant: Variant | None = None  # None: a closure
     steps: tuple[float, ...] = ()  # of each size parameter
+    scale: np.ndarray = dataclasses.field(default_factory=lambda: np.ones(1))  # (k,) smallest effects of interest a step
     closure: ClosureKind | None = None  # None: a mechanism
     nodes: tuple[float, ...] = ()  # of a closure: what its columns are at
 
 
-def unavailable(balances: Balances) -> dict[str, str]:
+def unavailable(balances: Balances | Replica) -> dict[str, str]:
     """Return the mechanisms that such recordings can say nothing on, and why."""
     rows, measured = balances.rows, balances.campaign.vehicle.torque_is_measured
     blind = measured and not (rows.balance == ACTUATOR).any()
@@ -62,7 +64,7 @@ def unavailable(balances: Balances) -> dict[str, str]:
     return brakes | axles | stops | contacts
 
 
-def variants(balances: Balances) -> Iterator[Variant]:
+def variants(balances: Balances | Replica) -> Iterator[Variant]:
     """Every mechanism that these recordings can show, in all its variants."""
     closed, rows = unavailable(balances), balances.rows
     slides = (rows.balance == ADHESION) & (rows.slip > 0.005 * rows.speed)
@@ -102,7 +104,7 @@ def choice_of(variant: Variant, values: np.ndarray) -> Choice:
     return {variant.name: {p.name: float(np.clip(given.get(p.name, p.null), p.low, p.high)) for p in mechanism.parameters}}
 
 
-def columns(balances: Balances, model: Model, base: np.ndarray, variant: Variant) -> tuple[np.ndarray, tuple[float, ...]]:
+def columns(balances: Balances | Replica, model: Model, base: np.ndarray, variant: Variant) -> tuple[np.ndarray, tuple[float, ...]]:
     """Return the change of the residuals (n, k) by a step of each free parameter, and the steps.
 
     About `model`: about the variant's values there if it is on, else about its null. `base` are the model's residuals.
@@ -117,28 +119,3 @@ def columns(balances: Balances, model: Model, base: np.ndarray, variant: Variant
         moved = dataclasses.replace(model, choice={**model.choice, **choice_of(variant, values)})
         found.append(balances.raw(moved) - base)
     return np.column_stack(found), tuple(change for _, change in steps)
-
-
-def library(
-    balances: Balances, model: Model, base: np.ndarray, friction: np.ndarray, tried: Sequence[Variant]
-) -> list[Candidate]:
-    """Return those variants that are off, with their columns about a model whose residuals are `base` (n,).
-
-    Parameters
-    ----------
-    friction : (n,) derivative of the residuals by log mu_cd, which a mechanism may scale by place
-
-    """
-    found = []
-    for variant in tried:
-        if variant.name in model.choice:
-            continue
-        if pattern := ALL[variant.name].signature.friction_pattern:
-            (size,) = variant.sizes
-            change = step(variant.name, size)[1]
-            column = change * friction * pattern(variant.fixed, balances.rows.place) * balances.rows.wheels
-            found.append(Candidate(variant.name, column[:, None], variant, (change,)))
-        else:
-            moved, steps = columns(balances, model, base, variant)
-            found.append(Candidate(variant.name, moved, variant, steps))
-    return found

@@ -8,7 +8,7 @@ matrices: the reduction of chi-square, the sum of squares in the prior's metric,
 import dataclasses
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import linalg
 
 _NOTHING = 1e-11  # of the largest square of a nuisance's column, below which a direction says nothing
 
@@ -24,18 +24,16 @@ class Projector:
     """
 
     def __init__(self, columns: np.ndarray, prior: np.ndarray) -> None:
-        # Most nuisances concern one run, one axle or one stretch of track: sparse, that is a hundred times less work.
-        self._columns = sparse.csr_array(columns)
-        normal = (self._columns.T @ self._columns).toarray()
+        self._columns = columns
+        normal = columns.T @ columns
         # Free directions that say nothing get next to nothing to say.
         normal += np.diag(np.where(prior, 1.0, _NOTHING * max(float(np.diag(normal).max(initial=0.0)), 1.0)))
         self._root = linalg.solve_triangular(linalg.cholesky(normal, lower=True), np.eye(len(prior)), lower=True).T
 
     def inner(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Inner products (k, l) of columns (n, k) and (n, l), projected."""
-        first, second = sparse.csr_array(a), sparse.csr_array(b)
-        left, right = (self._root.T @ (self._columns.T @ one).toarray() for one in (first, second))
-        result: np.ndarray = (first.T @ second).toarray() - left.T @ right
+        left, right = (self._root.T @ (self._columns.T @ one) for one in (a, b))
+        result: np.ndarray = a.T @ b - left.T @ right
         return result
 
     def rest(self, y: np.ndarray) -> np.ndarray:

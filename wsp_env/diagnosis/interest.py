@@ -3,14 +3,17 @@
 One function for all mechanisms. A change of what retards the vehicle, at the slip that was measured, changes the distance by
 the integral of v delta_a / a dt. A change of an axle's balance, at the force that was measured, moves its slip by delta_f over
 the steepness of the creep curve. A fault of a speed sensor retards nothing and changes the measured slip itself.
+
+Sizes are net: against the model that was tuned anew without the mechanism. What another tau and other mu_cd do as well matters to nobody.
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
-from wsp_env.diagnosis.balances import Balances
-from wsp_env.diagnosis.evaluate import Choice, Evaluation, Model
+from wsp_env.diagnosis.evaluate import Choice, Evaluation
+from wsp_env.diagnosis.replica import Replica
 from wsp_env.plant.mechanisms import ALL
 
 DISTANCE = 0.01  # [-]
@@ -19,6 +22,7 @@ _SLIDES = 0.01  # creepage from which on the contact limits the force, not the b
 _LEAST_SAMPLES = 50  # of sliding, for a mean
 _LEAST_STEEPNESS = 0.01  # [s/m] of a creep curve; flatter, an axle has no slip of its own: assumption
 _BRAKED_MPS2 = 0.2  # deceleration from which on a vehicle counts as braked
+_LEAST = 1e-6  # of the smallest effect of interest: what has no effect at all
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,25 +35,33 @@ class StopChange:
     @property
     def multiple(self) -> float:
         """Size as multiple of the smallest effect of interest [-]."""
-        return max(abs(self.distance) / DISTANCE, abs(self.slip) / SLIP_MPS)
+        return max(abs(self.distance) / DISTANCE, abs(self.slip) / SLIP_MPS, _LEAST)
 
 
-def effect(balances: Balances, model: Model, choice: Choice) -> StopChange:
-    """Return what the mechanisms of `choice` add to a model."""
-    before = balances.evaluate(dataclasses.replace(model, choice={}))
-    after = balances.evaluate(dataclasses.replace(model, choice=choice))
-    sensor = all(ALL[name].signature.acts_on == "sensor" for name in choice)
+def only_sensors(choice: Choice) -> bool:
+    """Whether all mechanisms of a choice act on sensors."""
+    return all(ALL[name].signature.acts_on == "sensor" for name in choice)
+
+
+def change(replica: Replica, before: Sequence[Evaluation], after: Sequence[Evaluation], sensor: bool = False) -> StopChange:
+    """Return what one model changes against another, both evaluated along the recorded stops.
+
+    Parameters
+    ----------
+    sensor : whether only sensors differ
+
+    """
     distances: dict[bool, list[float]] = {True: [], False: []}
     slips = []
-    for stop, one, other in zip(balances.stops, before, after, strict=True):
+    for stop, one, other in zip(replica.stops, before, after, strict=True):
         slides = one.slip > _SLIDES * stop.speed[:, None]
-        slips.append(_moved(stop.speed, one, other, slides, None if sensor else balances.radius))
-        base, moved = (_retarded(e, slides, balances.radius) for e in (one, other))
+        slips.append(_moved(stop.speed, one, other, slides, None if sensor else replica.radius))
+        base, moved = (_retarded(e, slides, replica.radius) for e in (one, other))
         braked = base > _BRAKED_MPS2
         if not sensor and braked.any():
             travelled = stop.speed * stop.step_s
-            change = -(travelled * (moved - base) / np.maximum(base, _BRAKED_MPS2))[braked].sum()
-            distances[bool(slides.mean() > 0.2)].append(float(change / travelled[braked].sum()))
+            nearer = -(travelled * (moved - base) / np.maximum(base, _BRAKED_MPS2))[braked].sum()
+            distances[bool(slides.mean() > 0.2)].append(float(nearer / travelled[braked].sum()))
     means = [float(np.mean(kind)) for kind in distances.values() if kind]
     slip = float(np.ma.masked_invalid(slips).mean(axis=0).filled(0.0).max())
     return StopChange(max(means, key=abs, default=0.0), slip)

@@ -1,277 +1,224 @@
-"""Screens all candidates at once about a model: reductions of chi-square in the data and in null recordings, by small matrices.
+"""The search: what every candidate would explain about a model, beside everything that varies anyway.
 
-Every null recording passes the very same steps as the data, sensitivities included: a column is computed from noisy channels,
-its inner product with the residual therefore has a mean of its own, and that mean, seen in the null recordings, is taken away.
+One principle decides. Sound recordings differ from any model by many small things; all of them, the library's mechanisms
+included, are in the model at sizes too small to matter (`SMALL` of the smallest effect of interest, see `interest`). A mechanism
+is missing when the recordings say that it is larger: the evidence is the ratio of the likelihoods with its size free up to
+`LARGE` and with its size small (a spike and a slab, George and McCulloch 1993).
 """
 
 import dataclasses
-import itertools
 from collections.abc import Sequence
+from concurrent.futures import Executor
 
 import numpy as np
-from scipy.stats import gamma
+from scipy import linalg
 
-from wsp_env.diagnosis import candidates
-from wsp_env.diagnosis.balances import Balances, Rows
-from wsp_env.diagnosis.candidates import Candidate, Variant, library, parameter_of
-from wsp_env.diagnosis.closures import closures
-from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Weights
-from wsp_env.diagnosis.gls import LeastSquares, Projector, fit
-from wsp_env.diagnosis.variation import nuisances
-from wsp_env.plant.mechanisms import ALL
+from wsp_env.diagnosis.balances import Whitening
+from wsp_env.diagnosis.candidates import Candidate, Variant, choice_of, columns, parameter_of, step
+from wsp_env.diagnosis.covariance import Evidence, Sizes
+from wsp_env.diagnosis.evaluate import Evaluation, Model
+from wsp_env.diagnosis.interest import StopChange, change, only_sensors
+from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.variation import Group, Nuisances, nuisances
+from wsp_env.plant.mechanisms import ALL, LIBRARY
 
-#: Share of its square that a direction must have left: less is nothing that the null recordings' mean can be taken from.
-_LEFT = 1e-3
-#: Share of its square, before the nuisances are taken away, that a column must have left.
-_SPANNED = 1e-6
-#: Stretches of a single run that are held out in turn [s]: some slides long.
-_STRETCH_S = 4.0
-#: Pairs that reduce chi-square most, of which null recordings are asked too.
-_PAIRS = 20
-_NONE = np.zeros(0, dtype=int)
-_LOG10 = float(np.log(10.0))
-
-
-@dataclasses.dataclass(frozen=True)
-class Products:
-    """Inner products of all columns with each other and with the residual, off the nuisances, over some rows."""
-
-    gram: np.ndarray  # (K, K)
-    against: np.ndarray  # (K,)
-    cost: float  # of the residual with itself
-    rows: int
-
-
-@dataclasses.dataclass(frozen=True)
-class Scan:
-    """All candidates in one campaign, recorded or null."""
-
-    candidates: tuple[Candidate, ...]  # without their columns
-    parts: tuple[slice, ...]
-    accepted: int  # that many last columns belong to the mechanisms that are on
-    whole: Products
-    tune: Products
-    validate: Products
-
-    def columns_of(self, candidate: int) -> np.ndarray:
-        """Return the indices of a candidate's columns."""
-        part = self.parts[candidate]
-        return np.arange(part.start, part.stop)
-
-
-def scan(
-    balances: Balances,
-    model: Model,
-    weights: Weights,
-    tried: Sequence[Variant],
-    accepted: Sequence[Variant] = (),
-    held_out: bool = True,
-) -> Scan:
-    """Compute the inner products of all candidates about a model.
-
-    Parameters
-    ----------
-    weights : with which rows are whitened
-    tried : variants of the library
-    accepted : mechanisms that are on in the model
-    held_out : whether the halves, rows to tune on and to validate, are wanted too
-
-    """
-    rows = balances.rows
-    base = balances.raw(model)
-    nuisance = nuisances(balances, model, base)
-    friction = nuisance.friction
-    listed = library(balances, model, base, friction, tried) + closures(balances, model, friction)
-    on = [candidates.columns(balances, model, base, one)[0] for one in accepted]
-    scale = weights.deviation[:, None]
-    x = np.column_stack([*(one.columns for one in listed), *on]) / scale
-    free, y = nuisance.columns / scale, weights(base)
-    ends = np.cumsum([one.columns.shape[1] for one in listed])
-    parts = tuple(slice(int(end) - one.columns.shape[1], int(end)) for one, end in zip(listed, ends, strict=True))
-
-    def products(keep: np.ndarray) -> Products:
-        projector = Projector(free[keep], nuisance.prior)
-        both = np.column_stack([x[keep], y[keep]])
-        inner = projector.inner(both, both)
-        # What the nuisances span leaves rounding errors.
-        spanned = np.diag(inner) < _SPANNED * np.einsum("nk,nk->k", both, both)
-        inner[spanned, :] = inner[:, spanned] = 0.0
-        return Products(inner[:-1, :-1], inner[:-1, -1], float(inner[-1, -1]), int(keep.sum()))
-
-    bare = tuple(dataclasses.replace(one, columns=np.zeros((0, one.columns.shape[1]))) for one in listed)
-    every = np.ones(len(rows), dtype=bool)
-    whole = products(every)
-    halves = [whole, whole]
-    if held_out:
-        held = held_out_rows(rows)
-        halves = [products(~held), products(held)]
-    return Scan(bare, parts, sum(one.shape[1] for one in on), whole, halves[0], halves[1])
-
-
-def held_out_rows(rows: Rows) -> np.ndarray:
-    """Return the rows (n,) bool to validate on.
-
-    Those of the validate group; where there is none, or nothing else, every other run, and in a single run every other stretch.
-    """
-    if rows.validate.any() and not rows.validate.all():
-        return rows.validate
-    turns = rows.run if rows.run.max(initial=0) > 0 else np.floor(rows.time / _STRETCH_S).astype(int)
-    result: np.ndarray = turns % 2 == 1
-    return result
-
-
-def conditioned(
-    products: Products, index: np.ndarray, given: np.ndarray, offset: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return Gram matrix and inner products of some columns, off others as well, and their squares before.
-
-    `offset` is taken from the inner products.
-    """
-    gram, against = products.gram, products.against - offset
-    squares = np.diag(gram)[index]
-    if not len(given):
-        return gram[np.ix_(index, index)], against[index], squares
-    inverse = fit(gram[np.ix_(given, given)], against[given], least=_LEFT).covariance
-    cross = gram[np.ix_(index, given)]
-    freed = gram[np.ix_(index, index)] - cross @ inverse @ cross.T
-    return freed, against[index] - cross @ inverse @ against[given], squares
+#: Deviation of a mechanism that does not matter, and of one that does, in smallest effects of interest. The first is the
+#: definition: three deviations are one interest. The second is an assumption: what conceals itself from a validation is
+#: hardly larger.
+SMALL, LARGE = 0.15, 5.0
 
 
 @dataclasses.dataclass(frozen=True)
 class Found:
-    """The best variant of one name in the data, and the name's reductions in null recordings."""
+    """What the recordings say of one candidate."""
 
-    name: str
-    reduction: float  # of chi-square, the sum of squares
-    nulls: np.ndarray  # (R,) of the best variant in each
-    held_out: float  # reduction on the runs to validate of amplitudes fitted to those to tune on
-    which: int  # candidate of the scan
-    fit: LeastSquares
-
-    @property
-    def net(self) -> float:
-        """Gain over that in null recordings."""
-        return self.reduction - float(self.nulls.mean())
+    candidate: Candidate  # without its columns
+    evidence: float  # log of the likelihood with it large over that with it small, less the price of its variants
+    amplitude: np.ndarray  # (k,) of its columns
+    multiple: np.ndarray  # (k,) of the smallest effect of interest
+    deviation: np.ndarray  # (k,) of the multiples
+    reduction: float  # of chi-square, against the same mechanism at a small size
 
     @property
-    def neg_log10_p(self) -> float:
-        """Minus log10 of the probability of such a reduction in a null recording."""
-        return neg_log10_p(self.reduction, self.nulls)
+    def name(self) -> str:
+        """Name of the candidate."""
+        return self.candidate.name
 
 
-def neg_log10_p(reduction: float, nulls: np.ndarray) -> float:
-    """Minus log10 of the probability of a reduction under the gamma distribution of the nulls' mean and variance."""
-    # A reduction is at least a chi-square of one degree of freedom, whatever few null recordings say.
-    mean = max(float(nulls.mean()), 1.0)
-    variance = max(float(nulls.var(ddof=1)) if len(nulls) > 1 else 0.0, 2.0 * mean)
-    # Beyond some 300 the tail is nothing a float holds.
-    return float(min(-gamma.logsf(reduction, mean**2 / variance, scale=variance / mean) / _LOG10, 300.0))
+@dataclasses.dataclass(frozen=True)
+class Screen:
+    """All candidates about a model."""
+
+    model: Model
+    base: np.ndarray  # (n,) raw residuals of the recordings
+    whitening: Whitening
+    groups: tuple[Group, ...]  # nuisances
+    small: Group  # mechanisms at sizes that do not matter
+    sizes: Sizes  # of the nuisances
+    log_likelihood: float
+    noise: np.ndarray  # (4,) of the balances
+    found: tuple[Found, ...]  # best first
+    pulled: dict[str, float]  # largest nuisance of every group over the group's size
 
 
-def can_be(one: Candidate, fitted: LeastSquares) -> bool:
+class _Law:
+    """How the law's parameters move the residuals and the adhesion of a model."""
+
+    def __init__(self, replica: Replica, model: Model, nuisance: Nuisances, whitening: Whitening) -> None:
+        self.columns, self.free = nuisance.law, nuisance.groups[0].columns.shape[1]
+        self.before = replica.evaluate(model)
+        white = whitening(self.columns)
+        self._scale = np.maximum(np.linalg.norm(white, axis=0), 1e-12)
+        self._inverse = np.linalg.pinv(white / self._scale, rcond=1e-6)
+        self._whitening = whitening
+        little = 1e-3
+        tau = replica.evaluate(dataclasses.replace(model, tau=model.tau * float(np.exp(little))))
+        mu = replica.evaluate(dataclasses.replace(model, mu_cd=tuple(m * float(np.exp(little)) for m in model.mu_cd)))
+        self._by = [
+            ((a.adhesion - one.adhesion) / little, (b.adhesion - one.adhesion) / little)
+            for one, a, b in zip(self.before, tau, mu, strict=True)
+        ]
+
+    def net(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return columns (n, k) less what the law does as well, and the logs (1 + runs, k) that do so."""
+        amplitudes = (self._inverse @ self._whitening(columns)) / self._scale[:, None]
+        return columns - self.columns @ amplitudes, amplitudes[self.free :]
+
+    def without(self, after: Sequence[Evaluation], logs: np.ndarray) -> list[Evaluation]:
+        """Return evaluations with changes of the law's logs (1 + runs,) taken away."""
+        return [
+            dataclasses.replace(one, adhesion=one.adhesion - logs[0] * by_tau - logs[1 + i] * by_mu)
+            for i, (one, (by_tau, by_mu)) in enumerate(zip(after, self._by, strict=True))
+        ]
+
+
+def candidate(replica: Replica, model: Model, base: np.ndarray, law: _Law, variant: Variant) -> Candidate:
+    """Return a mechanism that is off, with its columns about a model and their size in smallest effects of interest, net."""
+    null = np.array([step(variant.name, name)[0] for name in variant.sizes])
+    steps = tuple(step(variant.name, name)[1] for name in variant.sizes)
+    columns, scale = [], []
+    sensor = only_sensors({variant.name: {}})
+    for i, change_by in enumerate(steps):
+        values = null.copy()
+        values[i] += change_by
+        moved = dataclasses.replace(model, choice={**model.choice, **choice_of(variant, values)})
+        column = replica.raw(moved) - base
+        after: Sequence[Evaluation] = replica.evaluate(moved)
+        if not sensor:
+            after = law.without(after, law.net(column[:, None])[1][:, 0])
+        columns.append(column)
+        scale.append(change(replica, law.before, after, sensor).multiple)
+    return Candidate(variant.name, np.column_stack(columns), variant, steps, np.array(scale))
+
+
+def screen(
+    replica: Replica, model: Model, tried: Sequence[Variant], pool: Executor, forms: Sequence[Group] = (),
+    start: Sizes | None = None,
+) -> Screen:  # fmt: skip
+    """Say of every candidate what the recordings say about a model.
+
+    Parameters
+    ----------
+    tried : mechanisms that are off
+    forms : what the mechanisms that are on may leave of nature's form
+    start : sizes to start from
+
+    """
+    base, whitening = replica.raw(model), replica.whitening(replica.baseline)
+    nuisance = nuisances(replica, model, base, whitening)
+    law = _Law(replica, model, nuisance, whitening)
+    listed = list(pool.map(lambda one: candidate(replica, model, base, law, one), tried))
+    groups = (*nuisance.groups, *forms)
+    on = [_on(replica, model, base, name) for name in model.choice]
+    every = np.column_stack([one.columns / one.scale for one in listed])
+    small = Group("small mechanisms", law.net(every)[0], SMALL, True)
+    accepted = Group("accepted mechanisms", np.column_stack([np.zeros((len(base), 0)), *on]), np.inf, True)
+    evidence = Evidence(replica, whitening, [*groups, accepted, small], base, np.zeros((len(base), 0)))
+    begin = evidence.start()
+    if start is not None:
+        begin = Sizes(np.concatenate([start.groups, np.ones(len(begin.groups) - len(start.groups))]), start.noise)
+    solved = evidence.solve(np.zeros(0, dtype=int), begin, np.zeros(0))
+    found = _judged(evidence, solved.sizes, listed)
+    pulled = {name: float(np.abs(solved.pulled[evidence.group == i]).max(initial=0.0)) for i, name in enumerate(evidence.names)}
+    sizes = Sizes(solved.sizes.groups[: len(groups)], solved.sizes.noise)
+    return Screen(model, base, whitening, groups, small, sizes, solved.log_likelihood, solved.sizes.noise, tuple(found), pulled)
+
+
+def _on(replica: Replica, model: Model, base: np.ndarray, name: str) -> np.ndarray:
+    """Columns of the sizes of a mechanism that is on."""
+    values = model.choice[name]
+    sizes = tuple(one.name for one in ALL[name].sizes if one.fitted and (name in LIBRARY or values[one.name] != one.null))
+    fixed = {key: value for key, value in values.items() if key not in sizes}
+    return columns(replica, model, base, Variant(name, sizes, fixed))[0]
+
+
+def net_effect(replica: Replica, model: Model, name: str, whitening: Whitening) -> StopChange:
+    """Return what a mechanism that is on changes against the law tuned anew without it."""
+    without = dataclasses.replace(model, choice={other: values for other, values in model.choice.items() if other != name})
+    after = replica.evaluate(model)
+    base = replica.raw(without)
+    law = _Law(replica, without, nuisances(replica, without, base, whitening), whitening)
+    if only_sensors({name: {}}):
+        return change(replica, law.before, after, True)
+    logs = law.net((replica.raw(model) - base)[:, None])[1][:, 0]
+    return change(replica, law.before, law.without(after, logs))
+
+
+def _judged(evidence: Evidence, sizes: Sizes, listed: Sequence[Candidate]) -> list[Found]:
+    """Return the best variant of every name, best first."""
+    mean, covariance = _posterior(evidence, sizes)
+    first = len(mean) - sum(len(one.scale) for one in listed)
+    counts: dict[str, int] = {}
+    for one in listed:
+        counts[one.name] = counts.get(one.name, 0) + 1
+    best: dict[str, Found] = {}
+    for one in listed:
+        mine = slice(first, first + len(one.scale))
+        first += len(one.scale)
+        found = _one(one, mean[mine], covariance[mine, mine], counts[one.name])
+        if one.name not in best or found.evidence > best[one.name].evidence:
+            best[one.name] = found
+    return sorted(best.values(), key=lambda one: -one.evidence)
+
+
+def _posterior(evidence: Evidence, sizes: Sizes) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (p,) and covariance (p, p) of all nuisances, in deviations."""
+    deviation = sizes.groups[evidence.group]
+    whole = np.tensordot(1.0 / sizes.noise**2, evidence.gram, axes=1)
+    scaled = whole[:-1, :-1] * np.outer(deviation, deviation)
+    scaled[np.diag_indices_from(scaled)] += 1.0
+    factor = linalg.cho_factor(scaled, lower=True, check_finite=False)
+    mean = linalg.cho_solve(factor, deviation * whole[:-1, -1], check_finite=False)
+    return mean, linalg.cho_solve(factor, np.eye(len(mean)), check_finite=False)
+
+
+def _one(one: Candidate, mean: np.ndarray, covariance: np.ndarray, variants: int) -> Found:
+    """Judge one candidate from what the recordings say of it with its size small: mean (k,) and covariance in `SMALL`."""
+    k = len(mean)
+    mean, covariance = SMALL * mean, SMALL**2 * covariance
+    small, large = np.eye(k) * SMALL**2, np.eye(k) * LARGE**2
+    precision = np.linalg.inv(covariance) - np.linalg.inv(small)
+    values, vectors = np.linalg.eigh(0.5 * (precision + precision.T))
+    spread = (vectors / np.maximum(values, 1e-9)) @ vectors.T  # of the likelihood, without the prior
+    centre = spread @ np.linalg.solve(covariance, mean)
+
+    def log_density(prior: np.ndarray) -> float:
+        whole = spread + prior
+        return float(-0.5 * centre @ np.linalg.solve(whole, centre) - 0.5 * np.linalg.slogdet(whole)[1])
+
+    multiple = large @ np.linalg.solve(spread + large, centre)
+    bare = dataclasses.replace(one, columns=np.zeros((0, k)))
+    found = Found(
+        bare, log_density(large) - log_density(small) - float(np.log(variants)), multiple / one.scale, multiple,
+        np.sqrt(np.diag(spread)), float(centre @ np.linalg.solve(spread + small, centre)),
+    )  # fmt: skip
+    return found if can_be(one, found.amplitude) else dataclasses.replace(found, evidence=-np.inf)
+
+
+def can_be(one: Candidate, amplitude: np.ndarray) -> bool:
     """Whether a mechanism of one size whose null is a bound (no brake pushes) was fitted to its possible side."""
     if one.variant is None or len(one.variant.sizes) != 1:
         return True
     size = parameter_of(one.name, one.variant.sizes[0])
-    change = -float(fitted.amplitude[0]) * one.steps[0]
+    change = -float(amplitude[0]) * one.steps[0]
     return (size.null > size.low or change >= 0.0) and (size.null < size.high or change <= 0.0)
-
-
-class LibrarySearch:
-    """Reductions of chi-square by all candidates in the data against those in null recordings.
-
-    Parameters
-    ----------
-    data : scan about the present model
-    nulls : scans of null recordings about the baseline
-    given : for every null scan the columns of the mechanisms accepted so far
-    tilt : mean inner product of the accepted mechanisms' columns, in the data's scan, with residuals of null recordings
-
-    """
-
-    def __init__(self, data: Scan, nulls: Sequence[Scan], given: np.ndarray, tilt: np.ndarray) -> None:
-        self.data, self.nulls, self.given = data, nulls, given
-        k = len(data.whole.against)
-        self.own = np.arange(k - data.accepted, k)  # columns of the accepted mechanisms in the data's scan
-        names = {self._key(one): i for i, one in enumerate(nulls[0].candidates)}
-        self.twin = [names.get(self._key(one), -1) for one in data.candidates]
-        self.mean = np.mean([null.whole.against for null in nulls], axis=0)
-        whole = self._offset()
-        whole[self.own] = tilt
-        # The halves' own means would need the halves of all null recordings: by their share of the columns' squares.
-        shares = [np.diag(half.gram) / np.maximum(np.diag(data.whole.gram), 1e-12) for half in (data.tune, data.validate)]
-        self.offsets = {"whole": whole, "tune": whole * shares[0], "validate": whole * shares[1]}
-
-    @staticmethod
-    def _key(one: Candidate) -> tuple[object, ...]:
-        variant = one.variant
-        return (one.name, one.columns.shape[1], *(sorted(variant.fixed.items()) if variant else ()))
-
-    def _offset(self) -> np.ndarray:
-        """Mean inner product (K,) of the data's columns in null recordings."""
-        square = np.mean([np.diag(null.whole.gram) for null in self.nulls], axis=0)
-        offset = np.zeros(len(self.data.whole.against))
-        for mine, its in enumerate(self.twin):
-            if its >= 0:
-                own, index = self.data.columns_of(mine), self.nulls[0].columns_of(its)
-                # About an extended model a column may have become smaller, and its mean with it.
-                share = np.sqrt(np.diag(self.data.whole.gram)[own] / np.maximum(square[index], 1e-12))
-                offset[own] = np.minimum(share, 1.0) * self.mean[index]
-        return offset
-
-    def solve(self, index: np.ndarray, part: str = "whole", beside: np.ndarray = _NONE) -> LeastSquares:
-        """Fit some columns to the data, off those of the accepted mechanisms and some others'."""
-        given = np.concatenate([self.own, beside])
-        return fit(*conditioned(getattr(self.data, part), index, given, self.offsets[part]), _LEFT)
-
-    def held_out(self, index: np.ndarray) -> float:
-        """Gain on the rows to validate of amplitudes fitted to the others."""
-        amplitude = self.solve(index, "tune").amplitude
-        gram, against, _ = conditioned(self.data.validate, index, self.own, self.offsets["validate"])
-        return float(2.0 * amplitude @ against - amplitude @ gram @ amplitude)
-
-    def null_reductions(self, *which: int) -> np.ndarray:
-        """Gains (R,) of a candidate of the data's scan, or of some together, in the null recordings."""
-        twins = [self.twin[one] for one in which if self.twin[one] >= 0]
-        if not twins:
-            return np.zeros(len(self.nulls))
-        index = np.concatenate([self.nulls[0].columns_of(its) for its in twins])
-        # Each is freed from the mean of the others: its own would make it look smaller than the data's.
-        mean, count = self.mean, len(self.nulls)
-        reductions = []
-        for null in self.nulls:
-            offset = (count * mean - null.whole.against) / max(count - 1, 1)
-            one = fit(*conditioned(null.whole, index, self.given, offset), _LEFT)
-            reductions.append(one.reduction if len(twins) > 1 or can_be(null.candidates[twins[0]], one) else 0.0)
-        return np.array(reductions)
-
-    def pairs(self, found: Sequence[Found]) -> list[tuple[float, float, Found, Found]]:
-        """Return net reduction, mean reduction in null recordings and members of pairs of mechanisms, the best pair first."""
-        library = [one for one in found if one.name in ALL and one.reduction > 0.0]
-        joint = []
-        for a, b in itertools.combinations(library, 2):
-            columns = np.concatenate([self.data.columns_of(one.which) for one in (a, b)])
-            joint.append((self.solve(columns).reduction, a, b))
-        joint.sort(key=lambda pair: -pair[0])
-        result = []
-        for reduction, a, b in joint[:_PAIRS]:
-            null = float(self.null_reductions(a.which, b.which).mean())
-            result.append((reduction - null, null, a, b))
-        return sorted(result, key=lambda pair: -pair[0])
-
-    def found(self) -> list[Found]:
-        """Return the best variant of every name with the name's null reductions, least probable first."""
-        by_name: dict[str, list[int]] = {}
-        for i, one in enumerate(self.data.candidates):
-            by_name.setdefault(one.name, []).append(i)
-        result = []
-        for name, members in by_name.items():
-            fits = [self.solve(self.data.columns_of(i)) for i in members]
-            reductions = [one.reduction * can_be(self.data.candidates[i], one) for i, one in zip(members, fits, strict=True)]
-            best = int(np.argmax(reductions))
-            nulls = np.max([self.null_reductions(i) for i in members], axis=0)
-            which = members[best]
-            held_out = self.held_out(self.data.columns_of(which))
-            result.append(Found(name, reductions[best], nulls, held_out, which, fits[best]))
-        return sorted(result, key=lambda one: -one.neg_log10_p)

@@ -1,21 +1,23 @@
 """Recorded stops prepared for the balances: smoothed channels, blocks of time, and what noise does to them.
 
-The wheel's channels pass a Savitzky-Golay filter. The vehicle's speed is smoothed about its own momentum balance: what the
-wheels' forces predict is taken away, the rest, which changes slowly, passes a long window, and the prediction is put back. That
-keeps what is fast and leaves less than half of the noise that a filter of the speed alone leaves.
+The wheel's channels pass a Savitzky-Golay filter. The vehicle's speed is estimated about its own momentum balance: what the
+wheels' forces predict is taken away, the rest, which changes slowly, is parted from its noise (`wsp_env.diagnosis.speed`), and the
+prediction is put back. That keeps what is fast.
 """
 
 import dataclasses
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_coeffs, savgol_filter
 
+from wsp_env.diagnosis.speed import SpeedNoise, estimate, estimate_noise, nodes
 from wsp_env.recordings import Campaign, Recording
 from wsp_env.recordings.quality import describe
 
 WHEEL_WINDOW_S = 0.09  # blocks average the rest; a longer window shifts what happens in a slide's transients
-VEHICLE_WINDOW_S = 1.5  # of what the wheels' forces do not predict: normal variation of the brakes, slow in a stop
+LEAST_S = 1.5  # of a stop: a shorter one has no course of speed
 BLOCK_S = 0.16  # residuals are averaged over blocks: of the adhesion
 VEHICLE_BLOCK_S = 0.4  # of the vehicle
 STEP_S = 0.01  # faster recordings are thinned to about this after smoothing
@@ -28,37 +30,34 @@ PRESSED_SHARE = (
     0.5  # of an axle's torque that its own pressure leaves unexplained, from which on the two do not belong together
 )
 _ORDER = 2
+#: Window [s] and order of the filter of a wheel's speed and its derivatives. Each keeps a course of fourth order: what a filter of a
+#: lower one takes from the wheel's acceleration, and not from the torque, would look like less inertia.
+_FILTERS = {0: (WHEEL_WINDOW_S, 2), 1: (0.15, 4), 2: (0.19, 4)}
 
 
 @dataclasses.dataclass(frozen=True)
 class Noise:
     """Standard deviation of one sample of each channel, and what one block of its smoothed residual keeps of it."""
 
-    speed: float  # [m/s]
+    speed: SpeedNoise
     wheel: float  # [rad/s]
     torque: float  # [N m]
     step_s: float  # [s] between samples
     pressed: float = 0.0  # [N m] of the torque by the cylinder pressure, where that is recorded beside the torque
 
     def slip(self, radius: float) -> float:
-        """Deviation of the slip speed's mean over a block [m/s]."""
-        vehicle = self.speed * _kept(VEHICLE_WINDOW_S, BLOCK_S, self.step_s, 0)
-        return float(np.hypot(vehicle, radius * self.wheel * _kept(WHEEL_WINDOW_S, BLOCK_S, self.step_s, 0)))
+        """Deviation that the wheel's sensor gives the slip speed's mean over a block [m/s]."""
+        return radius * self.wheel * _kept(WHEEL_WINDOW_S, BLOCK_S, self.step_s, 0)
 
     def moment(self, inertia: float) -> float:
         """Deviation of C + J dw/dt over a block [N m]."""
         torque = self.torque * _kept(WHEEL_WINDOW_S, BLOCK_S, self.step_s, 0)
-        return float(np.hypot(torque, inertia * self.wheel * _kept(WHEEL_WINDOW_S, BLOCK_S, self.step_s, 1)))
+        return float(np.hypot(torque, inertia * self.wheel * _kept(_FILTERS[1][0], BLOCK_S, self.step_s, 1)))
 
     @property
     def block_torque(self) -> float:
         """Deviation of the measured torque less that by the cylinder pressure over a block [N m]."""
         return float(np.hypot(self.torque, self.pressed)) * _kept(WHEEL_WINDOW_S, BLOCK_S, self.step_s, 0)
-
-    @property
-    def block_speed(self) -> float:
-        """Deviation of the raw vehicle speed's mean over a block [m/s]."""
-        return self.speed / np.sqrt(max(VEHICLE_BLOCK_S / self.step_s, 1.0))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,6 +83,7 @@ class PreparedStop:
     gradient: float  # [-] as believed
     believed_mu_cd: float  # [-]
     noise: Noise
+    uncertain: np.ndarray  # (T, m) deviations of the estimated speed along its principal directions [m/s]
     earlier: int = 0  # stops before it on the same rail (assumption: a campaign lists its runs in the order they were made)
 
 
@@ -92,15 +92,21 @@ def prepare(campaign: Campaign) -> tuple[list[PreparedStop], list[str]]:
     stops, left_out = [], [sentence for run in campaign.runs.values() for sentence in run.warnings]
     left_out += _believed(campaign)
     per_bar = torque_per_bar(campaign)
+    courses = {}
     for name in (*campaign.tune, *campaign.validate):
         run = campaign.runs[name]
-        group = "tune" if name in campaign.tune else "validate"
-        needed = _length(VEHICLE_WINDOW_S, _step(run)) + 2
+        needed = _length(LEAST_S, _step(run)) + 2
         fast = int((run.vehicle_speed_mps > LEAST_SPEED_MPS).sum())
         if fast < needed:
             left_out.append(f"run {name}: {fast} samples above {LEAST_SPEED_MPS:g} m/s, {needed} are needed")
             continue
-        stop = _prepared(campaign, run, group, channel_noise(run, per_bar), per_bar)
+        courses[name] = _predicted(campaign, run)
+    if not courses:
+        return stops, left_out
+    speed_noise = estimate_noise([nodes(one.rest, one.step) for one in courses.values()])
+    for name, course in courses.items():
+        run, group = campaign.runs[name], "tune" if name in campaign.tune else "validate"
+        stop = _prepared(campaign, run, group, course, channel_noise(run, speed_noise, per_bar), per_bar)
         if not stop.usable.any():
             left_out.append(f"run {name}: left out, no sample can be compared with the law")
             continue
@@ -188,30 +194,64 @@ def torque_per_bar(campaign: Campaign) -> float:
     return max(both / square, 0.0) if square > 0.0 else 0.0
 
 
-def channel_noise(run: Recording, per_bar: float = 0.0) -> Noise:
-    """Estimate the noise of one run's channels by third differences; the median over the axles.
+def channel_noise(run: Recording, speed: SpeedNoise, per_bar: float = 0.0) -> Noise:
+    """Estimate the noise of one run's channels of wheel and brake by third differences; the median over the axles.
 
     Parameters
     ----------
+    speed : of the vehicle's recorded speed
     per_bar : torque of a wheelset for one bar in its cylinders [N m/bar]
 
     """
     wheel = float(np.median([describe(column).noise for column in run.wheel_speed_radps.T]))
     torque = float(np.median([describe(column).noise for column in run.brake_torque_nm.T]))
-    speed, pressure = describe(run.vehicle_speed_mps).noise, 0.0
+    pressure = 0.0
     if run.cylinder_pressure_bar is not None:
         pressure = float(np.median([describe(column).noise for column in run.cylinder_pressure_bar.T]))
     # A noiseless recording (a simulation) still has rounding and the smoothing's own error.
-    return Noise(max(speed, 1e-3), max(wheel, 1e-3), max(torque, 1.0), _step(run), per_bar * pressure)
+    return Noise(speed, max(wheel, 1e-3), max(torque, 1.0), _step(run), per_bar * pressure)
 
 
-def _prepared(campaign: Campaign, run: Recording, group: str, noise: Noise, per_bar: float) -> PreparedStop:
+@dataclasses.dataclass(frozen=True)
+class _Course:
+    """The channels of a run smoothed, and what its wheels' balances do not predict of its speed."""
+
+    step: float  # [s]
+    wheels: tuple[np.ndarray, ...]  # wheel speed, its first and second rate, torque (T, A)
+    predicted_rate: np.ndarray  # (T,) [m/s2]
+    predicted: np.ndarray  # (T,) [m/s]
+    rest: np.ndarray  # (T,) recorded speed less the predicted [m/s]
+
+
+def _predicted(campaign: Campaign, run: Recording) -> _Course:
     vehicle, step = campaign.vehicle, _step(run)
     wheel, rate, jerk, torque = smooth_wheels(run.wheel_speed_radps, run.brake_torque_nm, step)
+    turning = vehicle.wheel_radius_m * wheel > LOCKED_MPS
+    moment = np.where(turning, torque + vehicle.wheelset_inertia_kgm2 * rate, 0.0)
+    predicted_rate = -moment.sum(axis=-1) / (vehicle.wheel_radius_m * run.mass_kg)
+    predicted = (np.cumsum(predicted_rate) - 0.5 * predicted_rate) * step  # the trapezoidal sum
+    return _Course(step, (wheel, rate, jerk, torque), predicted_rate, predicted, run.vehicle_speed_mps - predicted)
+
+
+def _estimated(course: _Course, noise: SpeedNoise) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the vehicle's speed (T,), its rate (T,) and its uncertain directions (T, m)."""
+    time, mean = nodes(course.rest, course.step)
+    found = estimate(noise, time, mean)
+    spline = CubicSpline(time, np.column_stack([found.course, found.modes]))
+    every = np.arange(len(course.rest)) * course.step
+    held = np.clip(every, time[0], time[-1])  # beyond the outer nodes the course goes on as a line
+    values, rates = spline(held), spline(held, 1)
+    values += rates * (every - held)[:, None]
+    return course.predicted + values[:, 0], course.predicted_rate + rates[:, 0], values[:, 1:]
+
+
+def _prepared(campaign: Campaign, run: Recording, group: str, course: _Course, noise: Noise, per_bar: float) -> PreparedStop:
+    vehicle, step = campaign.vehicle, course.step
+    wheel, rate, jerk, torque = course.wheels
     pressed: np.ndarray | None = None
     if per_bar > 0.0 and vehicle.torque_is_measured and run.cylinder_pressure_bar is not None:
         pressed = smooth_torque(per_bar * run.cylinder_pressure_bar, step)
-    speed, acceleration = smooth_speed(run.vehicle_speed_mps, wheel, rate, torque, campaign, run.mass_kg, step)
+    speed, acceleration, uncertain = _estimated(course, noise.speed)
     stride = max(round(STEP_S / step), 1)
     usable = (speed > LEAST_SPEED_MPS)[:, None] & (vehicle.wheel_radius_m * wheel > LOCKED_MPS)
     turning = (vehicle.wheel_radius_m * wheel > LOCKED_MPS).all(axis=1) & (speed > LEAST_MOMENTUM_MPS)
@@ -234,16 +274,17 @@ def _prepared(campaign: Campaign, run: Recording, group: str, noise: Noise, per_
         run.name, group, step * stride, run.time_s[thin][:kept], speed[thin][:kept], acceleration[thin][:kept], raw,
         wheel[thin][:kept], rate[thin][:kept], jerk[thin][:kept], torque[thin][:kept], pressed,
         (run.start_position_m + behind)[thin][:kept], usable[thin][:kept], segment[thin][:kept],
-        run.mass_kg, run.gradient, run.kinetic_friction_d, noise,
+        run.mass_kg, run.gradient, run.kinetic_friction_d, noise, uncertain[thin][:kept],
     )  # fmt: skip
 
 
 def smooth_wheels(wheel: np.ndarray, torque: np.ndarray, step: float) -> tuple[np.ndarray, ...]:
     """Return wheel speed, its first and second rate, and torque, smoothed; arrays (..., T, A)."""
-    length = _length(WHEEL_WINDOW_S, step)
 
     def smoothed(values: np.ndarray, derivative: int) -> np.ndarray:
-        result: np.ndarray = savgol_filter(values, length, _ORDER, deriv=derivative, delta=step, axis=-2)
+        window, order = _FILTERS[derivative]
+        length = max(_length(window, step), order + 1 + order % 2)
+        result: np.ndarray = savgol_filter(values, length, order, deriv=derivative, delta=step, axis=-2)
         return result
 
     return smoothed(wheel, 0), smoothed(wheel, 1), smoothed(wheel, 2), smooth_torque(torque, step)
@@ -253,23 +294,6 @@ def smooth_torque(torque: np.ndarray, step: float) -> np.ndarray:
     """Return a torque (..., T, A) smoothed as the wheels' speeds are."""
     result: np.ndarray = savgol_filter(torque, _length(WHEEL_WINDOW_S, step), _ORDER, axis=-2)
     return result
-
-
-def smooth_speed(
-    recorded: np.ndarray, wheel: np.ndarray, rate: np.ndarray, torque: np.ndarray, campaign: Campaign, mass: float, step: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the vehicle's speed (..., T) smoothed about its momentum balance, and its rate [m/s2]."""
-    vehicle = campaign.vehicle
-    turning = vehicle.wheel_radius_m * wheel > LOCKED_MPS
-    moment = np.where(turning, torque + vehicle.wheelset_inertia_kgm2 * rate, 0.0)
-    predicted_rate = -moment.sum(axis=-1) / (vehicle.wheel_radius_m * mass)
-    predicted = (np.cumsum(predicted_rate, axis=-1) - 0.5 * predicted_rate) * step  # the trapezoidal sum
-    length = _length(VEHICLE_WINDOW_S, step)
-    rest = recorded - predicted
-    return (
-        predicted + savgol_filter(rest, length, _ORDER, axis=-1),
-        predicted_rate + savgol_filter(rest, length, _ORDER, deriv=1, delta=step, axis=-1),
-    )
 
 
 def _step(run: Recording) -> float:
@@ -282,6 +306,8 @@ def _length(window_s: float, step_s: float) -> int:
 
 def _kept(window_s: float, block_s: float, step_s: float, derivative: int) -> float:
     """Deviation that a block mean of the filtered channel keeps of white noise of deviation 1."""
-    weights = savgol_coeffs(_length(window_s, step_s), _ORDER, deriv=derivative, delta=step_s)
+    order = _ORDER if derivative == 0 else _FILTERS[derivative][1]
+    length = max(_length(window_s, step_s), order + 1 + order % 2)
+    weights = savgol_coeffs(length, order, deriv=derivative, delta=step_s)
     box = np.full(max(round(block_s / step_s), 1), 1.0)
     return float(np.linalg.norm(np.convolve(weights, box / box.sum())))

@@ -1,45 +1,67 @@
-"""The normal variation of sound vehicles and tracks, and the law's free parameters: the nuisances of every test.
+"""What sound vehicles, tracks and models vary by: the law's free parameters and the discrepancies beside it.
 
-Sizes as the tolerances of vehicle and test track have them: brake gain 1 % and wheel radius 0.05 % between axles, creep
-stiffness 3 %, mu_cd along the track 2 % over 5 to 20 m, each uniform; mu_cd of a run some 15 % about the
-believed one (assumption).
+Every group of columns has a size that is expected of sound recordings (`_EXPECTED`). It is only where the estimation begins: how
+large a group is in the recordings at hand they say themselves, by their disagreement between runs, axles and times
+(`wsp_env.diagnosis.covariance`).
 """
 
 import dataclasses
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
-from wsp_env.diagnosis.balances import ACTUATOR, Balances
+from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, Balances, Whitening
 from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.replica import Replica
 
-_UNIFORM = 1.0 / np.sqrt(3.0)
-GAIN = 0.01 * _UNIFORM  # [-] of an axle's torque, where it comes from the cylinder pressure
-RADIUS = 0.0005 * _UNIFORM  # [-] of an axle's wheels
-STIFFNESS = 0.03 * _UNIFORM  # [-] of the creep curve
-TRACK = 0.02 * _UNIFORM  # [-] of mu_cd along the track
-TRACK_NODE_M = 5.0  # the shortest distance over which it varies
-_UNRESOLVED = 0.3  # share of it between the nodes: assumption; the null recordings have the true share
+TRACK_NODE_M = 1.5  # apart
+import os
+_TRACK_LENGTH_M = float(os.environ.get("TL","3"))  # over which mu_cd is alike
+_COURSE_NODE_S = 4.0  # of what varies in time
+_SHAPE_NODES = 6  # of what varies over slip, speed or work, at quantiles
 MU_CD = 0.15  # [-] of a run's, about the believed one: assumption
 LOG_TAU = 1.0  # [-] about where the search starts: says next to nothing
-MEASURED_GAIN = 0.001  # [-] of a torque that is itself measured: assumption
+_UNIFORM = 1.0 / np.sqrt(3.0)
+
+#: Deviation expected of sound vehicles and tracks [-]: assumptions, from tolerances of brakes, wheels and test tracks.
+_EXPECTED = {
+    "gain": 0.01 * _UNIFORM,  # of an axle's torque, where it comes from the cylinder pressure
+    "measured gain": 0.001,  # of a torque that is itself measured
+    "inertia": 0.02 * _UNIFORM,  # of a wheelset
+    "radius": 0.0005 * _UNIFORM,  # of an axle's wheels
+    "stiffness": 0.03 * _UNIFORM,  # of the creep curve
+    "track": 0.02 * _UNIFORM,  # of mu_cd along the track
+    "friction": 0.01 * _UNIFORM,  # of an axle's friction: from run to run, in time
+    "law": 0.002,  # of friction over slip, speed and work: the law's own form
+    "torque": 0.003 * _UNIFORM,  # of a brake's torque in time
+    "force": 0.0005,  # of the vehicle in time, over its weight
+}
+
+
+class Group(NamedTuple):
+    """Columns that share one size."""
+
+    name: str
+    columns: np.ndarray  # (n, p) change of the residuals by a deviation of 1
+    expected: float  # deviation; inf: free
+    fixed: bool = False  # whether the size is known and not estimated
 
 
 @dataclasses.dataclass(frozen=True)
 class Nuisances:
-    """Columns (n, p) that move the residuals by one prior deviation (or by 1), raw, and which have a prior."""
+    """All groups of a model."""
 
-    columns: np.ndarray
-    prior: np.ndarray
-    names: tuple[str, ...]
+    groups: tuple[Group, ...]
     friction: np.ndarray  # (n,) derivative of the residuals by log mu_cd of their own run
 
+    @property
+    def law(self) -> np.ndarray:
+        """Columns (n, l) of what is free and of the law's parameters."""
+        return np.column_stack([group.columns for group in self.groups if group.name in ("offset", "tau", "mu_cd")])
 
-def gain_deviation(balances: Balances) -> float:
-    """Prior deviation of an axle's brake gain [-]."""
-    return MEASURED_GAIN if balances.campaign.vehicle.torque_is_measured else GAIN
 
-
-def law_columns(balances: Balances, model: Model, base: np.ndarray) -> np.ndarray:
+def law_columns(balances: Balances | Replica, model: Model, base: np.ndarray) -> np.ndarray:
     """Columns (n, 1 + runs): derivative of the residuals by log tau, and by log mu_cd of each run."""
     step = 1e-3
     tau = (balances.raw(dataclasses.replace(model, tau=model.tau * np.exp(step))) - base) / step
@@ -49,75 +71,194 @@ def law_columns(balances: Balances, model: Model, base: np.ndarray) -> np.ndarra
     return np.column_stack([tau, friction[:, None] * runs])
 
 
-def unresolved(friction: np.ndarray) -> np.ndarray:
-    """Deviation (n,) that mu_cd leaves by varying between the nodes along the track."""
-    return _UNRESOLVED * TRACK * np.abs(friction)
+def net(whitening: Whitening, law: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return columns (n, k) less what the law's parameters do as well, and the parameters' amplitudes (l, k) that do so.
+
+    Parameters
+    ----------
+    law : (n, l) columns of tau, mu_cd and of what is free
+
+    """
+    white = whitening(law)
+    scale = np.maximum(np.linalg.norm(white, axis=0), 1e-12)
+    amplitudes = (np.linalg.pinv(white / scale, rcond=1e-6) @ whitening(columns)) / scale[:, None]
+    return columns - law @ amplitudes, amplitudes
 
 
-def nuisances(balances: Balances, model: Model, base: np.ndarray) -> Nuisances:
+def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whitening: Whitening) -> Nuisances:
     """Return all nuisances of a model whose residuals are `base` (n,)."""
     rows, axles = balances.rows, balances.axles
     law = law_columns(balances, model, base)
-    segments = (rows.segment[:, None] == np.arange(rows.segment.max(initial=-1) + 1)).astype(float)
-    own = (rows.axle[:, None] == np.arange(axles)).astype(float)
-    evaluations = balances.evaluate(model)
-    gains, slopes, speeds, brakes = [], [], [], []
-    for part, one in zip(balances.parts, evaluations, strict=True):
-        share = one.torque / (2.0 * balances.radius * one.load)
-        lost = np.stack([part.summed(one.torque[:, k] / balances.radius) / one.mass for k in range(axles)], axis=1)
-        mask = np.nonzero(part.used)[1][:, None] == np.arange(axles)
-        gains.append(
-            part.joined(
-                part.wheel_rows(share)[:, None] * mask,
-                np.column_stack([part.vehicle_rows(x) for x in lost.T]),
-                part.wheel_rows(one.torque)[:, None] * mask,
-            )
-        )
-        slopes.append(part.joined(part.wheel_rows(one.slope * one.slip)))
-        # A larger radius: less slip, so less adhesion expected of the law.
-        speeds.append(part.joined(part.wheel_rows(one.slope * balances.radius * part.stop.wheel)))
-        brakes.append(part.joined(brakes=part.wheel_rows(one.braking)))
-    gain = np.vstack(gains)
-    # A stiffer contact acts as more slip: df/dlog k is about s df/ds (exact at small creepage, where alone it counts).
-    stiffness = -np.concatenate(slopes)
-    radius = np.concatenate(speeds)
     friction: np.ndarray = law[:, 1:].sum(axis=1)
-    track = friction[:, None] * _hats(rows.place, rows.wheels)
-    by_run = rows.run[:, None] == np.arange(len(balances.stops))
+    by_run = (rows.run[:, None] == np.arange(len(balances.stops))).astype(float)
+    own = (rows.axle[:, None] == np.arange(axles)).astype(float)
+    brakes = _Brakes(balances, model)
+    steepness, radius, uncertain = _slips(balances, model)
+    turning = _turning(balances, model)
+    slides = (friction * ((rows.balance == ADHESION) & (rows.slip > 0.01 * rows.speed)))[:, None]
 
-    def each(columns: np.ndarray) -> np.ndarray:
-        return np.column_stack([columns[:, [k]] * by_run for k in range(columns.shape[1])])
+    def each(columns: np.ndarray, by: np.ndarray = by_run) -> np.ndarray:
+        return np.column_stack([columns[:, [k]] * by for k in range(columns.shape[1])])
 
+    segments = (rows.segment[:, None] == np.arange(rows.segment.max(initial=-1) + 1)).astype(float)
+    clock = _hats(rows.time, _COURSE_NODE_S)
+    shapes = [_interpolation(values, slides[:, 0] != 0.0) for values in (rows.slip, rows.speed, rows.work)]
+    gain = _EXPECTED["measured gain" if balances.campaign.vehicle.torque_is_measured else "gain"]
     groups = [
-        ("offset", segments, 0.0),
-        ("tau", law[:, :1], LOG_TAU),
-        ("mu_cd", law[:, 1:], MU_CD),
-        ("gain", gain, gain_deviation(balances)),
-        ("radius", radius[:, None] * own, RADIUS),
-        ("stiffness", stiffness[:, None] * own, STIFFNESS),
-        ("common stiffness", stiffness[:, None], STIFFNESS),
-        ("gain of a run", each(gain), gain_deviation(balances)),
-        ("radius of a run", each(radius[:, None] * own), RADIUS),
-        ("stiffness of a run", each(stiffness[:, None] * own), STIFFNESS),
-        ("track", track, TRACK),
-    ]
+        Group("offset", segments, np.inf, True),
+        Group("tau", law[:, :1], LOG_TAU, True),
+        Group("mu_cd", law[:, 1:], MU_CD, True),
+        Group("speed", uncertain, 1.0, True),
+        Group("gain", brakes.gain, gain, True),
+        Group("gain of a run", each(brakes.gain), gain),
+        Group("torque in time", brakes.courses(), _EXPECTED["torque"]),
+        Group("inertia", np.column_stack([turning, turning.sum(axis=1)]), _EXPECTED["inertia"], True),
+        Group("radius", radius[:, None] * own, _EXPECTED["radius"], True),
+        Group("radius of a run", each(radius[:, None] * own), _EXPECTED["radius"]),
+        Group("stiffness", np.column_stack([steepness[:, None] * own, steepness]), _EXPECTED["stiffness"], True),
+        Group("stiffness of a run", each(steepness[:, None] * own), _EXPECTED["stiffness"]),
+        Group("track", friction[:, None] * _track(rows.place, rows.wheels), _EXPECTED["track"]),
+        Group("friction of an axle", slides * own, _EXPECTED["friction"], True),
+        Group("friction of an axle in a run", each(slides * own), _EXPECTED["friction"]),
+        Group("friction in time", np.column_stack([slides * run[:, None] * axle[:, None] * clock for run in by_run.T for axle in own.T]),
+              _EXPECTED["friction"]),
+        # Net: what tau and mu_cd do is no discrepancy of the law.
+        Group("law", net(whitening, np.column_stack([segments, law]), np.column_stack([slides * s for s in shapes]))[0],
+              _EXPECTED["law"], True),
+        Group("force in time", brakes.forces(), _EXPECTED["force"]),
+    ]  # fmt: skip
     if (rows.balance == ACTUATOR).any():
-        brake = np.concatenate(brakes)[:, None]
+        brake = brakes.nominal[:, None]
         groups += [
-            ("nominal gain of the brakes", brake, 0.0),
-            ("gain of a brake", brake * own, GAIN),
-            ("gain of a brake in a run", each(brake * own), GAIN),
+            Group("nominal gain of the brakes", brake, np.inf, True),
+            Group("gain of a brake", brake * own, _EXPECTED["gain"]),
+            Group("gain of a brake in a run", each(brake * own), _EXPECTED["gain"]),
         ]
-    names = tuple(name for name, columns, _ in groups for _ in range(columns.shape[1]))
-    columns = np.column_stack([columns * (deviation or 1.0) for _, columns, deviation in groups])
-    prior = np.concatenate([np.full(columns.shape[1], deviation > 0.0) for _, columns, deviation in groups])
-    return Nuisances(columns, prior, names, friction)
+    return Nuisances(tuple(_present(group) for group in groups), friction)
 
 
-def _hats(place: np.ndarray, wheels: np.ndarray) -> np.ndarray:
-    """Linear interpolation between nodes along the track (n, nodes); 0 for the vehicle's rows."""
-    first = place[wheels].min(initial=0.0) if wheels.any() else 0.0
-    x = (place - first) / TRACK_NODE_M
-    nodes = int(x[wheels].max(initial=0.0)) + 2 if wheels.any() else 1
+def shapes(balances: Balances | Replica) -> np.ndarray:
+    """Weights (n, k) over slip, speed and friction work, and of every axle and run."""
+    rows = balances.rows
+    vehicle = (rows.axle < 0)[:, None]
+    slides = rows.wheels & (rows.slip > 0.01 * rows.speed)
+    over = [_interpolation(values, slides) * ~vehicle for values in (rows.slip, rows.work)]
+    own = (rows.axle[:, None] == np.arange(balances.axles)).astype(float)
+    by_run = (rows.run[:, None] == np.arange(len(balances.stops))).astype(float)
+    return np.column_stack([*over, _interpolation(rows.speed, rows.speed > 0.0), own, by_run])
+
+
+def _present(group: Group) -> Group:
+    """Leave out columns that touch no row."""
+    return group._replace(columns=group.columns[:, np.abs(group.columns).max(axis=0, initial=0.0) > 0.0])
+
+
+def _slips(balances: Balances | Replica, model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the change of the residuals by stiffness (n,), by a wheel's radius (n,) and by the speed's directions (n, m)."""
+    steepness, radius, uncertain = [], [], []
+    sizes = [stop.uncertain.shape[1] for stop in balances.stops]
+    for i, (part, one) in enumerate(zip(balances.parts, balances.evaluate(model), strict=True)):
+        # A stiffer contact acts as more slip: df/dlog k is about s df/ds (exact at small creepage, where alone it counts).
+        steepness.append(-part.joined(part.wheel_rows(one.slope * one.slip)))
+        # A larger radius: less slip, so less adhesion expected of the law.
+        radius.append(part.joined(part.wheel_rows(one.slope * balances.radius * part.stop.wheel)))
+        mine = [part.joined(-part.wheel_rows(one.slope * mode[:, None])) for mode in balances.stops[i].uncertain.T]
+        wide = np.zeros((len(steepness[-1]), sum(sizes)))
+        if mine:
+            wide[:, sum(sizes[:i]) : sum(sizes[: i + 1])] = np.column_stack(mine)
+        uncertain.append(wide)
+    return np.concatenate(steepness), np.concatenate(radius), np.vstack(uncertain)
+
+
+def _turning(balances: Balances | Replica, model: Model) -> np.ndarray:
+    """Return the change of the residuals (n, A) by a relative change of each wheelset's inertia."""
+    found = []
+    for part, one in zip(balances.parts, balances.evaluate(model), strict=True):
+        turned = balances.inertia * part.stop.wheel_rate / balances.radius
+        mask = np.nonzero(part.used)[1][:, None] == np.arange(balances.axles)
+        spun = balances.inertia * part.stop.wheel / (balances.radius * one.mass)
+        vehicle = np.column_stack([part.vehicle_rows(x) for x in spun.T])
+        found.append(part.joined(part.wheel_rows(turned / (2.0 * one.load))[:, None] * mask, vehicle))
+    return np.vstack(found)
+
+
+class _Brakes:
+    """How brakes and forces on the vehicle move the residuals."""
+
+    def __init__(self, balances: Balances | Replica, model: Model) -> None:
+        self._balances = balances
+        self._parts = list(zip(balances.parts, balances.evaluate(model), strict=True))
+        nominal = [part.joined(brakes=part.wheel_rows(one.braking)) for part, one in self._parts]
+        self.nominal = np.concatenate(nominal)
+        self.gain = self._torque(lambda time: np.ones((len(time), 1)))[0]
+
+    def _torque(self, over: Callable[[np.ndarray], np.ndarray]) -> list[np.ndarray]:
+        """Columns (n, A) by a relative change of each axle's torque, for every weight of `over` (T, K)."""
+        balances, found = self._balances, []
+        weights = [over(part.stop.time) for part, _ in self._parts]
+        for k in range(weights[0].shape[1]):
+            pieces = []
+            for (part, one), weight in zip(self._parts, weights, strict=True):
+                w = weight[:, [k]]
+                share = w * one.torque / (2.0 * balances.radius * one.load)
+                lost = w * one.torque / (balances.radius * one.mass)
+                mask = np.nonzero(part.used)[1][:, None] == np.arange(balances.axles)
+                vehicle = np.column_stack([part.vehicle_rows(part.summed(x)) for x in lost.T])
+                brakes = part.wheel_rows(w * one.torque)[:, None] * mask
+                pieces.append(part.joined(part.wheel_rows(share)[:, None] * mask, vehicle, brakes))
+            found.append(np.vstack(pieces))
+        return found
+
+    def courses(self) -> np.ndarray:
+        """Columns by the torque of each axle in time, in each run."""
+        end = max(float(part.stop.time[-1]) for part, _ in self._parts)
+        nodes = np.arange(0.0, end + _COURSE_NODE_S, _COURSE_NODE_S)
+        rows = self._balances.rows
+        found = self._torque(lambda time: np.column_stack([np.interp(time, nodes, unit) for unit in np.eye(len(nodes))]))
+        return np.column_stack([columns * (rows.run == i)[:, None] for columns in found for i in range(len(self._parts))])
+
+    def forces(self) -> np.ndarray:
+        """Columns by a force on the vehicle in time, as a share of its weight times the mean adhesion of its stops."""
+        end = max(float(part.stop.time[-1]) for part, _ in self._parts)
+        nodes = np.arange(0.0, end + _COURSE_NODE_S, _COURSE_NODE_S)
+        found = []
+        for i, (part, one) in enumerate(self._parts):
+            weight = one.mass * self._balances.vehicle.gravity_mps2
+            columns = np.column_stack(
+                [part.vehicle_rows(part.summed(np.interp(part.stop.time, nodes, unit) * weight)) for unit in np.eye(len(nodes))]
+            )
+            wide = np.zeros((part.momenta, len(nodes) * len(self._parts)))
+            wide[:, i * len(nodes) : (i + 1) * len(nodes)] = columns / one.mass
+            found.append(part.joined(vehicle=wide))
+        return np.vstack(found)
+
+
+def _track(place: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """Weights (n, m) of the directions in which friction varies along the track, of deviation 1, alike over `_TRACK_LENGTH_M`."""
+    hats = _hats(place, TRACK_NODE_M, used)
+    apart = TRACK_NODE_M * np.abs(np.subtract.outer(np.arange(hats.shape[1]), np.arange(hats.shape[1]))) / _TRACK_LENGTH_M
+    kind=os.environ.get("TK","se")
+    K=np.exp(-0.5 * apart**2) if kind=="se" else (1+5**.5*apart+5/3*apart**2)*np.exp(-5**.5*apart)
+    values, vectors = np.linalg.eigh(K)
+    kept = values > 0.01 * values[-1]
+    result: np.ndarray = hats @ (vectors[:, kept] * np.sqrt(values[kept]))
+    return result
+
+
+def _hats(values: np.ndarray, apart: float, used: np.ndarray | None = None) -> np.ndarray:
+    """Linear interpolation (n, nodes) between nodes `apart`; 0 for rows that are not used."""
+    used = np.ones(len(values), dtype=bool) if used is None else used
+    if not used.any():
+        return np.zeros((len(values), 0))
+    x = (values - values[used].min()) / apart
+    nodes = int(x[used].max()) + 2
     weights: np.ndarray = np.clip(1.0 - np.abs(x[:, None] - np.arange(nodes)), 0.0, None)
-    return weights * wheels[:, None]
+    return weights * used[:, None]
+
+
+def _interpolation(values: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """Linear interpolation (n, nodes) between quantiles of the used values."""
+    if not used.any():
+        return np.zeros((len(values), 0))
+    nodes = np.unique(np.quantile(values[used], np.linspace(0.0, 1.0, _SHAPE_NODES)))
+    return np.column_stack([np.interp(values, nodes, unit) for unit in np.eye(len(nodes))])

@@ -1,0 +1,99 @@
+"""The replica of a campaign: what the baseline would have recorded, without noise, on the recorded stops.
+
+Recorded slip and force are noisy, and so is everything computed from them. A change of the model evaluated on noisy channels
+shares their noise with the residual, and a fit then explains noise. So the residuals come from the recordings once, at the
+baseline, and every change of the model is evaluated on the replica (an instrument in the sense of regression with errors in
+variables).
+
+The replica keeps the estimated speed and, where a wheel slides, its creepage. Below that, on the steep part of the creep curve,
+its slip is the one at which the baseline gives the recorded force: the measured one is noise there. For the same reason the
+residual is taken linear in the measured less the replica's slip.
+"""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from wsp_env.contact.degraded import adhesion_slope, degraded_adhesion
+from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
+from wsp_env.diagnosis.stops import PreparedStop, smooth_wheels
+
+_SLIDES = 0.01  # creepage from which on the measured one is kept
+import os
+_WINDOW_S = float(os.environ.get("WIN","0.25"))
+_NEWTON = 12
+
+
+class Replica:
+    """The balances of recorded stops about a baseline; offers what `Balances` does.
+
+    What smoothing leaves in the wheels' rows of the replica it leaves in those of the recordings: it is taken away.
+    """
+
+    def __init__(self, recorded: Balances, baseline: Model) -> None:
+        self.recorded, self.baseline = recorded, baseline
+        evaluator = Evaluator(recorded.campaign, recorded.sources)
+        found = evaluator(baseline)
+        made = [_rolling(recorded, one, baseline, i) for i, one in enumerate(found)]
+        forces = Evaluator(recorded.campaign, made)(baseline)
+        self._copy = recorded.like([_braked(recorded, stop, one) for stop, one in zip(made, forces, strict=True)])
+        self.rows = recorded.rows
+        smoothing = self._copy.raw(baseline)  # what smoothing leaves of an exact balance
+        self._offset = self._residuals() - smoothing * (1.0 + recorded.rows.wheels)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what the replica's balances have."""
+        if name.startswith("__") or name == "_copy":
+            raise AttributeError(name)
+        return getattr(self._copy, name)
+
+    def raw(self, model: Model) -> np.ndarray:
+        """Residuals (n,) of a model: those of the recordings at the baseline and what the model changes."""
+        return self._copy.raw(model) + self._offset
+
+    def _residuals(self) -> np.ndarray:
+        """Residuals (n,) of the recordings at the baseline."""
+        result, rows = self.recorded.raw(self.baseline), self.rows
+        pairs = zip(self.recorded.evaluate(self.baseline), self._copy.evaluate(self.baseline), strict=True)
+        for i, (one, copy) in enumerate(pairs):
+            expected = copy.adhesion + copy.slope * (one.slip - copy.slip)
+            wheels = self.recorded.parts[i].wheel_rows(one.force / (2.0 * one.load) - expected)
+            result[(rows.run == i) & rows.wheels] = wheels
+        return result
+
+
+def _rolling(recorded: Balances, one: Evaluation, model: Model, index: int) -> PreparedStop:
+    """Return a stop with the wheels at the replica's creepage; their torques are still the recorded ones."""
+    stop, radius = recorded.sources[index], recorded.radius
+    length = 2 * round(0.5 * _WINDOW_S / stop.step_s) + 1
+    smooth = savgol_filter(_creepage(recorded, one, model, index), length, 3, axis=0)
+    wheel = (1.0 - smooth) * stop.speed[:, None] / radius
+    return dataclasses.replace(stop, wheel=wheel, wheel_rate=np.gradient(wheel, stop.step_s, axis=0))
+
+
+def _braked(recorded: Balances, stop: PreparedStop, one: Evaluation) -> PreparedStop:
+    """Return the stop with the torques that balance its wheels, smoothed as recordings are."""
+    torque = 2.0 * one.load * one.adhesion * recorded.radius - recorded.inertia * stop.wheel_rate
+    wheel, rate, jerk, smooth = smooth_wheels(stop.wheel, torque, stop.step_s)
+    return dataclasses.replace(stop, wheel=wheel, wheel_rate=rate, wheel_jerk=jerk, torque=smooth)
+
+
+def _creepage(balances: Balances, one: Evaluation, model: Model, index: int) -> np.ndarray:
+    """Creepage (T, A) of the stop: as measured where the wheel slides, else as its force needs it."""
+    stop, law = balances.sources[index], balances.vehicle.contact.law
+    load = stop.mass * balances.vehicle.gravity_mps2 / (2 * balances.axles)
+    v = np.maximum(stop.speed, 0.1)[:, None]
+    measured = one.slip / v
+    aim = np.clip(one.force / (2.0 * load), -0.05, None)
+    slip = np.zeros_like(measured)
+    for _ in range(_NEWTON):
+        f = degraded_adhesion(slip, v, load, model.mu_cd[index], model.tau, law)
+        slope = adhesion_slope(slip, v, load, model.mu_cd[index], model.tau, law)
+        slip = np.clip(slip + (aim - f) / np.maximum(slope, 0.05 / v), -_SLIDES * v, _SLIDES * v)
+    # Blend between 0.7 and 1.3 of the limit, so that the wheel does not jump.
+    share = np.clip((measured / _SLIDES - 0.7) / 0.6, 0.0, 1.0)
+    result: np.ndarray = np.clip(share * measured + (1.0 - share) * slip / v, -0.2, 0.999)
+    return result

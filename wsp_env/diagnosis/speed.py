@@ -1,0 +1,108 @@
+"""The vehicle's speed out of a noisy recording: what the noise is like is estimated from the recordings themselves.
+
+The recorded speed less what the wheels' own balances predict of it is a slowly changing course plus noise. The course is an
+integrated Wiener process of the acceleration, about a free line; the noise is white plus an Ornstein-Uhlenbeck process, as the
+filters of radar and satellite receivers leave it. Four sizes, common to the stops of a campaign, maximise the restricted
+likelihood (Rasmussen, Williams: Gaussian processes for machine learning, 2006, chapters 2 and 5).
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg, optimize
+
+#: Blocks over which the course is fitted [s]; shorter than the correlation of any noise that a filter of a receiver leaves.
+NODE_S = 0.2
+_START = (0.01, 0.02, 0.3, 0.01)
+_BOUNDS = ((1e-4, 1.0), (1e-4, 1.0), (0.1, 2.0), (1e-4, 1.0))
+#: Most nodes of one stop that the sizes are estimated from: more tell no more and cost their cube.
+_MOST_NODES = 300
+
+
+class SpeedNoise(NamedTuple):
+    """What a recorded speed holds beside the speed."""
+
+    white: float  # of a node's mean [m/s]
+    coloured: float  # deviation of the Ornstein-Uhlenbeck noise [m/s]
+    correlation_s: float  # its correlation time [s]
+    walk: float  # of the acceleration that the wheels do not predict [m/s2 per root second]
+
+    def covariance(self, time: np.ndarray) -> np.ndarray:
+        """Covariance (n, n) [m2/s2] of the noise at nodes of times (n,) [s]."""
+        apart = np.abs(time[:, None] - time)
+        result: np.ndarray = self.coloured**2 * np.exp(-apart / self.correlation_s) + self.white**2 * (apart == 0.0)
+        return result
+
+    def course(self, time: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Covariance (n, m) [m2/s2] of the course between two sets of times from the start [s]."""
+        first, last = np.minimum(time[:, None], other), np.maximum(time[:, None], other)
+        result: np.ndarray = self.walk**2 * (first**2 * last / 2.0 - first**3 / 6.0)
+        return result
+
+
+@dataclasses.dataclass(frozen=True)
+class SpeedEstimate:
+    """The course of one stop at its nodes (n,), and how uncertain it is."""
+
+    time: np.ndarray  # (n,) [s] from the start
+    course: np.ndarray  # (n,) [m/s]
+    modes: np.ndarray  # (n, m) deviations of the course along its principal directions [m/s]
+
+
+def nodes(rest: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return times (n,) [s] and means (n,) [m/s] of the nodes of a rest (T,) sampled every `step` [s]."""
+    length = max(round(NODE_S / step), 1)
+    count = max(len(rest) // length, 1)
+    time = (np.arange(count) * length + 0.5 * (length - 1)) * step
+    return time, rest[: count * length].reshape(count, -1).mean(axis=1)
+
+
+def estimate_noise(rests: Sequence[tuple[np.ndarray, np.ndarray]]) -> SpeedNoise:
+    """Return the sizes that maximise the restricted likelihood of all stops' nodes (times, means)."""
+    parts = [(time[:_MOST_NODES] - time[0], rest[:_MOST_NODES]) for time, rest in rests]
+
+    def cost(logs: np.ndarray) -> float:
+        noise = SpeedNoise(*np.exp(logs))
+        return sum(_restricted(noise, time, rest) for time, rest in parts)
+
+    bounds = [tuple(np.log(one)) for one in _BOUNDS]
+    found = optimize.minimize(cost, np.log(_START), method="L-BFGS-B", bounds=bounds, options={"maxiter": 40, "ftol": 1e-7})
+    return SpeedNoise(*map(float, np.exp(found.x)))
+
+
+def _line(time: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.ones(len(time)), time])
+
+
+def _restricted(noise: SpeedNoise, time: np.ndarray, rest: np.ndarray) -> float:
+    """Minus the restricted log likelihood of one stop's nodes."""
+    root = linalg.cholesky(noise.covariance(time) + noise.course(time, time), lower=True)
+    white = linalg.solve_triangular(root, np.column_stack([rest, _line(time)]), lower=True)
+    normal, against = white[:, 1:].T @ white[:, 1:], white[:, 1:].T @ white[:, 0]
+    square = white[:, 0] @ white[:, 0] - against @ np.linalg.solve(normal, against)
+    return float(0.5 * square + np.log(np.diag(root)).sum() + 0.5 * np.linalg.slogdet(normal)[1])
+
+
+def estimate(noise: SpeedNoise, time: np.ndarray, rest: np.ndarray, least_share: float = 0.02) -> SpeedEstimate:
+    """Return the course at nodes (n,) given their means.
+
+    Parameters
+    ----------
+    least_share : of the uncertainty's variance, below which a direction is left out of `modes`
+
+    """
+    time = time - time[0]
+    of_course = noise.course(time, time)
+    root = linalg.cho_factor(of_course + noise.covariance(time), lower=True)
+    line = _line(time)
+    solved = linalg.cho_solve(root, np.column_stack([rest, line, of_course]))
+    normal = line.T @ solved[:, 1:3]
+    level = np.linalg.solve(normal, line.T @ solved[:, 0])
+    course = line @ level + of_course @ (solved[:, 0] - solved[:, 1:3] @ level)
+    left = line - of_course @ solved[:, 1:3]
+    covariance = of_course - of_course @ solved[:, 3:] + left @ np.linalg.solve(normal, left.T)
+    values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    kept = values > least_share * max(float(values.sum()), 1e-30)
+    return SpeedEstimate(time, course, vectors[:, kept] * np.sqrt(values[kept]))
