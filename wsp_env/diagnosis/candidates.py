@@ -5,13 +5,12 @@ or band of speed, has a variant for each; where several fit, the search takes th
 """
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
-from wsp_env.diagnosis.answer import ClosureKind
 from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, Balances
-from wsp_env.diagnosis.evaluate import Choice, Model
+from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.plant.card import Parameter, Recorded
 from wsp_env.plant.mechanisms import ALL, LIBRARY
@@ -27,19 +26,30 @@ class Variant:
     name: str
     sizes: tuple[str, ...]  # the parameters to fit
     fixed: dict[str, float]  # the others
+    steps: tuple[float, ...] = ()  # by which the sizes are moved; none: as their parameters say
+    family: str = ""  # of a term without a name: what it is, of the same words as others that differ in scale or axle only
+
+    @property
+    def title(self) -> str:
+        """What competes for one place in the answer: the mechanism's name, or the family of a term."""
+        return self.family or self.name
+
+    def null(self) -> np.ndarray:
+        """Return the nulls of the sizes."""
+        return np.array([parameter_of(self.name, size).null for size in self.sizes])
+
+    def moves(self) -> np.ndarray:
+        """Return the finite-difference steps of the sizes."""
+        return np.array(self.steps or [step(self.name, size) for size in self.sizes])
 
 
 @dataclasses.dataclass(frozen=True)
 class Candidate:
-    """Columns of one variant or closure."""
+    """Columns of one variant."""
 
-    name: str  # of the mechanism, or of the closure in words
+    variant: Variant
     columns: np.ndarray  # (n, k) raw change of the residuals per step
-    variant: Variant | None = None  # None: a closure
-    steps: tuple[float, ...] = ()  # of each size parameter
-    scale: np.ndarray = dataclasses.field(default_factory=lambda: np.ones(1))  # (k,) smallest effects of interest a step
-    closure: ClosureKind | None = None  # None: a mechanism
-    nodes: tuple[float, ...] = ()  # of a closure: what its columns are at
+    scale: np.ndarray  # (k,) smallest effects of interest a step
 
 
 def unavailable(balances: Balances | Replica) -> dict[str, str]:
@@ -81,41 +91,52 @@ def parameter_of(mechanism: str, name: str) -> Parameter:
     return next(one for one in ALL[mechanism].parameters if one.name == name)
 
 
-def step(mechanism: str, parameter: str) -> tuple[float, float]:
-    """Return null value and finite-difference step of a parameter."""
+def step(mechanism: str, parameter: str) -> float:
+    """Return the finite-difference step of a parameter."""
     one = parameter_of(mechanism, parameter)
     change = one.refit_step or _STEP * (one.typical - one.null)
     if change == 0.0:  # typical is the null: a small share of the way to the upper bound
         change = 1e-3 * (one.high - one.null) or 1e-3 * (one.low - one.null)
-    return one.null, change
+    return change
 
 
-def refined(variant: Variant) -> tuple[Variant, dict[str, float]]:
-    """Return the variant with the parameters free that say where, and their present values."""
+def refined(variant: Variant) -> Variant:
+    """Return the variant with the parameters free that say where."""
     free = {name: value for name, value in variant.fixed.items() if parameter_of(variant.name, name).refit_step}
     fixed = {name: value for name, value in variant.fixed.items() if name not in free}
-    return Variant(variant.name, (*variant.sizes, *free), fixed), free
+    steps = (*variant.moves(), *(step(variant.name, name) for name in free)) if variant.steps else ()
+    return Variant(variant.name, (*variant.sizes, *free), fixed, steps, variant.family)
 
 
-def choice_of(variant: Variant, values: np.ndarray) -> Choice:
-    """Return a variant with values of its sizes, clipped into their bounds, all others at their null."""
-    mechanism = ALL[variant.name]
-    given = dict(zip(variant.sizes, values, strict=True)) | variant.fixed
-    return {variant.name: {p.name: float(np.clip(given.get(p.name, p.null), p.low, p.high)) for p in mechanism.parameters}}
+def switched(model: Model, variant: Variant, values: np.ndarray) -> Model:
+    """Return a model with a variant at some values of its sizes, clipped into their bounds."""
+    parameters = {one.name: one for one in ALL[variant.name].parameters}
+    given = dict(zip(variant.sizes, map(float, values), strict=True)) | variant.fixed
+    whole = {name: one.null for name, one in parameters.items()} | dict(model.choice.get(variant.name, {})) | given
+    inside = {name: float(np.clip(value, parameters[name].low, parameters[name].high)) for name, value in whole.items()}
+    return dataclasses.replace(model, choice={**model.choice, variant.name: inside})
 
 
-def columns(balances: Balances | Replica, model: Model, base: np.ndarray, variant: Variant) -> tuple[np.ndarray, tuple[float, ...]]:
-    """Return the change of the residuals (n, k) by a step of each free parameter, and the steps.
+def without(model: Model, variant: Variant) -> Model:
+    """Return a model without a variant; other terms of the same card stay."""
+    off = switched(model, variant, variant.null())
+    nulls = {one.name: one.null for one in ALL[variant.name].sizes}
+    if all(off.choice[variant.name][name] == null for name, null in nulls.items()):
+        off = dataclasses.replace(off, choice={name: values for name, values in off.choice.items() if name != variant.name})
+    return off
 
-    About `model`: about the variant's values there if it is on, else about its null. `base` are the model's residuals.
-    """
-    steps = [step(variant.name, name) for name in variant.sizes]
+
+def values_in(model: Model, variant: Variant) -> np.ndarray:
+    """Return the values of a variant's sizes in a model; their nulls where it is off."""
     present = model.choice.get(variant.name, {})
-    start = np.array([present.get(name, null) for name, (null, _) in zip(variant.sizes, steps, strict=True)])
-    found = []
-    for i, (_, change) in enumerate(steps):
+    return np.array([present.get(name, parameter_of(variant.name, name).null) for name in variant.sizes])
+
+
+def columns(balances: Balances | Replica, model: Model, base: np.ndarray, variant: Variant) -> np.ndarray:
+    """Return the change of the residuals (n, k) by a step of each free parameter, about the variant's values in the model."""
+    start, found = values_in(model, variant), []
+    for i, change in enumerate(variant.moves()):
         values = start.copy()
         values[i] += change
-        moved = dataclasses.replace(model, choice={**model.choice, **choice_of(variant, values)})
-        found.append(balances.raw(moved) - base)
-    return np.column_stack(found), tuple(change for _, change in steps)
+        found.append(balances.raw(switched(model, variant, values)) - base)
+    return np.column_stack(found)

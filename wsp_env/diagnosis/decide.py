@@ -1,7 +1,8 @@
 """Decides: which mechanisms are missing, one after the other, each fitted together with all before it.
 
-A mechanism is accepted if the recordings say that it matters: its evidence (`wsp_env.diagnosis.search`) makes up for how rarely
-one is missing, and its size, net of what another tau and mu_cd do as well, passes the smallest effect of interest.
+A mechanism is accepted if its evidence (`wsp_env.diagnosis.search`) makes up for how rarely one is missing. It is named if its
+size, net of what another tau and mu_cd do as well, passes the smallest effect of interest; else it stays in the model, so that
+nothing else is named for it.
 """
 
 import dataclasses
@@ -10,10 +11,11 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from wsp_env.diagnosis.candidates import Variant, choice_of, parameter_of, refined
+from wsp_env.diagnosis.candidates import Variant, refined, switched, without
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Fitted, Weights, refit, weigh
+from wsp_env.diagnosis.discovered import terms
+from wsp_env.diagnosis.fitting import Fitted, refit, weigh
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
@@ -26,8 +28,12 @@ MOST = 3
 TRIED = 4
 #: Log odds that a name of the library is missing in a campaign before it is seen: one in fifty (assumption).
 PRIOR = -float(np.log(50.0))
+#: The same of a term without a name: the library holds what practice meets (assumption: three in four).
+PRIOR_TERM = PRIOR - float(np.log(3.0))
 #: Log odds from which on a mechanism is accepted: 95 %.
 SURE = float(np.log(19.0))
+#: Smallest effects of interest from which on a size matters: one, less what its form may err by at 95 % (1 / (1 + 1.645 FORM)).
+MATTERS = 0.8
 #: Share of a mechanism's effect that nature's form may differ by, over slip, speed, work, axles and runs: assumption.
 FORM = 0.15
 
@@ -55,102 +61,102 @@ class Accepted:
     @property
     def name(self) -> str:
         """Name of the mechanism."""
-        return self.trial.listed.name
+        return self.trial.listed.title
+
+    def sized(self, size: StopChange) -> "Accepted":
+        """Return it with the size that it has in the whole of the extended model."""
+        return dataclasses.replace(self, trial=dataclasses.replace(self.trial, size=size))
 
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
     """The end of the selection."""
 
+    replica: Replica  # about the extended model
     fitted: Fitted
     accepted: tuple[Accepted, ...]
     first: Screen  # about the baseline
     last: Screen  # about the extended model
-    refused: tuple[Trial, ...]  # seen, but too small to matter
+
+    @property
+    def missing(self) -> tuple[Accepted, ...]:
+        """What is missing and matters."""
+        return tuple(one for one in self.accepted if one.trial.size.multiple >= MATTERS)
 
 
-def odds(evidence: float) -> float:
-    """Log odds that a mechanism is missing."""
-    return evidence + PRIOR
+def odds(variant: Variant, evidence: float) -> float:
+    """Log odds that a mechanism is missing, or a term that has no name."""
+    return evidence + (PRIOR_TERM if variant.family else PRIOR)
 
 
 def select(replica: Replica, tried: Sequence[Variant], pool: Executor) -> Outcome:
     """Accept mechanisms one after the other; what competes is refitted side by side."""
-    first = seen = screen(replica, replica.baseline, tried, pool)
-    fitted, accepted, refused = Fitted(replica.baseline, (), (), (), 0.0), [], []
+    first = seen = screen(replica, replica.baseline, [*tried, *terms(replica, 1)], pool)
+    fitted = Fitted(replica.baseline, (), (), (), 0.0)
+    accepted: list[Accepted] = []
     while len(accepted) < MOST:
-        weights = _weights(replica, seen)
-        trials = _trials(replica, seen, fitted, weights, pool)
-        sure = [one for one in trials if odds(one.evidence) > SURE]
-        refused += [one for one in sure if one.size.multiple < 1.0]
-        matter = [one for one in sure if one.size.multiple >= 1.0]
-        if not matter:
+        trials = _trials(replica, seen, fitted, pool)
+        # What the form of those before may leave of what they explain looks like another.
+        form = FORM**2 * sum(one.trial.evidence for one in accepted)
+        sure = [one for one in trials if odds(one.listed, one.evidence) > max(SURE, form)]
+        if not sure:
             break
-        best = matter[0]
-        alternatives, confidence = belief(best, trials, seen.found)
-        accepted.append(Accepted(best, alternatives, confidence))
+        best = sure[0]
+        accepted.append(Accepted(best, *belief(best, trials, seen.found)))
         fitted = best.fitted
-        seen = screen(replica, fitted.model, _left(tried, fitted.model), pool, forms(replica, fitted.model), seen.sizes)
-    return Outcome(fitted, tuple(accepted), first, seen, tuple(refused))
+        replica = Replica(replica.recorded, fitted.model)
+        left = [one for one in tried if one.name not in fitted.model.choice]
+        left += terms(replica, 1 + sum(len(one.trial.listed.sizes) for one in accepted if one.trial.listed.family))
+        bent = forms(replica, fitted.model, fitted.variants)
+        seen = screen(replica, fitted.model, left, pool, fitted.variants, bent, seen.sizes)
+    accepted = [one.sized(net_effect(replica, fitted.model, one.trial.variant, seen.whitening)) for one in accepted]
+    return Outcome(replica, fitted, tuple(accepted), first, seen)
 
 
-def _left(tried: Sequence[Variant], model: Model) -> list[Variant]:
-    return [one for one in tried if one.name not in model.choice]
-
-
-def _weights(replica: Replica, seen: Screen) -> Weights:
-    sizes = Sizes(np.concatenate([seen.sizes.groups, [1.0]]), seen.sizes.noise)
-    return weigh(replica, seen.whitening, [*seen.groups, seen.small], sizes)
-
-
-def _trials(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor) -> list[Trial]:
+def _trials(replica: Replica, seen: Screen, fitted: Fitted, pool: Executor) -> list[Trial]:
     """Refit the mechanisms that promise most; the best first."""
-    promising = [one for one in seen.found if odds(one.evidence) > 0.0][:TRIED]
+    promising = sorted(seen.found, key=lambda one: -odds(one.candidate.variant, one.evidence))[:TRIED]
+    promising = [one for one in promising if odds(one.candidate.variant, one.evidence) > 0.0]
     if not promising:
         return []
+    sizes = Sizes(np.concatenate([seen.sizes.groups, [1.0]]), seen.sizes.noise)
+    weights = weigh(replica, seen.whitening, [*seen.groups, seen.small], sizes)
     start = refit(replica, fitted.model, fitted.variants, weights)
 
     def trial(one: Found) -> Trial:
         listed = one.candidate.variant
-        assert listed is not None
-        free, _ = refined(listed)
-        null = np.array([parameter_of(listed.name, name).null for name in listed.sizes])
-        values = null - one.amplitude * one.candidate.steps
+        free, values = refined(listed), listed.null() - one.amplitude * listed.moves()
         best = None
         for share in (1.0, 0.4, 2.0):  # the linear step may lead astray
-            choice = {**start.model.choice, **choice_of(listed, null + share * (values - null))}
-            again = refit(replica, dataclasses.replace(start.model, choice=choice), (*start.variants, free), weights)
+            begin = switched(start.model, listed, listed.null() + share * (values - listed.null()))
+            again = refit(replica, begin, (*start.variants, free), weights)
             if best is None or again.cost < best.cost:
                 best = again
             if best.cost < start.cost - 0.8 * one.reduction:
                 break
         assert best is not None
         evidence = one.evidence + 0.5 * (start.cost - best.cost - one.reduction)
-        return Trial(one, listed, free, best, evidence, net_effect(replica, best.model, listed.name, seen.whitening))
+        return Trial(one, listed, free, best, evidence, net_effect(replica, best.model, free, seen.whitening))
 
-    return sorted(pool.map(trial, promising), key=lambda one: -one.evidence)
+    return sorted(pool.map(trial, promising), key=lambda one: -odds(one.listed, one.evidence))
 
 
-def forms(replica: Replica, model: Model) -> list[Group]:
+def forms(replica: Replica, model: Model, variants: Sequence[Variant]) -> list[Group]:
     """Return for every mechanism that is on what it may leave of nature's form: its own effect, bent over what was measured."""
-    found = []
-    base = replica.raw(model)
-    bent = shapes(replica)
-    for name in model.choice:
-        if ALL[name].signature.exact:
-            continue
-        without = dataclasses.replace(model, choice={other: values for other, values in model.choice.items() if other != name})
-        effect = replica.raw(without) - base
-        found.append(Group(f"form of {name}", effect[:, None] * bent, FORM, True))
-    return found
+    base, bent = replica.raw(model), shapes(replica)
+    return [
+        Group(f"form of {one.title}", (replica.raw(without(model, one)) - base)[:, None] * bent, FORM, True)
+        for one in variants
+        if not ALL[one.name].signature.exact
+    ]
 
 
 def belief(best: Trial, trials: Sequence[Trial], found: Sequence[Found]) -> tuple[tuple[str, ...], float]:
     """Return the names that explain nearly as much, best first, and the share of belief in the best."""
-    evidence = {one.name: one.evidence for one in found} | {one.listed.name: one.evidence for one in trials}
+    evidence = {one.name: one.evidence for one in found} | {one.listed.title: one.evidence for one in trials}
     top = best.evidence
     scale = max(1.0, FORM**2 * top)
-    others = {name: value for name, value in evidence.items() if name != best.listed.name}
+    others = {name: value for name, value in evidence.items() if name != best.listed.title}
     near = sorted((name for name, value in others.items() if value > top - 3.0 * scale), key=lambda name: -others[name])
     total = 1.0 + sum(float(np.exp((min(value, top) - top) / scale)) for value in others.values())
-    return (best.listed.name, *near), 1.0 / total
+    return (best.listed.title, *near), 1.0 / total

@@ -83,6 +83,10 @@ class Evaluator:
         stop = self.stops[i]
         belief = along.Belief(model.mu_cd[i], model.tau, stop.mass, self.vehicle.wheel_radius_m, stop.gradient)
         p = along.along(self._trajectories[i], belief, constants)
+        shift = p.speed_mps - stop.speed
+        if shift.any():  # the estimated speed follows a change of the recorded one only as far as it is slow
+            held = stop.speed + stop.estimator(stop.time, shift) - shift
+            p = along.along(dataclasses.replace(self._trajectories[i], speed_mps=held), belief, constants)
         rate = along.true_wheel_acceleration(constants, stop.wheel_rate, stop.wheel_jerk)
         torque = p.torque_nm if stop.pressed is None else stop.torque
         return Evaluation(
@@ -95,7 +99,7 @@ class Evaluator:
             braking=p.torque_nm,
             impulse=(p.inertia_kgm2 * p.wheel_speed_radps / p.radius_m).sum(axis=1),
             brake_force=(torque / p.radius_m).sum(axis=1),
-            recorded_speed=stop.recorded_speed + (p.speed_mps - stop.speed),
+            recorded_speed=stop.recorded_speed + shift,
             resistance=p.resistance_n,
             mass=p.mass_kg,
         )

@@ -7,7 +7,7 @@ import numpy as np
 
 from wsp_env.diagnosis import candidates
 from wsp_env.diagnosis.balances import ADHESION, Balances, Whitening
-from wsp_env.diagnosis.candidates import Variant, choice_of
+from wsp_env.diagnosis.candidates import Variant
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.gls import LeastSquares, Projector, fit
@@ -149,9 +149,8 @@ class _State:
         """Fit the variants' columns and those of the law's parameters that move; returns the variants' steps too."""
         columns, steps = [np.zeros((len(self.base), 0))], [np.zeros(0)]
         for one in self.variants:
-            moved, step = candidates.columns(self.balances, self.model, self.base, one)
-            columns.append(moved)
-            steps.append(np.array(step))
+            columns.append(candidates.columns(self.balances, self.model, self.base, one))
+            steps.append(one.moves())
         law = (law_columns(self.balances, self.model, self.base) * [LOG_TAU, *[MU_CD] * len(self.balances.stops)])[:, self.moves]
         white = self.weights(np.column_stack([*columns, law]))[self.keep]
         projector = self.weights.projector
@@ -171,19 +170,15 @@ class _State:
 
         def moved(share: float) -> Model:
             mu = tuple(float(min(m * np.exp(share * x), highest)) for m, x in zip(self.model.mu_cd, step[1:], strict=True))
-            choice = dict(self.model.choice)
+            found = dataclasses.replace(self.model, tau=self.model.tau * float(np.exp(share * step[0])), mu_cd=mu)
             first = 0
             for one in self.variants:
-                values = self._values(one) + share * change[first : first + len(one.sizes)]
+                values = candidates.values_in(self.model, one) + share * change[first : first + len(one.sizes)]
                 first += len(one.sizes)
-                choice |= choice_of(one, values)
-            return Model(self.model.tau * float(np.exp(share * step[0])), mu, choice)
+                found = candidates.switched(found, one, values)
+            return found
 
         return moved
-
-    def _values(self, variant: Variant) -> np.ndarray:
-        present = self.model.choice.get(variant.name, {})
-        return np.array([present.get(name, candidates.parameter_of(variant.name, name).null) for name in variant.sizes])
 
     def fitted(self) -> Fitted:
         covariances = []
@@ -195,4 +190,4 @@ class _State:
                 part = slice(first, first + len(one.sizes))
                 covariances.append(whole[part, part])
                 first += len(one.sizes)
-        return Fitted(self.model, self.variants, tuple(map(self._values, self.variants)), tuple(covariances), self.cost)
+        return Fitted(self.model, self.variants, tuple(candidates.values_in(self.model, one) for one in self.variants), tuple(covariances), self.cost)

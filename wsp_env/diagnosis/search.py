@@ -7,20 +7,19 @@ is missing when the recordings say that it is larger: the evidence is the ratio 
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
 import numpy as np
 from scipy import linalg
 
 from wsp_env.diagnosis.balances import Whitening
-from wsp_env.diagnosis.candidates import Candidate, Variant, choice_of, columns, parameter_of, step
+from wsp_env.diagnosis.candidates import Candidate, Variant, columns, parameter_of, switched, without
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Evaluation, Model
 from wsp_env.diagnosis.interest import StopChange, change, only_sensors
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import Group, Nuisances, nuisances
-from wsp_env.plant.mechanisms import ALL, LIBRARY
 
 #: Deviation of a mechanism that does not matter, and of one that does, in smallest effects of interest. The first is the
 #: definition: three deviations are one interest. The second is an assumption: what conceals itself from a validation is
@@ -42,7 +41,7 @@ class Found:
     @property
     def name(self) -> str:
         """Name of the candidate."""
-        return self.candidate.name
+        return self.candidate.variant.title
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,13 +63,14 @@ class Screen:
 class _Law:
     """How the law's parameters move the residuals and the adhesion of a model."""
 
-    def __init__(self, replica: Replica, model: Model, nuisance: Nuisances, whitening: Whitening) -> None:
+    def __init__(self, replica: Replica, model: Model, base: np.ndarray, nuisance: Nuisances, whitening: Whitening) -> None:
         self.columns, self.free = nuisance.law, nuisance.groups[0].columns.shape[1]
         self.before = replica.evaluate(model)
         white = whitening(self.columns)
         self._scale = np.maximum(np.linalg.norm(white, axis=0), 1e-12)
         self._inverse = np.linalg.pinv(white / self._scale, rcond=1e-6)
         self._whitening = whitening
+        self._rest = whitening(self.net(base[:, None])[0])[:, 0]
         little = 1e-3
         tau = replica.evaluate(dataclasses.replace(model, tau=model.tau * float(np.exp(little))))
         mu = replica.evaluate(dataclasses.replace(model, mu_cd=tuple(m * float(np.exp(little)) for m in model.mu_cd)))
@@ -78,6 +78,10 @@ class _Law:
             ((a.adhesion - one.adhesion) / little, (b.adhesion - one.adhesion) / little)
             for one, a, b in zip(self.before, tau, mu, strict=True)
         ]
+
+    def grows(self, column: np.ndarray) -> bool:
+        """Whether the residual grows by a column (n,), the law tuned anew."""
+        return bool(self._whitening(self.net(column[:, None])[0])[:, 0] @ self._rest > 0.0)
 
     def net(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return columns (n, k) less what the law does as well, and the logs (1 + runs, k) that do so."""
@@ -94,113 +98,139 @@ class _Law:
 
 def candidate(replica: Replica, model: Model, base: np.ndarray, law: _Law, variant: Variant) -> Candidate:
     """Return a mechanism that is off, with its columns about a model and their size in smallest effects of interest, net."""
-    null = np.array([step(variant.name, name)[0] for name in variant.sizes])
-    steps = tuple(step(variant.name, name)[1] for name in variant.sizes)
-    columns, scale = [], []
+    found, scale, moves = [], [], variant.moves()
     sensor = only_sensors({variant.name: {}})
-    for i, change_by in enumerate(steps):
-        values = null.copy()
-        values[i] += change_by
-        moved = dataclasses.replace(model, choice={**model.choice, **choice_of(variant, values)})
+
+    def step_by(i: int, move: float) -> tuple[np.ndarray, np.ndarray, Sequence[Evaluation]]:
+        values = variant.null()
+        values[i] += move
+        moved = switched(model, variant, values)
         column = replica.raw(moved) - base
-        after: Sequence[Evaluation] = replica.evaluate(moved)
-        if not sensor:
-            after = law.without(after, law.net(column[:, None])[1][:, 0])
-        columns.append(column)
-        scale.append(change(replica, law.before, after, sensor).multiple)
-    return Candidate(variant.name, np.column_stack(columns), variant, steps, np.array(scale))
+        return column, law.net(column[:, None])[1][:, 0], replica.evaluate(moved)
+
+    for i, move in enumerate(moves):
+        column, logs, after = step_by(i, move)
+        size = parameter_of(variant.name, variant.sizes[i])
+        if size.null > size.low and law.grows(column):  # what bends is taken on the side where it would have to be
+            moves[i] = -move
+            column, logs, after = step_by(i, -move)
+        found.append(column)
+        scale.append(change(replica, law.before, after if sensor else law.without(after, logs), sensor).multiple)
+    return Candidate(dataclasses.replace(variant, steps=tuple(moves)), np.column_stack(found), np.array(scale))
 
 
 def screen(
-    replica: Replica, model: Model, tried: Sequence[Variant], pool: Executor, forms: Sequence[Group] = (),
-    start: Sizes | None = None,
+    replica: Replica, model: Model, tried: Sequence[Variant], pool: Executor, accepted: Sequence[Variant] = (),
+    forms: Sequence[Group] = (), start: Sizes | None = None,
 ) -> Screen:  # fmt: skip
     """Say of every candidate what the recordings say about a model.
 
     Parameters
     ----------
     tried : mechanisms that are off
+    accepted : those that are on
     forms : what the mechanisms that are on may leave of nature's form
     start : sizes to start from
 
     """
     base, whitening = replica.raw(model), replica.whitening(replica.baseline)
     nuisance = nuisances(replica, model, base, whitening)
-    law = _Law(replica, model, nuisance, whitening)
+    law = _Law(replica, model, base, nuisance, whitening)
     listed = list(pool.map(lambda one: candidate(replica, model, base, law, one), tried))
     groups = (*nuisance.groups, *forms)
-    on = [_on(replica, model, base, name) for name in model.choice]
-    every = np.column_stack([one.columns / one.scale for one in listed])
-    small = Group("small mechanisms", law.net(every)[0], SMALL, True)
-    accepted = Group("accepted mechanisms", np.column_stack([np.zeros((len(base), 0)), *on]), np.inf, True)
-    evidence = Evidence(replica, whitening, [*groups, accepted, small], base, np.zeros((len(base), 0)))
+    on = [columns(replica, model, base, one) for one in accepted]
+    named = [one for one in listed if not one.variant.family]
+    unnamed = [one for one in listed if one.variant.family]
+    nothing = np.zeros((len(base), 0))
+    small = Group("small mechanisms", law.net(np.column_stack([nothing, *(one.columns / one.scale for one in named)]))[0], SMALL, True)
+    terms = law.net(np.column_stack([nothing, *(one.columns / one.scale for one in unnamed)]))[0]
+    free = Group("accepted mechanisms", np.column_stack([nothing, *on]), np.inf, True)
+    evidence = Evidence(replica, whitening, [*groups, free, small], base, terms)
     begin = evidence.start()
     if start is not None:
         begin = Sizes(np.concatenate([start.groups, np.ones(len(begin.groups) - len(start.groups))]), start.noise)
     solved = evidence.solve(np.zeros(0, dtype=int), begin, np.zeros(0))
-    found = _judged(evidence, solved.sizes, listed)
+    found = _judged(evidence, solved.sizes, named, unnamed)
     pulled = {name: float(np.abs(solved.pulled[evidence.group == i]).max(initial=0.0)) for i, name in enumerate(evidence.names)}
     sizes = Sizes(solved.sizes.groups[: len(groups)], solved.sizes.noise)
     return Screen(model, base, whitening, groups, small, sizes, solved.log_likelihood, solved.sizes.noise, tuple(found), pulled)
 
 
-def _on(replica: Replica, model: Model, base: np.ndarray, name: str) -> np.ndarray:
-    """Columns of the sizes of a mechanism that is on."""
-    values = model.choice[name]
-    sizes = tuple(one.name for one in ALL[name].sizes if one.fitted and (name in LIBRARY or values[one.name] != one.null))
-    fixed = {key: value for key, value in values.items() if key not in sizes}
-    return columns(replica, model, base, Variant(name, sizes, fixed))[0]
-
-
-def net_effect(replica: Replica, model: Model, name: str, whitening: Whitening) -> StopChange:
+def net_effect(replica: Replica, model: Model, variant: Variant, whitening: Whitening) -> StopChange:
     """Return what a mechanism that is on changes against the law tuned anew without it."""
-    without = dataclasses.replace(model, choice={other: values for other, values in model.choice.items() if other != name})
+    off = without(model, variant)
     after = replica.evaluate(model)
-    base = replica.raw(without)
-    law = _Law(replica, without, nuisances(replica, without, base, whitening), whitening)
-    if only_sensors({name: {}}):
+    base = replica.raw(off)
+    law = _Law(replica, off, base, nuisances(replica, off, base, whitening), whitening)
+    if only_sensors({variant.name: {}}):
         return change(replica, law.before, after, True)
     logs = law.net((replica.raw(model) - base)[:, None])[1][:, 0]
     return change(replica, law.before, law.without(after, logs))
 
 
-def _judged(evidence: Evidence, sizes: Sizes, listed: Sequence[Candidate]) -> list[Found]:
-    """Return the best variant of every name, best first."""
-    mean, covariance = _posterior(evidence, sizes)
-    first = len(mean) - sum(len(one.scale) for one in listed)
+def _judged(evidence: Evidence, sizes: Sizes, named: Sequence[Candidate], unnamed: Sequence[Candidate]) -> list[Found]:
+    """Return the best variant of every name, best first.
+
+    Names are judged beside all others at small sizes; terms without a name, which are many and alike, one by one.
+    """
+    mean, covariance, alone = _posterior(evidence, sizes)
+    first = len(mean) - sum(len(one.scale) for one in named)
     counts: dict[str, int] = {}
-    for one in listed:
-        counts[one.name] = counts.get(one.name, 0) + 1
-    best: dict[str, Found] = {}
-    for one in listed:
+    for one in (*named, *unnamed):
+        counts[one.variant.name] = counts.get(one.variant.name, 0) + 1
+    found = []
+    for one in named:
         mine = slice(first, first + len(one.scale))
         first += len(one.scale)
-        found = _one(one, mean[mine], covariance[mine, mine], counts[one.name])
-        if one.name not in best or found.evidence > best[one.name].evidence:
-            best[one.name] = found
+        found.append(_one(one, *_freed(mean[mine], covariance[mine, mine]), counts[one.variant.name]))
+    last = 0
+    for one in unnamed:
+        mine = slice(last, last + len(one.scale))
+        last += len(one.scale)
+        found.append(_one(one, *alone(mine), counts[one.variant.name]))
+    best: dict[str, Found] = {}
+    for each in found:
+        if each.name not in best or each.evidence > best[each.name].evidence:
+            best[each.name] = each
     return sorted(best.values(), key=lambda one: -one.evidence)
 
 
-def _posterior(evidence: Evidence, sizes: Sizes) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (p,) and covariance (p, p) of all nuisances, in deviations."""
+def _posterior(
+    evidence: Evidence, sizes: Sizes
+) -> tuple[np.ndarray, np.ndarray, Callable[[slice], tuple[np.ndarray, np.ndarray]]]:
+    """Return mean (p,) and covariance (p, p) of all nuisances, in deviations, and what says the same of other columns, alone."""
+    p = evidence.nuisances
     deviation = sizes.groups[evidence.group]
     whole = np.tensordot(1.0 / sizes.noise**2, evidence.gram, axes=1)
-    scaled = whole[:-1, :-1] * np.outer(deviation, deviation)
+    scaled = whole[:p, :p] * np.outer(deviation, deviation)
     scaled[np.diag_indices_from(scaled)] += 1.0
     factor = linalg.cho_factor(scaled, lower=True, check_finite=False)
-    mean = linalg.cho_solve(factor, deviation * whole[:-1, -1], check_finite=False)
-    return mean, linalg.cho_solve(factor, np.eye(len(mean)), check_finite=False)
+    mean = linalg.cho_solve(factor, deviation * whole[:p, -1], check_finite=False)
+    across = deviation[:, None] * whole[:p, p:-1]
+    gram = whole[p:-1, p:-1] - across.T @ linalg.cho_solve(factor, across, check_finite=False)
+    against = whole[p:-1, -1] - across.T @ mean
+
+    def alone(mine: slice) -> tuple[np.ndarray, np.ndarray]:
+        own = gram[mine, mine]
+        spread = np.linalg.inv(own + 1e-9 * max(float(np.trace(own)), 1e-12) * np.eye(len(own)))
+        return spread @ against[mine], spread
+
+    return mean, linalg.cho_solve(factor, np.eye(p), check_finite=False), alone
 
 
-def _one(one: Candidate, mean: np.ndarray, covariance: np.ndarray, variants: int) -> Found:
-    """Judge one candidate from what the recordings say of it with its size small: mean (k,) and covariance in `SMALL`."""
-    k = len(mean)
+def _freed(mean: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return what the recordings say of sizes (k,), and its covariance, from the same with the sizes small, in `SMALL`."""
     mean, covariance = SMALL * mean, SMALL**2 * covariance
-    small, large = np.eye(k) * SMALL**2, np.eye(k) * LARGE**2
-    precision = np.linalg.inv(covariance) - np.linalg.inv(small)
+    precision = np.linalg.inv(covariance) - np.eye(len(mean)) / SMALL**2
     values, vectors = np.linalg.eigh(0.5 * (precision + precision.T))
-    spread = (vectors / np.maximum(values, 1e-9)) @ vectors.T  # of the likelihood, without the prior
-    centre = spread @ np.linalg.solve(covariance, mean)
+    spread = (vectors / np.maximum(values, 1e-9)) @ vectors.T
+    return spread @ np.linalg.solve(covariance, mean), spread
+
+
+def _one(one: Candidate, centre: np.ndarray, spread: np.ndarray, variants: int) -> Found:
+    """Judge one candidate by what the recordings say of its size: centre (k,) and covariance."""
+    k = len(centre)
+    small, large = np.eye(k) * SMALL**2, np.eye(k) * LARGE**2
 
     def log_density(prior: np.ndarray) -> float:
         whole = spread + prior
@@ -217,8 +247,8 @@ def _one(one: Candidate, mean: np.ndarray, covariance: np.ndarray, variants: int
 
 def can_be(one: Candidate, amplitude: np.ndarray) -> bool:
     """Whether a mechanism of one size whose null is a bound (no brake pushes) was fitted to its possible side."""
-    if one.variant is None or len(one.variant.sizes) != 1:
+    if len(one.variant.sizes) != 1:
         return True
-    size = parameter_of(one.name, one.variant.sizes[0])
-    change = -float(amplitude[0]) * one.steps[0]
-    return (size.null > size.low or change >= 0.0) and (size.null < size.high or change <= 0.0)
+    size = parameter_of(one.variant.name, one.variant.sizes[0])
+    moved = -float(amplitude[0]) * float(one.variant.moves()[0])
+    return (size.null > size.low or moved >= 0.0) and (size.null < size.high or moved <= 0.0)

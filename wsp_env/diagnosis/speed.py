@@ -49,6 +49,7 @@ class SpeedEstimate:
     time: np.ndarray  # (n,) [s] from the start
     course: np.ndarray  # (n,) [m/s]
     modes: np.ndarray  # (n, m) deviations of the course along its principal directions [m/s]
+    gain: np.ndarray  # (n, n) of the nodes' means, that the course is
 
 
 def nodes(rest: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
@@ -97,12 +98,12 @@ def estimate(noise: SpeedNoise, time: np.ndarray, rest: np.ndarray, least_share:
     of_course = noise.course(time, time)
     root = linalg.cho_factor(of_course + noise.covariance(time), lower=True)
     line = _line(time)
-    solved = linalg.cho_solve(root, np.column_stack([rest, line, of_course]))
-    normal = line.T @ solved[:, 1:3]
-    level = np.linalg.solve(normal, line.T @ solved[:, 0])
-    course = line @ level + of_course @ (solved[:, 0] - solved[:, 1:3] @ level)
-    left = line - of_course @ solved[:, 1:3]
-    covariance = of_course - of_course @ solved[:, 3:] + left @ np.linalg.solve(normal, left.T)
+    inverse = linalg.cho_solve(root, np.eye(len(time)))
+    across = inverse @ line
+    normal = line.T @ across
+    left = line - of_course @ across
+    gain = of_course @ inverse + left @ np.linalg.solve(normal, across.T)
+    covariance = of_course - of_course @ inverse @ of_course + left @ np.linalg.solve(normal, left.T)
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     kept = values > least_share * max(float(values.sum()), 1e-30)
-    return SpeedEstimate(time, course, vectors[:, kept] * np.sqrt(values[kept]))
+    return SpeedEstimate(time, gain @ rest, vectors[:, kept] * np.sqrt(values[kept]), gain)

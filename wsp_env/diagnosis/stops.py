@@ -61,6 +61,20 @@ class Noise:
 
 
 @dataclasses.dataclass(frozen=True)
+class SpeedEstimator:
+    """How the estimated speed follows from the recorded one."""
+
+    time: np.ndarray  # (n,) of its nodes [s]
+    gain: np.ndarray  # (n, n)
+
+    def __call__(self, time: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """Return the change (T,) of the estimated speed by a change (T,) of the recorded one [m/s]."""
+        nodes = np.interp(self.time, time, change)
+        result: np.ndarray = np.interp(time, self.time, self.gain @ nodes)
+        return result
+
+
+@dataclasses.dataclass(frozen=True)
 class PreparedStop:
     """One recorded stop; T samples, A axles."""
 
@@ -84,6 +98,7 @@ class PreparedStop:
     believed_mu_cd: float  # [-]
     noise: Noise
     uncertain: np.ndarray  # (T, m) deviations of the estimated speed along its principal directions [m/s]
+    estimator: SpeedEstimator
     earlier: int = 0  # stops before it on the same rail (assumption: a campaign lists its runs in the order they were made)
 
 
@@ -233,8 +248,8 @@ def _predicted(campaign: Campaign, run: Recording) -> _Course:
     return _Course(step, (wheel, rate, jerk, torque), predicted_rate, predicted, run.vehicle_speed_mps - predicted)
 
 
-def _estimated(course: _Course, noise: SpeedNoise) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the vehicle's speed (T,), its rate (T,) and its uncertain directions (T, m)."""
+def _estimated(course: _Course, noise: SpeedNoise) -> tuple[np.ndarray, np.ndarray, np.ndarray, SpeedEstimator]:
+    """Return the vehicle's speed (T,), its rate (T,), its uncertain directions (T, m) and how it was estimated."""
     time, mean = nodes(course.rest, course.step)
     found = estimate(noise, time, mean)
     spline = CubicSpline(time, np.column_stack([found.course, found.modes]))
@@ -242,7 +257,8 @@ def _estimated(course: _Course, noise: SpeedNoise) -> tuple[np.ndarray, np.ndarr
     held = np.clip(every, time[0], time[-1])  # beyond the outer nodes the course goes on as a line
     values, rates = spline(held), spline(held, 1)
     values += rates * (every - held)[:, None]
-    return course.predicted + values[:, 0], course.predicted_rate + rates[:, 0], values[:, 1:]
+    estimator = SpeedEstimator(time, found.gain)
+    return course.predicted + values[:, 0], course.predicted_rate + rates[:, 0], values[:, 1:], estimator
 
 
 def _prepared(campaign: Campaign, run: Recording, group: str, course: _Course, noise: Noise, per_bar: float) -> PreparedStop:
@@ -251,7 +267,7 @@ def _prepared(campaign: Campaign, run: Recording, group: str, course: _Course, n
     pressed: np.ndarray | None = None
     if per_bar > 0.0 and vehicle.torque_is_measured and run.cylinder_pressure_bar is not None:
         pressed = smooth_torque(per_bar * run.cylinder_pressure_bar, step)
-    speed, acceleration, uncertain = _estimated(course, noise.speed)
+    speed, acceleration, uncertain, estimator = _estimated(course, noise.speed)
     stride = max(round(STEP_S / step), 1)
     usable = (speed > LEAST_SPEED_MPS)[:, None] & (vehicle.wheel_radius_m * wheel > LOCKED_MPS)
     turning = (vehicle.wheel_radius_m * wheel > LOCKED_MPS).all(axis=1) & (speed > LEAST_MOMENTUM_MPS)
@@ -275,6 +291,7 @@ def _prepared(campaign: Campaign, run: Recording, group: str, course: _Course, n
         wheel[thin][:kept], rate[thin][:kept], jerk[thin][:kept], torque[thin][:kept], pressed,
         (run.start_position_m + behind)[thin][:kept], usable[thin][:kept], segment[thin][:kept],
         run.mass_kg, run.gradient, run.kinetic_friction_d, noise, uncertain[thin][:kept],
+        dataclasses.replace(estimator, time=estimator.time + run.time_s[0]),
     )  # fmt: skip
 
 
