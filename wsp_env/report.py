@@ -21,8 +21,26 @@ p { max-width: 46rem; } .lead { font-size: 1.1rem; }
 .scroll { overflow-x: auto; } table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: .6rem 0; }
 th, td { padding: .25rem .8rem; text-align: right; border-bottom: 1px solid #ddd; } th { background: #f4f4f4; }
 th:first-child, td:first-child { text-align: left; } caption { caption-side: bottom; text-align: left; color: #666; }
-footer { margin-top: 3rem; color: #777; font-size: .85rem; }
+dl { display: grid; grid-template-columns: max-content 1fr; gap: .2rem 1.2rem; margin: .8rem 0; max-width: 62rem; }
+dt { color: #666; } dd { margin: 0; }
+details { border-top: 1px solid #ddd; padding: .5rem 0; } summary { cursor: pointer; }
+summary h2 { display: inline; font-size: 1.1rem; margin: 0; }
+footer { white-space: pre-line; margin-top: 3rem; color: #777; font-size: .85rem; }
 """
+
+#: What was drawn while a fold hid it is drawn again at its true size; on paper all folds are open.
+_FOLDS = """
+const draw = fold => fold.querySelectorAll(":scope .plotly-graph-div").forEach(plot => Plotly.Plots.resize(plot));
+document.querySelectorAll("details").forEach(fold => fold.addEventListener("toggle", () => fold.open && draw(fold)));
+addEventListener("beforeprint", () => document.querySelectorAll("details").forEach(fold => { fold.open = true; draw(fold); }));
+"""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is said beside labels, in rows (label, text)."""
+
+    rows: Sequence[tuple[str, str]]
 
 
 @dataclass(frozen=True)
@@ -45,9 +63,10 @@ class Figure(Protocol):
 class Section:
     """A heading, paragraphs, and then tables and plotly figures in their order."""
 
-    title: str
+    title: str  # "": none
     text: Sequence[str] = ()
-    shows: Sequence[Table | Figure] = field(default_factory=tuple)
+    shows: Sequence[Facts | Table | Figure] = field(default_factory=tuple)
+    fold: bool = False  # hidden until its heading is clicked
 
 
 def plotly() -> tuple[Any, Any]:
@@ -74,14 +93,14 @@ def write_page(path: Path, title: str, lead: str, sections: Sequence[Section], f
 
     body = [f"<h1>{html.escape(title)}</h1>", f'<p class="lead">{html.escape(lead)}</p>']
     for section in sections:
-        body.append(f"<h2>{html.escape(section.title)}</h2>")
-        body += [f"<p>{html.escape(paragraph)}</p>" for paragraph in section.text]
-        body += [_table(shown) if isinstance(shown, Table) else _figure(shown) for shown in section.shows]
+        heading = f"<h2>{html.escape(section.title)}</h2>" if section.title else ""
+        inside = [f"<p>{html.escape(paragraph)}</p>" for paragraph in section.text] + [_show(one) for one in section.shows]
+        body += [f"<details><summary>{heading}</summary>", *inside, "</details>"] if section.fold else [heading, *inside]
     page = (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
         f'<meta name="viewport" content="width=device-width"><style>{_STYLE}</style>'
         f"<script>{get_plotlyjs()}</script></head><body>{''.join(body)}"
-        f"<footer>{html.escape(footer)}</footer></body></html>"
+        f"<footer>{html.escape(footer)}</footer><script>{_FOLDS}</script></body></html>"
     )
     write_text(path, page)
 
@@ -98,6 +117,13 @@ def write_text(path: Path, text: str) -> None:
     except BaseException:
         Path(beside).unlink(missing_ok=True)
         raise
+
+
+def _show(one: Facts | Table | Figure) -> str:
+    if isinstance(one, Facts):
+        rows = "".join(f"<dt>{html.escape(label)}</dt><dd>{html.escape(text)}</dd>" for label, text in one.rows)
+        return f"<dl>{rows}</dl>"
+    return _table(one) if isinstance(one, Table) else _figure(one)
 
 
 def _figure(figure: Figure) -> str:

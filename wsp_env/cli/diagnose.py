@@ -21,6 +21,8 @@ from wsp_env.diagnosis import Diagnosis, diagnose
 from wsp_env.diagnosis.creep_curves import CreepDiagnosis, diagnose_creep_curves
 from wsp_env.diagnosis.creep_curves.report import write_creep_report
 from wsp_env.diagnosis.report import write_report
+from wsp_env.diagnosis.sources import signed
+from wsp_env.diagnosis.words import parameter_said
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import read_campaign
 from wsp_env.recordings.creep_curves import holds_creep_curves, read_creep_curves
@@ -76,7 +78,7 @@ def main(
     else:
         recorded = read_campaign(campaign)
         with _progress() as report:
-            found = diagnose(recorded, effort, seed, report, workers)
+            found = signed(diagnose(recorded, effort, seed, report, workers), campaign)
     text = json.dumps(found.to_json(), indent=1, allow_nan=False)
     write_text(out / "diagnosis.json", text + "\n")
     write_text(out / "model.json", json.dumps(found.model, indent=1) + "\n")
@@ -156,8 +158,7 @@ def _print(found: Diagnosis | CreepDiagnosis, out: Path) -> None:
     console.print(f"[bold]{found.verdict}[/bold]: {found.sentence}")
     for one in found.mechanisms:
         for name, value in one.parameters.items():
-            low, high = value.interval90
-            console.print(f"  {one.name}: {name} = {value.value:.3g} {value.unit} ({low:.3g} to {high:.3g})")
+            console.print(f"  {one.name.replace('_', ' ')}: {parameter_said(name, value)}")
     for place in found.location:
         axles = f", axles {', '.join(map(str, place.axles))}" if place.axles else ""
         console.print(f"  where: {place.equation} balance{axles}, {place.where} ({place.share:.0%} of it)")

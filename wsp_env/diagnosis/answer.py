@@ -57,7 +57,7 @@ class RunFigures:
 
 @dataclasses.dataclass(frozen=True)
 class RunTrace:
-    """One run before and after: the axle that slides most, and the vehicle; at most 200 points each."""
+    """One run before and after: an axle and the vehicle; at most 200 points each."""
 
     run: str
     group: str  # "validate" where there is a held-out run
@@ -69,6 +69,25 @@ class RunTrace:
     speed_time_s: tuple[float, ...]
     speed_residual_before_mps: tuple[float, ...]  # recorded minus predicted
     speed_residual_after_mps: tuple[float, ...]
+    shows: Literal["adhesion", "speed"] = "adhesion"  # which of both is about what was found
+    chosen: str = ""  # why this axle, in words
+
+
+@dataclasses.dataclass(frozen=True)
+class Worth:
+    """What all that was found changes in the recorded stops, against the simulation tuned without it."""
+
+    distance_share: float  # of the stopping distance [-]; above 0: real stops are longer than simulated ones
+    interval90: tuple[float, float] | None  # of the same
+    slip_mps: float  # of an axle's slip
+
+
+@dataclasses.dataclass(frozen=True)
+class Source:
+    """A file that a diagnosis was made from."""
+
+    file: str  # its name, as campaign.toml has it
+    sha256: str
 
 
 @dataclasses.dataclass(frozen=True)
@@ -200,6 +219,10 @@ class Diagnosis:
     course: RunTrace | None = None  # none where no axle has blocks to show
     discovered: tuple[Discovered, ...] = ()
     suspect_channels: tuple[SuspectChannel, ...] = ()
+    worth: Worth | None = None  # none where nothing was found, or its size in a stop is not known
+    sources: tuple[Source, ...] = ()
+    made: str = ""  # day, as 2026-01-31
+    version: str = ""  # of this package
 
     def to_json(self) -> dict[str, Any]:
         """Return plain data."""

@@ -1,11 +1,11 @@
 """What the found mechanisms do: each one's curve through the residuals, and held-out runs before and after."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from wsp_env.diagnosis.answer import Curve, Estimate, RunFigures, RunTrace
+from wsp_env.diagnosis.answer import Curve, Estimate, Location, RunFigures, RunTrace
 from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, BALANCES, VEHICLE, Balances
 from wsp_env.diagnosis.candidates import parameter_of
 from wsp_env.diagnosis.evaluate import Model
@@ -102,18 +102,28 @@ def held_out(balances: Balances, before: Model, after: Model) -> tuple[RunFigure
     return tuple(figures)
 
 
-def course(balances: Balances, before: Model, after: Model) -> RunTrace | None:
-    """Return the course of the run and axle that slides most, of the runs to validate if there are any."""
+def course(balances: Balances, before: Model, after: Model, where: Sequence[Location] = ()) -> RunTrace | None:
+    """Return the course of the axle that the answer is about, in the held-out run that the baseline fits worst there.
+
+    It is the axle that a mechanism names; else of the axles of the first place in `where` (of all, if it tells none) the one
+    that the mechanisms move most, or, if there are none, the one that the baseline fits worst.
+    """
     rows = balances.rows
-    wheels = rows.wheels & (rows.validate if rows.validate.any() else True)
+    scored = rows.validate if rows.validate.any() else np.ones(len(rows), dtype=bool)
+    wheels = rows.wheels & scored
     if not wheels.any():
         return None
-    which = rows.run * balances.axles + rows.axle
-    slides = np.bincount(which[wheels], weights=rows.slip[wheels]) / np.maximum(np.bincount(which[wheels]), 1)
-    run, axle = divmod(int(np.argmax(slides)), balances.axles)
+    base, extended = balances.raw(before), balances.raw(after)
+    named = _named_axles(after)
+    axles = named or [axle - 1 for one in where[:1] for axle in one.axles] or range(balances.axles)
+    of = np.abs(base - extended) if after.choice else np.abs(base)
+    axle = max(axles, key=lambda k: _mean_square(of, wheels & (rows.axle == k)))
+    chosen = "the one that is named" if named else "the one that it moves most" if after.choice else "the one fitted worst"
+    speed = _about_vehicle(balances, base, extended, where) and not named
+    shown = (rows.balance == VEHICLE) & scored if speed else wheels & (rows.axle == axle)
+    run = max(range(len(balances.stops)), key=lambda i: _mean_square(base, shown & (rows.run == i)))
     mine = _thinned(wheels & (rows.run == run) & (rows.axle == axle))
     vehicle = _thinned((rows.run == run) & (rows.balance == VEHICLE))
-    base, extended = balances.raw(before), balances.raw(after)
     one = balances.evaluate(before)[run]
     measured = np.zeros(len(rows))
     measured[(rows.run == run) & rows.wheels] = balances.parts[run].wheel_rows(one.force / (2.0 * one.load))
@@ -122,7 +132,32 @@ def course(balances: Balances, before: Model, after: Model) -> RunTrace | None:
         *(tuple(map(float, values)) for values in (
             rows.time[mine], measured[mine], (measured - base)[mine], (measured - extended)[mine], rows.time[vehicle],
             base[vehicle], extended[vehicle])),
+        "speed" if speed else "adhesion", chosen,
     )  # fmt: skip
+
+
+def _named_axles(model: Model) -> list[int]:
+    """Return the axle, from 0, that a model's first mechanism names; none where it has none, or means all of them."""
+    for name, values in list(model.choice.items())[:1]:
+        whole = [one.name for one in ALL[name].parameters if one.kind == "axle"]
+        return [round(values[one]) - 1 for one in whole if values.get(one, 0.0) >= 1.0]
+    return []
+
+
+def _about_vehicle(balances: Balances, base: np.ndarray, extended: np.ndarray, where: Sequence[Location]) -> bool:
+    """Whether the vehicle's balance shows best what was found; without `where`, by the residuals' fall over what is left."""
+    if where:
+        return where[0].equation == BALANCES[VEHICLE]
+    rows = balances.rows
+    fall = []
+    for mine in (rows.balance == VEHICLE, rows.wheels):
+        left = max(_mean_square(extended, mine), 1e-30)
+        fall.append(mine.sum() * (_mean_square(base, mine) / left - 1.0))
+    return bool(fall[0] > fall[1])
+
+
+def _mean_square(values: np.ndarray, mine: np.ndarray) -> float:
+    return float(np.mean(values[mine] ** 2)) if mine.any() else 0.0
 
 
 def _thinned(mask: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.variation import nuisances
 
 _LEAST_SHARE = 0.1  # of what a mechanism removed, from which on a balance is reported
+_LEAST_SHOWN = 0.01  # of all that was removed, from which on a balance is reported: less would read as nothing
 _LEAST_CONTRAST = 0.2  # of what is removed, that a range must hold more than its share of the rows
 _STRETCHES = 30  # of the track, in the map
 _UNITS = {"place": "m", "time": "s", "speed": "m/s", "slip": "m/s", "work": "J/m"}
@@ -64,7 +65,7 @@ def _places_of(balances: Balances, removed: np.ndarray, total: float, closure: C
         mine = rows.balance == balance
         share = float(removed[mine].sum())
         elsewhere = closure is not None and closure.kind.quantity == "force" and balance != VEHICLE
-        if not mine.any() or share < _LEAST_SHARE * own or elsewhere:
+        if not mine.any() or share < max(_LEAST_SHARE * own, _LEAST_SHOWN * total) or elsewhere:
             continue
         axles = [k for k in range(balances.axles) if _stands_out(removed, mine & (rows.axle == k), mine, balances.axles)]
         runs = [
@@ -94,8 +95,13 @@ def _range(balances: Balances, removed: np.ndarray, mine: np.ndarray, over: tupl
         low, high, contrast, inside = change_points(getattr(balances.rows, name)[mine], removed[mine])
         stands_out = contrast / np.sqrt(max(inside * (1.0 - inside), 1e-6))  # as a step of a signal stands out of noise
         if contrast > _LEAST_CONTRAST and stands_out > best:
-            best, where = stands_out, f"{_CALLED.get(name, name)} from {low:.3g} to {high:.3g} {_UNITS[name]}"
+            best, where = stands_out, f"{_CALLED.get(name, name)} from {_number(low)} to {_number(high)} {_UNITS[name]}"
     return where
+
+
+def _number(value: float) -> str:
+    """Return three digits, without an exponent."""
+    return f"{float(f'{value:.3g}'):.6g}"
 
 
 def change_points(values: np.ndarray, removed: np.ndarray) -> tuple[float, float, float, float]:

@@ -1,129 +1,150 @@
-"""The diagnosis as a self-contained page; every number in it comes from the JSON."""
+"""The diagnosis as a self-contained page; every number in it comes from the JSON.
+
+The first screen says it all: sentence, worth, confidence, place, share removed, and one run before and after. Everything that
+it rests on lies behind folds.
+"""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from wsp_env.diagnosis.answer import Closure, Curve, Diagnosis, Evidence
+from wsp_env.diagnosis.answer import Closure, Curve, Diagnosis, Estimate
+from wsp_env.diagnosis.report_evidence import evidence
+from wsp_env.diagnosis.report_facts import axles_said, doubt, facts, lead, removed_said
 from wsp_env.diagnosis.report_runs import course_plot, figures, heat_maps, still_high
-from wsp_env.diagnosis.words import said
+from wsp_env.diagnosis.words import parameter_words, said, unit_words
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.report import COLOURS, Section, Table, axes, plotly, write_page
 
-_SHOWN = 14  # candidates in the picture of the evidence
+_HASH_SHOWN = 12  # digits of a file's SHA-256, enough to tell files apart
+_LEAST_SHARE = 0.005  # of what is removed: less reads as 0 %
 
 
 def write_report(path: Path, found: Diagnosis) -> None:
     """Write the page of a diagnosis."""
-    if found.verdict == "data":
-        text = [f"{one.channel}: {one.suspicion}. Remedy: {one.remedy}." for one in found.suspect_channels]
-        sections = [Section("Suspect channels", text, []), _remains(found)]
-        write_page(path, f"Diagnosis of {found.campaign}: data", found.sentence, sections, "Written by: wsp diagnose")
-        return
-    sections = [_where(found), _what(found), *_fitted(found), _before_after(found), _remains(found)]
-    write_page(path, f"Diagnosis of {found.campaign}: {found.verdict}", found.sentence, sections, "Written by: wsp diagnose")
+    parts = [
+        _channels(found),
+        _where(found),
+        *_fitted(found),
+        *_discovered(found),
+        _before_after(found),
+        evidence(found),
+        _remains(found),
+    ]
+    folds = [part for part in parts if part is not None]
+    write_page(path, f"Diagnosis of {found.campaign}", lead(found), [_first(found), *folds], _footer(found))
 
 
-def _where(found: Diagnosis) -> Section:
+def _first(found: Diagnosis) -> Section:
+    """Return what the first screen holds beside the sentence."""
+    shows: list[Any] = [facts(found)]
+    if found.course and found.verdict != "data":
+        shows.append(course_plot(found.course, found.course.shows, _extended(found)))
+    elif found.verdict == "data":
+        shows.append(
+            Table(("Channel", "Suspicion", "Remedy"), [(c.channel, c.suspicion, c.remedy) for c in found.suspect_channels])
+        )
+    if found.verdict == "unknown" and found.closure and found.closure.shape:
+        shows.append(_shape(found.closure))
+    return Section("", (), shows)
+
+
+def _extended(found: Diagnosis) -> bool:
+    """Whether there is an after beside the before."""
+    return bool(found.mechanisms or found.discovered)
+
+
+def _footer(found: Diagnosis) -> str:
+    vehicle, lines = found.model.get("vehicle", {}), []
+    made = " ".join(filter(None, ("Written by: wsp diagnose", found.version and f"(wsp-env {found.version})", found.made)))
+    lines.append(made)
+    if vehicle:
+        wheels = f"wheel radius {vehicle['wheel_radius_m']:g} m, wheelset inertia {vehicle['wheelset_inertia_kgm2']:g} kg m2"
+        source = f"brake torque: {vehicle['brake_torque_source']}"
+        lines.append(f"Vehicle as believed: {vehicle['axles']} axles, {vehicle['mass_kg']:.6g} kg, {wheels}; {source}")
+    if found.sources:
+        files = ", ".join(f"{one.file} {one.sha256[:_HASH_SHOWN]}" for one in found.sources)
+        lines.append(f"Files, each with the first {_HASH_SHOWN} digits of its SHA-256: {files}")
+    return "\n".join(lines)
+
+
+def _channels(found: Diagnosis) -> Section | None:
+    if found.verdict == "data" or not found.suspect_channels:
+        return None
+    rows = [(one.channel, one.suspicion, one.remedy) for one in found.suspect_channels]
+    return Section("Suspect channels", (), [Table(("Channel", "Suspicion", "Remedy"), rows)], fold=True)
+
+
+def _where(found: Diagnosis) -> Section | None:
+    cells, places = found.residuals.get("cells", ()), found.residuals.get("places", ())
+    if not cells:
+        return None
+    count = len({cell["axle"] for cell in cells if cell["axle"]})
     rows = [
-        (one.equation, ", ".join(map(str, one.axles)) or "-", ", ".join(one.runs), one.where, f"{one.share:.0%}")
-        for one in found.location
-    ]
-    shows: list[Any] = [Table(("Balance", "Axles", "Runs", "Range", "Share"), rows)] if rows else []
-    text = [
-        "Colours: mean squares of the baseline's residuals, normal variation fitted away, over the squared deviation that the "
-        "channels' noise gives them. A sound vehicle leaves 1 or less, as the fit takes some of the noise along. The first "
-        "table of Before and after has another scale: there such squares are divided by those of null recordings, so that 1 "
-        "is exactly what noise and normal variation leave."
-    ]
-    if not rows:
-        text.insert(0, "No balance is off by more than normal variation explains.")
-    maps = [
-        heat_maps(found.residuals["cells"], "run", {"before": "Residuals of the baseline, by run"}, "run"),
-        heat_maps(
-            found.residuals["places"], "place_m", {"before": "The same along the track, all runs"}, "place of the axle [m]"
-        ),
-    ]
-    return Section("Where", text, [*shows, *maps])
-
-
-def _what(found: Diagnosis) -> Section:
-    shown = sorted(found.evidence, key=lambda one: -one.gain)[:_SHOWN]
-    rows = [
-        (_called(one), f"{one.gain:.0f}", f"{min(one.null):.0f} to {max(one.null):.0f}", f"{min(one.surprise, 300):.1f}",
-         f"{one.held_out:.0f}", f"{one.multiple:.2f}" if one.multiple else "-")
-        for one in shown
+        (one.equation, axles_said(one.axles, count), ", ".join(one.runs), one.where, f"{100.0 * one.share:.0f} %")
+        for one in found.location if one.share >= _LEAST_SHARE
     ]  # fmt: skip
-    header = ("Candidate", "Reduction", "Null band", "-log10 p", "Held out", "Size / smallest of interest")
     text = [
-        "By how much every candidate, alone, reduces chi-square in the recordings, and in null recordings: what the fitted "
-        "baseline would have recorded with noise and normal variation alone.",
-        "Reduction of chi-square: by how much the sum of squared residuals, in deviations of noise, falls when the candidate "
-        f"is added. Null band: the least to the largest in {len(shown[0].null) if shown else 0} null recordings. "
-        "p: the probability of such a reduction in a null recording; -log10 p = 4 is 1 in 10 000. "
-        "Held out: the reduction in the runs to validate, with amplitudes fitted to the runs to tune on. "
-        "A closure is a free function: it shows what is there, not what it is.",
+        "Colours: mean squares of the residuals, normal variation fitted away, over the squared deviation that the channels' "
+        "noise gives them. A sound vehicle leaves some 1; white is 1 or less. Every step of the scale is a factor."
     ]
-    pairs = Table(
-        ("Two together", "Reduction", "In null recordings"),
-        [(" and ".join(pair.names).replace("_", " "), f"{pair.gain:.0f}", f"{pair.null_gain:.0f}") for pair in found.pairs],
-        "The pairs of mechanisms that reduce chi-square most.",
-    )
-    return Section("What", text, [_evidence(shown), Table(header, rows), pairs, _confounding(found)])
-
-
-def _called(one: Evidence) -> str:
-    return one.name.replace("_", " ") if one.name in ALL else f"{one.name} (closure)"
-
-
-def _evidence(shown: Sequence[Evidence]) -> Any:
-    objects, _ = plotly()
-    names = [_called(one) for one in shown]
-    figure = objects.Figure()
-    figure.add_bar(x=[max(one.gain, 0.1) for one in shown], y=names, orientation="h", name="data", marker_color=COLOURS[0])
-    bands = [(max(min(one.null), 0.1), max(max(one.null), 0.1), None) for one in shown]
-    figure.add_scatter(
-        x=[x for band in bands for x in band], y=[y for name in names for y in (name, name, None)], mode="lines",
-        name="null band", line={"color": COLOURS[1], "width": 6},
-    )  # fmt: skip
-    figure.update_layout(title="Reduction of chi-square by each candidate, alone", height=140 + 26 * len(shown))
-    figure.update_xaxes(type="log")
-    figure.update_yaxes(autorange="reversed")
-    axes(figure, "reduction of chi-square [-]", "", legend={"orientation": "h", "y": 1.08, "x": 0.5})
-    figure.update_layout(margin={"l": 290})
-    return figure
-
-
-def _confounding(found: Diagnosis) -> Any:
-    objects, _ = plotly()
-    names = list(found.confounding)
-    z = [[found.confounding[a][b] for b in names] for a in names]
-    labels = [name.replace("_", " ") for name in names]
-    figure = objects.Figure(objects.Heatmap(z=z, x=labels, y=labels, colorscale="Blues", zmin=0.0, zmax=1.0))
-    figure.update_layout(title="Cosines between what mechanisms can do to these residuals", height=620)
-    axes(figure, "", "")
-    figure.update_layout(margin={"l": 190, "b": 170})
-    return figure
+    if not found.location:
+        text.insert(0, "No balance is off by more than normal variation explains.")
+    shows: list[Any] = [Table(("Balance", "Axles", "Runs", "Range", "Share"), rows)] if rows else []
+    sides = {"before": "before", "after": "after"} if _extended(found) else {"before": "as tuned"}
+    shows.append(heat_maps(cells, "run", sides, "run"))
+    if _extended(found):
+        text.append(still_high(found))
+    if places:
+        shows.append(heat_maps(places, "place_m", sides, "place of the axle [m]"))
+    return Section("Where: residuals by run, axle and place", text, shows, fold=True)
 
 
 def _fitted(found: Diagnosis) -> list[Section]:
     sections = []
     for one in found.mechanisms:
-        rows = [
-            (name, f"{value.value:.4g}", value.unit, f"{value.interval90[0]:.4g} to {value.interval90[1]:.4g}")
-            for name, value in one.parameters.items()
-        ]
+        rows = _parameters(one.parameters)
         others = ", ".join(name.replace("_", " ") for name in one.alternatives[1:])
         text = [
             f"{_capital(said(one.name, one.parameters))}. What it leaves: {ALL[one.name].signature.trace}.",
-            f"Confidence {one.confidence:.2f}; {one.multiple:.1f} times the smallest effect of interest; reduces chi-square "
-            f"by {one.gain:.0f}, against at most {one.null_gain:.0f} in null recordings; held out, by {one.held_out_gain:.0f}.",
+            f"Confidence {one.confidence:.2f}{doubt(one)}; {one.multiple:.1f} times the smallest effect of interest; reduces "
+            f"chi-square by {one.gain:.0f}, against at most {one.null_gain:.0f} in null recordings; held out, by "
+            f"{one.held_out_gain:.0f}.",
             f"These data cannot tell it from: {others}." if others else "No other mechanism of the library comes near.",
         ]
-        table = Table(("Parameter", "Value", "Unit", "90 % interval"), rows)
-        shows = [table, _curve(one.name, one.curve)] if one.curve else [table]
-        sections.append(Section(f"The fitted mechanism: {one.name.replace('_', ' ')}", text, shows))
+        shows: list[Any] = [Table(("Parameter", "Value", "Unit", "90 % interval"), rows)]
+        shows += [_curve(one.name, one.curve)] if one.curve else []
+        sections.append(Section(f"The fitted mechanism: {one.name.replace('_', ' ')}", text, shows, fold=True))
+    return sections
+
+
+def _parameters(parameters: Mapping[str, Estimate]) -> list[tuple[str, str, str, str]]:
+    """Return a row for each parameter; one that was not fitted has no interval."""
+    rows = []
+    for name, one in parameters.items():
+        low, high = one.interval90
+        words, unit = parameter_words(name), "" if name == "axle" else unit_words(one.unit)
+        value = "all" if name == "axle" and not one.value else f"{one.value:.4g}"
+        rows.append((words, value, unit, f"{low:.4g} to {high:.4g}" if low != high else "not fitted"))
+    return rows
+
+
+def _discovered(found: Diagnosis) -> list[Section]:
+    sections = []
+    for one in found.discovered:
+        text = [
+            f"{_capital(one.slot)}{f' of {axles_said(one.axles, 0)}' if one.axles else ''}: {one.equation}. It depends on: "
+            f"{', '.join(one.features)}.",
+            f"{one.multiple:.1f} times the smallest effect of interest; reduces chi-square by {one.gain:.0f}; held out, by "
+            f"{one.held_out_gain:.0f}{doubt(one)}. Removed: {removed_said(one.removed_validate)}.",
+        ]
+        if one.looks_like:
+            text.append(f"It looks like: {', '.join(one.looks_like)}.")
+        if others := [slot for slot in one.slots_not_separable if slot != one.slot]:
+            text.append(f"The same term explains as much as a {' or '.join(others)}.")
+        table = Table(("Parameter", "Value", "Unit", "90 % interval"), _parameters(one.parameters))
+        sections.append(Section(f"The term found: {one.equation}", text, [table], fold=True))
     return sections
 
 
@@ -145,47 +166,48 @@ def _curve(name: str, curve: Curve) -> Any:
     return axes(figure, curve.over, curve.change)
 
 
-def _before_after(found: Diagnosis) -> Section:
-    fit = found.fit
+def _before_after(found: Diagnosis) -> Section | None:
+    fit, shows = found.fit, []
     rows = [
         (group, f"{fit.baseline[group]:.3f}", f"{fit.extended[group]:.3f}", f"{fit.noise_floor:.3f}") for group in fit.baseline
     ]
-    table = Table(("Runs", "Baseline", "Extended", "Noise floor"), rows, "Mean squares relative to null recordings.")
-    removed = "" if fit.removed_validate is None else f" {fit.removed_validate:.0%} of the removable held-out residual is gone."
-    text = [f"Parameters fitted to the runs to tune on alone, scored on the runs to validate too.{removed}"]
-    shows: list[Any] = [table]
+    text = ["Parameters fitted to the runs to tune on alone, scored on the runs to validate too."]
+    if rows:
+        caption = "Mean squares relative to what noise and normal variation leave, which is 1."
+        shows.append(Table(("Runs", "Baseline", "Extended", "Noise floor"), rows, caption))
     if found.course:
         text.append(
-            "The course of one run: the speed's residual still holds the normal variation of brakes and track. It is computed "
-            "with the measured torque, as E (eq. 19) is: by construction both are the same before and after, unless what was "
-            "found acts on the vehicle, its brakes or its speed sensor."
+            "The course of one run: its residuals still hold the normal variation of brakes and track. That of the speed is "
+            "computed with the measured torque, as E (eq. 19) is: by construction both are the same before and after, unless "
+            "what was found acts on the vehicle, its brakes or its speed sensor."
         )
-        shows.append(course_plot(found.course, bool(found.mechanisms)))
-    text.append(still_high(found))
-    if found.mechanisms:
-        sides = {"before": "Residuals before", "after": "and after, by run"}
-        shows.append(heat_maps(found.residuals["cells"], "run", sides, "run"))
-    return Section("Before and after", text, [*shows, *figures(found)])
+        other = "adhesion" if found.course.shows == "speed" else "speed"
+        shows.append(course_plot(found.course, other, _extended(found)))
+    if found.runs:
+        shows += figures(found, _extended(found))
+    return Section("Before and after, all runs" if _extended(found) else "All runs", text, shows, fold=True) if shows else None
 
 
 def _remains(found: Diagnosis) -> Section:
-    text, shows = [], []
+    text: list[str] = []
+    shows: list[Any] = []
     if found.closure:
         text.append(
             f"Still structured: {found.closure.depends_on}, reduction of chi-square {found.closure.gain:.0f} "
             f"(held out: {found.closure.held_out_gain:.0f})."
         )
-        if found.closure.shape:
+        if found.closure.shape and found.verdict != "unknown":
             shows.append(_shape(found.closure))
     text += [f"Next test: {found.next_test}.", *(f"{_capital(note)}." for note in found.notes)]
     units = {(name, one.name): one.unit for name, mechanism in ALL.items() for one in mechanism.parameters}
     rows = [
-        (name.replace("_", " "), size, f"{value:.3g}", units[name, size])
+        (name.replace("_", " "), parameter_words(size), f"{value:.3g}", unit_words(units.get((name, size), "")))
         for name, sizes in found.detectable.items()
         for size, value in sizes.items()
     ]
-    table = Table(("Mechanism", "Parameter", "Smallest change that would have been seen", "Unit"), rows)
-    return Section("What remains", text, [*shows, table])
+    header = ("Mechanism", "Parameter", "Smallest change that would have been seen", "Unit")
+    shows += [Table(header, rows)] if rows else []
+    return Section("What remains, and what could have been seen", text, shows, fold=True)
 
 
 def _shape(closure: Closure) -> Any:

@@ -1,5 +1,6 @@
 """The runs on a diagnosis' page: residuals of every run, one run's course, and the paper's figures before and after."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -9,7 +10,19 @@ from wsp_env.report import COLOURS, Table, axes, plotly
 #: Mean squares from which on a cell is reported: twice what noise alone leaves.
 HIGH = 2.0
 _REPORTED = 8  # cells at most
-_SCALE = {"colorscale": "YlOrRd", "cmin": 0.5, "cmax": 5.0}
+#: Colours go by the logarithm, as misfits do: from what noise leaves to a hundred times as much.
+_TICKS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+_SCALE = {
+    "colorscale": [[0.0, "#ffffff"], [0.15, "#fff3d0"], [0.35, "#fec44f"], [0.6, "#ec7014"], [1.0, "#7f2704"]],
+    "cmin": 0.0,
+    "cmax": math.log10(_TICKS[-1]),
+    "colorbar": {
+        "title": "mean<br>square [-]",
+        "tickvals": [math.log10(tick) for tick in _TICKS],
+        "ticktext": [f"{tick:g}" for tick in _TICKS],
+    },
+}
+_ROW_PX = 30
 
 
 def series_name(balance: str, axle: int) -> str:
@@ -33,23 +46,42 @@ def heat_maps(cells: Sequence[Mapping[str, Any]], over: str, sides: Mapping[str,
     if over != "run":
         across.sort()
     series = list(dict.fromkeys((cell["balance"], cell["axle"]) for cell in cells))
-    figure = subplots.make_subplots(1, len(sides), shared_yaxes=True, subplot_titles=list(sides.values()))
+    below = over != "run"  # a track is long: one side under the other
+    shape = (len(sides), 1) if below else (1, len(sides))
+    figure = subplots.make_subplots(
+        *shape, shared_yaxes=True, shared_xaxes=True, subplot_titles=list(sides.values()), vertical_spacing=0.1,
+        horizontal_spacing=0.03,
+    )  # fmt: skip
     for i, side in enumerate(sides):
         values = {(cell["balance"], cell["axle"], cell[over]): cell[side] for cell in cells}
-        z = [[values.get((*one, place)) for place in across] for one in series]
-        names = [series_name(*one) for one in series]
-        figure.add_trace(objects.Heatmap(z=z, x=across, y=names, coloraxis="coloraxis"), 1, i + 1)
-    figure.update_layout(height=140 + 28 * len(series), coloraxis={**_SCALE, "colorbar": {"title": "mean square [-]"}})
-    axes(figure, x, "")
+        squares = [[values.get((*one, place)) for place in across] for one in series]
+        heat = objects.Heatmap(
+            z=[[None if square is None else math.log10(max(square, 0.01)) for square in row] for row in squares],
+            x=across, y=[series_name(*one) for one in series], coloraxis="coloraxis", customdata=squares, xgap=1, ygap=1,
+            hovertemplate="%{y}, %{x}: %{customdata:.2f}<extra></extra>",
+            text=[list(map(_shown, row)) for row in squares],
+            texttemplate="" if below else "%{text}",
+        )  # fmt: skip
+        figure.add_trace(heat, *((i + 1, 1) if below else (1, i + 1)))
+    rows = len(series) * (len(sides) if below else 1)
+    figure.update_layout(coloraxis=_SCALE, plot_bgcolor="#eee")
+    axes(figure, "", "", height=150 + _ROW_PX * rows)
+    figure.update_xaxes(title_text=x, row=len(sides) if below else None, showgrid=False)
+    figure.update_yaxes(autorange="reversed", showgrid=False)
     figure.update_layout(margin={"l": 140})
     return figure
 
 
+def _shown(square: float | None) -> str:
+    return "" if square is None else f"{square:.0f}" if square >= 10.0 else f"{square:.1f}"
+
+
 def still_high(found: Diagnosis) -> str:
     """Say which cells stay high."""
-    side = "after" if found.mechanisms else "before"
+    extended = bool(found.mechanisms or found.discovered)
+    side = "after" if extended else "before"
     high = sorted((one for one in found.residuals["cells"] if one[side] > HIGH), key=lambda one: -one[side])
-    so = "after the extension" if found.mechanisms else "beside the baseline"
+    so = "after the extension" if extended else "beside the baseline"
     if not high:
         return f"No cell stays above {HIGH:g} {so}."
     worst = [f"{series_name(one['balance'], one['axle'])} in {one['run']} ({one[side]:.1f})" for one in high[:_REPORTED]]
@@ -57,42 +89,72 @@ def still_high(found: Diagnosis) -> str:
     return f"Above {HIGH:g} {so}: {'; '.join(worst)}{more}."
 
 
-def course_plot(course: RunTrace, extended: bool) -> Any:
-    """Draw the adhesion of one axle and the speed's residual over a run."""
-    objects, subplots = plotly()
-    held_out = ", held out" if course.group == "validate" else ""
-    titles = (
-        f"Run {course.run}{held_out}: adhesion coefficient of axle {course.axle}, which slides most",
-        "Recorded minus predicted vehicle speed",
+def course_plot(course: RunTrace, shows: str, extended: bool) -> Any:
+    """Draw one run before and after.
+
+    Parameters
+    ----------
+    shows : "adhesion": that of its axle, and the residual of it; "speed": the residual of the vehicle's speed
+    extended : whether there is an after
+
+    """
+    _, subplots = plotly()
+    run = f"Run {course.run}{', held out' if course.group == 'validate' else ''}"
+    axle = f"adhesion coefficient of axle {course.axle}{f', {course.chosen}' if course.chosen else ''}"
+    sides = {"before" if extended else "as tuned": ("before", COLOURS[1])} | (
+        {"after": ("after", COLOURS[2])} if extended else {}
     )
+    rest = {
+        side: [a - b for a, b in zip(course.adhesion_measured, getattr(course, f"adhesion_{side}"), strict=True)]
+        for side in ("before", "after")
+    }
+    lines: list[tuple[int, Sequence[float], dict[str, Sequence[float]]]]
+    if shows == "speed":
+        speed = {side: getattr(course, f"speed_residual_{side}_mps") for side in ("before", "after")}
+        titles = [f"{run}: recorded minus predicted vehicle speed{_left(speed, extended, 'm/s')}"]
+        lines, names = [(1, course.speed_time_s, speed)], ["speed [m/s]"]
+    else:
+        titles = [f"{run}: {axle}", f"Residual: measured less predicted{_left(rest, extended, '')}"]
+        predicted = {side: getattr(course, f"adhesion_{side}") for side in ("before", "after")}
+        lines, names = [(1, course.time_s, predicted), (2, course.time_s, rest)], ["adhesion coefficient [-]", "residual [-]"]
     figure = subplots.make_subplots(
-        2, 1, shared_xaxes=True, subplot_titles=titles, row_heights=[0.6, 0.4], vertical_spacing=0.1
+        len(titles), 1, shared_xaxes=True, subplot_titles=titles, row_heights=[0.6, 0.4][: len(titles)], vertical_spacing=0.12
     )
-    sides = {"baseline": (course.adhesion_before, course.speed_residual_before_mps, COLOURS[1])}
-    if extended:
-        sides["extended"] = (course.adhesion_after, course.speed_residual_after_mps, COLOURS[2])
-    figure.add_trace(
-        objects.Scatter(
+    if shows != "speed":
+        figure.add_scatter(
             x=course.time_s, y=course.adhesion_measured, mode="markers", name="measured",
-            marker={"color": COLOURS[6], "size": 4, "opacity": 0.6},
-        ), 1, 1,
-    )  # fmt: skip
-    for name, (adhesion, speed, colour) in sides.items():
-        line = {"color": colour}
-        figure.add_trace(objects.Scatter(x=course.time_s, y=adhesion, mode="lines", name=name, line=line), 1, 1)
-        shown = objects.Scatter(x=course.speed_time_s, y=speed, mode="lines+markers", name=name, line=line, showlegend=False)
-        figure.add_trace(shown, 2, 1)
-    figure.update_layout(height=620)
-    axes(figure, "", "")
-    figure.update_xaxes(title_text="time [s]", row=2, col=1)
-    figure.update_yaxes(title_text="adhesion coefficient [-]", row=1, col=1)
-    figure.update_yaxes(title_text="speed [m/s]", row=2, col=1)
+            marker={"color": COLOURS[6], "size": 4, "opacity": 0.6}, row=1, col=1,
+        )  # fmt: skip
+    for row, x, values in lines:
+        for name, (side, colour) in sides.items():
+            figure.add_scatter(
+                x=x, y=values[side], mode="lines", name=name, line={"color": colour, "width": 1.8},
+                showlegend=row == 1, row=row, col=1,
+            )  # fmt: skip
+    figure.add_hline(y=0.0, line={"color": "#888", "width": 1}, row=len(titles), col=1)
+    axes(
+        figure,
+        "",
+        "",
+        height=480 if len(titles) > 1 else 330,
+        legend={"orientation": "h", "x": 0.0, "y": 1.2 if len(titles) > 1 else 1.25},
+    )
+    figure.update_annotations(font_size=14, x=0.0, xanchor="left")
+    figure.update_xaxes(title_text="time [s]", row=len(titles), col=1)
+    for i, name in enumerate(names):
+        figure.update_yaxes(title_text=name, row=i + 1, col=1)
     return figure
 
 
-def figures(found: Diagnosis) -> list[Table]:
+def _left(values: Mapping[str, Sequence[float]], extended: bool, unit: str) -> str:
+    """Say the root mean square of a residual, before and after."""
+    sizes = [f"{math.sqrt(sum(v * v for v in some) / max(len(some), 1)):.2g} {unit}".rstrip() for some in values.values()]
+    return f"; root mean square {sizes[0]}" + (f" before, {sizes[1]} after" if extended else "")
+
+
+def figures(found: Diagnosis, extended: bool) -> list[Table]:
     """Return the paper's figures by run and axle; before alone where nothing was found."""
-    sides = ("before", "after") if found.mechanisms else ("before",)
+    sides = ("before", "after") if extended else ("before",)
     speeds, axle_rows = [], []
     for one in found.runs:
         name = f"{one.run}*" if one.group == "validate" else one.run
@@ -102,15 +164,15 @@ def figures(found: Diagnosis) -> list[Table]:
             slides = [
                 getattr(one, f"slide_{what}_{side}_mps")[k] for what in ("mean", "deviation") for side in ("recorded", *sides)
             ]
-            shown = ["-" if error is None else f"{100.0 * error:.2f}" for error in errors]
+            shown = ["no slide" if error is None else f"{100.0 * error:.2f}" for error in errors]
             axle_rows.append((name, str(k + 1), *shown, *(f"{slide:.2f}" for slide in slides)))
     recorded = ("recorded", *sides)
     header = ("Run", "Axle", *(f"e {side} [%]" for side in sides), *(f"mean slide {side} [m/s]" for side in recorded),
               *(f"deviation {side} [m/s]" for side in recorded))  # fmt: skip
     return [
         Table(header, axle_rows,
-              "*: held out. e: error of the adhesion coefficient over its mean while the axle slides (Table 4); -: it does not "
-              "slide. Mean slide and its deviation (eqs. 20 and 21) of whole stops simulated with the recorded torque, which "
+              "*: held out. e: error of the adhesion coefficient over its mean while the axle slides (Table 4). "
+              "Mean slide and its deviation (eqs. 20 and 21) of whole stops simulated with the recorded torque, which "
               "no controller corrects: compare the statistics, not instants."),
         Table(("Run", *(f"E {side} [m/s]" for side in sides)), speeds, "*: held out."),
     ]  # fmt: skip

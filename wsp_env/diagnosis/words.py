@@ -76,6 +76,52 @@ def said(name: str, parameters: Mapping[str, Estimate]) -> str:
     return ", and ".join(parts)
 
 
+#: Units as they end the names of parameters; the longest first.
+_ENDS = ("_ns2_per_m2", "_ns_per_m", "_1_per_bar", "_1_per_k", "_j_per_m", "_m_per_j", "_s_per_m", "_per_k", "_mps", "_nm",
+         "_hz", "_m", "_s", "_n")  # fmt: skip
+
+#: Names of parameters that say little by themselves, without their unit.
+_SAY_LITTLE = {
+    "change": "relative change",
+    "gain": "relative change of the gain",
+    "extra": "relative surplus",
+    "rise": "additional gradient",
+    "a": "constant part",
+    "b": "part in proportion to speed",
+    "c": "part in proportion to speed squared",
+    "sine": "sine part",
+    "cosine": "cosine part",
+    "fall": "fall per kelvin",
+    "per_speed": "change with speed",
+    "per_pressure": "change with pressure",
+    "per_temperature": "change with temperature",
+    "lowest": "lowest speed",
+    "highest": "highest speed",
+}
+
+
+def parameter_words(parameter: str) -> str:
+    """Return the name of a parameter in words, without its unit."""
+    plain = next((parameter.removesuffix(end) for end in _ENDS if parameter.endswith(end)), parameter)
+    return _SAY_LITTLE.get(plain, plain.replace("_", " "))
+
+
+def unit_words(unit: str) -> str:
+    """Return a unit as it stands in a table of its own; a lone dash would read as minus."""
+    return "(dimensionless)" if unit == "-" else unit
+
+
+def parameter_said(parameter: str, estimate: Estimate) -> str:
+    """Say a parameter with its unit and 90 % interval; one that was not fitted, as an axle or a place, once."""
+    name, unit = parameter_words(parameter), "" if estimate.unit == "-" else estimate.unit
+    low, high = estimate.interval90
+    if name == "axle":
+        return f"axle {estimate.value:.0f}" if estimate.value else "every axle"
+    if low == high:
+        return f"{name} {estimate.value:.4g} {unit}".rstrip()
+    return f"{name} {estimate.value:.3g} {unit}".rstrip() + f" ({low:.3g} to {high:.3g}{f' {unit}' if unit else ''})"
+
+
 def _holds(interval: tuple[float, float], null: float) -> bool:
     return interval[0] <= null <= interval[1]
 

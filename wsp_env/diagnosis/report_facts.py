@@ -1,0 +1,171 @@
+"""What the first page of a diagnosis says beside its sentence: meaning, worth, confidence, place, and the share removed."""
+
+import math
+from collections.abc import Sequence
+
+from wsp_env.diagnosis.answer import Diagnosis, Discovered, Location, Named, Verdict, Worth
+from wsp_env.diagnosis.interest import DISTANCE, SLIP_MPS
+from wsp_env.plant.mechanisms import ALL
+from wsp_env.report import Facts
+
+#: What every verdict means.
+MEANINGS: dict[Verdict, str] = {
+    "adequate": "the tuned simulation explains these recordings, up to what noise, normal variation and small change can do",
+    "named": "the simulation lacks what the library knows, and these recordings tell its name",
+    "ambiguous": "the simulation lacks something that the library knows, but these recordings leave several names for it",
+    "discovered": "something is missing that has no name in the library; its equation also holds in runs it was not taken from",
+    "unknown": "something is missing, and neither a mechanism of the library nor an equation found explains it",
+    "insufficient": "these recordings cannot show whether something is missing",
+    "data": "channels contradict each other: the recordings must be mended before anything can be said on physics",
+}
+
+_IN_WORDS = {
+    "vehicle": "in the vehicle's speed",
+    "adhesion": "in the adhesion while sliding",
+    "kinematics": "in wheels that roll freely",
+    "actuator": "in the brake torque against the pressure",
+}
+_PLACES = 2  # told on the first page
+
+
+def facts(found: Diagnosis) -> Facts:
+    """Return the rows of the first page; what does not apply is left out."""
+    rows = [("Verdict", f"{found.verdict}: {MEANINGS[found.verdict]}")]
+    if found.mechanisms or found.discovered:
+        rows.append(("Worth in a stop", worth_said(found)))
+        rows.append(("Confidence", confidence_said(found)))
+    if place := where_said(found):
+        rows.append(("Where", place))
+    if found.mechanisms or found.discovered:
+        rows.append(("Removed", removed_said(found.fit.removed_validate)))
+    if alike := [text for one in found.discovered if (text := _open(one))]:
+        rows.append(("Left open", "; ".join(alike)))
+    rows.append(("Next test", _capital(found.next_test)))
+    return Facts(rows)
+
+
+def lead(found: Diagnosis) -> str:
+    """Return the sentence, with the stopping distance that it is worth."""
+    if found.worth is None or abs(found.worth.distance_share) < 0.0005:  # 0.0 % as it is said
+        return found.sentence
+    sides = "longer" if found.worth.distance_share > 0.0 else "shorter"
+    return f"{found.sentence} It makes real stops {100.0 * abs(found.worth.distance_share):.1f} % {sides} than simulated ones."
+
+
+def worth_said(found: Diagnosis) -> str:
+    """Say what was found changes in a stop."""
+    if found.worth is not None:
+        return _changes(found.worth)
+    sizes = _and([f"{one.multiple:.1f}" for one in (*found.mechanisms, *found.discovered)])
+    return f"{sizes} times what matters in a stop: {100.0 * DISTANCE:.0f} % of its distance or {SLIP_MPS} m/s of slip"
+
+
+def _changes(worth: Worth) -> str:
+    share, parts = worth.distance_share, []
+    if abs(share) < 0.0005:
+        parts.append("no change of the stopping distance")
+    else:
+        parts.append(f"{100.0 * abs(share):.1f} % {'more' if share > 0.0 else 'less'} stopping distance than simulated")
+    if worth.interval90:
+        low, high = (100.0 * bound for bound in worth.interval90)
+        parts[0] += f" (change {low:+.1f} to {high:+.1f} %, 90 %)"
+    parts.append(f"a change of slip of {worth.slip_mps:.2f} m/s")
+    return "; ".join(parts)
+
+
+def confidence_said(found: Diagnosis) -> str:
+    """Say how sure every name is, and what speaks against it."""
+    parts = [
+        f"{one.name.replace('_', ' ')}: {_at_most_one(one.confidence)} of 1{_others(one)}{doubt(one)}"
+        for one in found.mechanisms
+    ]
+    parts += [f"{one.equation}: has no name, was tried on held-out runs{doubt(one)}" for one in found.discovered]
+    return "; ".join(parts)
+
+
+def _at_most_one(confidence: float) -> str:
+    return "above 0.99" if confidence > 0.99 else f"{confidence:.2f}"
+
+
+def _others(one: Named) -> str:
+    others = [name.replace("_", " ") for name in one.alternatives[1:]]
+    return f", else {' or '.join(others)}" if others else ""
+
+
+def doubt(one: Named | Discovered) -> str:
+    """Say that the held-out runs speak against it; nothing where they do not."""
+    if one.held_out_gain >= 0.0:
+        return ""
+    return f", but its held-out test failed: chi-square rises by {-one.held_out_gain:.0f} there"
+
+
+def removed_said(share: float | None) -> str:
+    """Say which share of the held-out residual is gone."""
+    whole = "what the baseline leaves beyond noise and normal variation in held-out runs"
+    if share is None or math.isnan(share):
+        return f"not measurable: there is too little of {whole}"
+    if share < 0.005:
+        return "none: the held-out runs fit no better"
+    if share >= 0.995:
+        return f"all of {whole}"
+    rest = "; most of it is still there" if share < 0.5 else ""
+    return f"{100.0 * share:.0f} % of {whole}{rest}"
+
+
+def where_said(found: Diagnosis) -> str:
+    """Say at which axle, in which runs and at which place it is."""
+    runs = [one.run for one in found.runs]
+    axles = {cell["axle"] for cell in found.residuals.get("cells", ()) if cell["axle"]}
+    own = named_axles(found)
+    told = [place_said(one, runs, len(axles), own if i == 0 else ()) for i, one in enumerate(found.location[:_PLACES])]
+    if not told and own:
+        return axles_said(own, len(axles))
+    return "; ".join(told)
+
+
+def named_axles(found: Diagnosis) -> tuple[int, ...]:
+    """Return the axles, from 1, that the first of what was found is about by its own words; none if it tells none."""
+    for one in found.mechanisms[:1]:
+        whole = [parameter.name for parameter in ALL[one.name].parameters if parameter.kind == "axle"]
+        return tuple(
+            round(one.parameters[name].value) for name in whole if name in one.parameters and one.parameters[name].value
+        )
+    return next((one.axles for one in found.discovered), ())
+
+
+def place_said(one: Location, runs: Sequence[str], axles: int, named: tuple[int, ...] = ()) -> str:
+    """Say a location: its axles (or those that are named instead), balance, runs and range."""
+    parts = [] if one.equation == "vehicle" and not named else [axles_said(named or one.axles, axles)]
+    parts.append(_IN_WORDS.get(one.equation, one.equation))
+    if one.runs:
+        some = f"in run{'s' if len(one.runs) > 1 else ''} {_and(one.runs)}"
+        parts.append("in every run" if set(runs) <= set(one.runs) else some)
+    if one.where != "everywhere":
+        parts.append(one.where)
+    return ", ".join(part for part in parts if part)
+
+
+def axles_said(axles: Sequence[int], of: int) -> str:
+    """Say which axles."""
+    if not axles:
+        return ""
+    if 1 < of <= len(axles):
+        return "every axle"
+    return f"axle{'s' if len(axles) > 1 else ''} {_and([str(axle) for axle in axles])}"
+
+
+def _open(one: Discovered) -> str:
+    """Say what a discovered term looks like, and where else it may act."""
+    like = f"looks like {' or '.join(one.looks_like)}" if one.looks_like else ""
+    others = [slot for slot in one.slots_not_separable if slot != one.slot]
+    slots = f"may as well act on {' or '.join(others)} as on {one.slot}" if others else ""
+    text = " and ".join(filter(None, (like, slots)))
+    return f"{one.equation} {text}" if text else ""
+
+
+def _and(words: Sequence[str]) -> str:
+    return f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else "".join(words)
+
+
+def _capital(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}"
