@@ -1,1 +1,6 @@
-"""Diagnosis."""
+"""Diagnosis: which physics a simulation lacks when it disagrees with recordings."""
+
+from wsp_env.diagnosis.answer import Closure, Diagnosis, Estimate, Evidence, FitQuality, Location, Named
+from wsp_env.diagnosis.diagnose import diagnose
+
+__all__ = ["Closure", "Diagnosis", "Estimate", "Evidence", "FitQuality", "Location", "Named", "diagnose"]

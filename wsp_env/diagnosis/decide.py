@@ -6,7 +6,7 @@ nothing else is named for it.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
 import numpy as np
@@ -47,6 +47,7 @@ class Trial:
     variant: Variant  # with what the refit moves free
     fitted: Fitted
     evidence: float  # with what the refit explains more than the linear search
+    reduction: float  # of chi-square, by the refit
     size: StopChange  # net
 
 
@@ -62,6 +63,11 @@ class Accepted:
     def name(self) -> str:
         """Name of the mechanism."""
         return self.trial.listed.title
+
+    @property
+    def words(self) -> str:
+        """The name, as it is said."""
+        return self.name.replace("_", " ")
 
     def sized(self, size: StopChange) -> "Accepted":
         """Return it with the size that it has in the whole of the extended model."""
@@ -89,12 +95,15 @@ def odds(variant: Variant, evidence: float) -> float:
     return evidence + (PRIOR_TERM if variant.family else PRIOR)
 
 
-def select(replica: Replica, tried: Sequence[Variant], pool: Executor) -> Outcome:
+def select(
+    replica: Replica, tried: Sequence[Variant], pool: Executor, progress: Callable[[str], None] = lambda step: None
+) -> Outcome:
     """Accept mechanisms one after the other; what competes is refitted side by side."""
     first = seen = screen(replica, replica.baseline, [*tried, *terms(replica, 1)], pool)
     fitted = Fitted(replica.baseline, (), (), (), 0.0)
     accepted: list[Accepted] = []
     while len(accepted) < MOST:
+        progress(f"refitting {len(accepted) + 1} of {MOST}")
         trials = _trials(replica, seen, fitted, pool)
         # What the form of those before may leave of what they explain looks like another.
         form = FORM**2 * sum(one.trial.evidence for one in accepted)
@@ -136,7 +145,7 @@ def _trials(replica: Replica, seen: Screen, fitted: Fitted, pool: Executor) -> l
                 break
         assert best is not None
         evidence = one.evidence + 0.5 * (start.cost - best.cost - one.reduction)
-        return Trial(one, listed, free, best, evidence, net_effect(replica, best.model, free, seen.whitening))
+        return Trial(one, listed, free, best, evidence, start.cost - best.cost, net_effect(replica, best.model, free, seen.whitening))
 
     return sorted(pool.map(trial, promising), key=lambda one: -odds(one.listed, one.evidence))
 

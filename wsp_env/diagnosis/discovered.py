@@ -3,7 +3,8 @@
 They compete with the library's names under the same principle. See `wsp_env.plant.mechanisms.terms` for slots and features.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,8 +12,9 @@ from wsp_env.diagnosis.balances import ADHESION
 from wsp_env.diagnosis.candidates import Variant
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.plant.mechanisms.discovered import TERMS
-from wsp_env.plant.mechanisms.term_words import mask_of
-from wsp_env.plant.mechanisms.terms import UNBOUNDED, Feature, Slot
+from wsp_env.plant.mechanisms.term_words import FEATURES, SLOTS, axles_of, equation_of, mask_of
+from wsp_env.plant.mechanisms.term_words import looks_like as physics_of
+from wsp_env.plant.mechanisms.terms import UNBOUNDED, Feature, Slot, Term
 
 NAME = "discovered"
 
@@ -96,3 +98,35 @@ def _variant(n: int, slot: Slot, axles: tuple[int, ...], feature: Feature, scale
     family = f"{slot.name.lower()}{where} by {feature.name.lower()}".replace("_", " ")
     steps = (_STEPS[slot] / _USUAL.get(feature, 1.0),) * len(parts)
     return Variant(NAME, tuple(f"coefficient_{k}" for k, _ in parts), fixed, steps, family)
+
+
+class Words(NamedTuple):
+    """A term in words."""
+
+    equation: str
+    axles: tuple[int, ...]  # from 1; none for all
+    features: tuple[str, ...]
+
+
+def _numbers(variant: Variant) -> list[str]:
+    return [size.removeprefix("coefficient_") for size in variant.sizes if size.startswith("coefficient_")]
+
+
+def equation(variant: Variant, values: Mapping[str, float]) -> Words:
+    """Return a variant that is on in words."""
+    found = [Term(*(values[f"{field}_{n}"] for field in Term._fields)) for n in _numbers(variant)]
+    features = tuple(
+        FEATURES[Feature(int(one.feature))].words.format(scale=one.scale, second_scale=one.second_scale) for one in found
+    )
+    return Words(", and ".join(map(equation_of, found)), axles_of(found[0].axles), features)
+
+
+def slot_of(variant: Variant) -> str:
+    """Return the slot in words."""
+    return SLOTS[Slot(int(variant.fixed[f"slot_{_numbers(variant)[0]}"]))][0]
+
+
+def looks_like(variant: Variant) -> tuple[str, ...]:
+    """Return known physics of that form."""
+    n = _numbers(variant)[0]
+    return physics_of(variant.fixed[f"slot_{n}"], variant.fixed[f"feature_{n}"])

@@ -10,8 +10,7 @@ from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, BALANCES, VEHICLE, Ba
 from wsp_env.diagnosis.candidates import parameter_of
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights
-from wsp_env.diagnosis.gls import Projector
-from wsp_env.diagnosis.variation import nuisances
+from wsp_env.diagnosis.replica import Replica
 from wsp_env.plant.mechanisms import ALL, at_stop
 from wsp_env.recordings import Recording, Smoothing, derive, rolling_radii
 from wsp_env.recordings import simulate as simulation
@@ -25,18 +24,17 @@ _UNITS = {"slip": "slip speed [m/s]", "work": "W_sp [J/m]", "place": "place [m]"
           "axle": "axle [-]", "deceleration": "deceleration [m/s2]"}  # fmt: skip
 
 
-def curve(balances: Balances, extended: Model, weights: Weights, name: str, parameters: Mapping[str, Estimate]) -> Curve:
+def curve(balances: Replica, extended: Model, weights: Weights, name: str, parameters: Mapping[str, Estimate]) -> Curve:
     """Return a mechanism's change of the residual that shows it best, with what the recordings say of it.
 
     Observed is the change that the mechanism explains plus what the extended model leaves (partial residuals).
     """
     without = dataclasses.replace(extended, choice={k: v for k, v in extended.choice.items() if k != name})
     base = balances.raw(extended)
-    found = nuisances(balances, extended, base)
-    projector = Projector(found.columns / weights.deviation[:, None], found.prior)
-    rest = projector.rest(weights(base)) * weights.deviation
+    white = weights.projector.rest(weights(base))
+    rest = weights.whitening.back(white * weights.noise)
     explained = balances.raw(without) - base
-    rows, shown = balances.rows, (explained / weights.deviation) ** 2
+    rows, shown = balances.rows, weights(explained) ** 2
     balance = int(np.argmax([shown[rows.balance == i].sum() for i in range(len(BALANCES))]))
     mine = (rows.balance == balance) & (np.abs(explained) > _ACTS * np.abs(explained[rows.balance == balance]).max(initial=0.0))
     over = ALL[name].signature.over

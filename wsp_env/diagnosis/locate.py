@@ -5,12 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.diagnosis.answer import Closure, Location
-from wsp_env.diagnosis.balances import BALANCES, VEHICLE, Balances
+from wsp_env.diagnosis.answer import Location
+from wsp_env.diagnosis.balances import BALANCES, VEHICLE
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights
-from wsp_env.diagnosis.gls import Projector
-from wsp_env.diagnosis.variation import nuisances
+from wsp_env.diagnosis.replica import Replica
 
 _LEAST_SHARE = 0.1  # of what a mechanism removed, from which on a balance is reported
 _LEAST_SHOWN = 0.01  # of all that was removed, from which on a balance is reported: less would read as nothing
@@ -21,51 +20,36 @@ _CALLED = {"slip": "slip speed", "work": "friction work W_sp"}
 _AXLE_SHARE = 0.5  # of an equal share, from which on an axle or a run is reported
 
 
-def rests(balances: Balances, model: Model, weights: Weights) -> np.ndarray:
-    """Squares (n,) of the whitened residuals of a model, the nuisances' best part taken away."""
-    return _rest(balances, model, weights, balances.raw(model)) ** 2
+def _rest(balances: Replica, model: Model, weights: Weights) -> np.ndarray:
+    """Whitened residuals (n,) of a model, the nuisances' best part taken away."""
+    return weights.projector.rest(weights(balances.raw(model)))
 
 
-def _rest(balances: Balances, model: Model, weights: Weights, base: np.ndarray) -> np.ndarray:
-    found = nuisances(balances, model, base)
-    projector = Projector(found.columns / weights.deviation[:, None], found.prior)
-    return projector.rest(weights(base))
-
-
-def locate(
-    balances: Balances, model: Model, extended: Model, weights: Weights, closure: Closure | None = None
-) -> tuple[Location, ...]:
-    """Return where each mechanism removed what, or, without one, where the largest residuals are.
-
-    Parameters
-    ----------
-    closure : in place of mechanisms
-
-    """
+def locate(balances: Replica, model: Model, extended: Model, weights: Weights) -> tuple[Location, ...]:
+    """Return where each mechanism removed what, or, without one, where the largest residuals are."""
     if not extended.choice:
-        removed = rests(balances, model, weights) - 1.0
-        return _places_of(balances, removed, float(removed.sum()), closure)
-    base = balances.raw(extended)
-    normal = weights(base) - _rest(balances, extended, weights, base)
+        removed = _rest(balances, model, weights) ** 2 - 1.0
+        return _places_of(balances, removed, float(removed.sum()))
+    base = weights(balances.raw(extended))
+    normal = base - _rest(balances, extended, weights)
     removed_by = []
     for name in extended.choice:
         others = {other: values for other, values in extended.choice.items() if other != name}
         without = weights(balances.raw(dataclasses.replace(extended, choice=others)))
         # With normal variation as it is beside the mechanism: fitted anew it would hide some of what is missing.
-        removed_by.append((without - normal) ** 2 - (weights(base) - normal) ** 2)
+        removed_by.append((without - normal) ** 2 - (base - normal) ** 2)
     total = float(sum(removed.sum() for removed in removed_by))
     found = [one for removed in removed_by for one in _places_of(balances, removed, total)]
     return tuple(sorted(found, key=lambda one: -one.share))
 
 
-def _places_of(balances: Balances, removed: np.ndarray, total: float, closure: Closure | None = None) -> tuple[Location, ...]:
+def _places_of(balances: Replica, removed: np.ndarray, total: float) -> tuple[Location, ...]:
     """Return in which balances the squares `removed` (n,) lie, and where in them; shares are of `total`."""
     rows, own, found = balances.rows, max(float(removed.sum()), 1e-12), []
     for balance, name in enumerate(BALANCES):
         mine = rows.balance == balance
         share = float(removed[mine].sum())
-        elsewhere = closure is not None and closure.kind.quantity == "force" and balance != VEHICLE
-        if not mine.any() or share < max(_LEAST_SHARE * own, _LEAST_SHOWN * total) or elsewhere:
+        if not mine.any() or share < max(_LEAST_SHARE * own, _LEAST_SHOWN * total):
             continue
         axles = [k for k in range(balances.axles) if _stands_out(removed, mine & (rows.axle == k), mine, balances.axles)]
         runs = [
@@ -77,7 +61,7 @@ def _places_of(balances: Balances, removed: np.ndarray, total: float, closure: C
                 name,
                 () if balance == VEHICLE else tuple(k + 1 for k in axles),
                 tuple(balances.stops[i].name for i in runs),
-                closure.depends_on if closure else _range(balances, removed, mine, over),
+                _range(balances, removed, mine, over),
                 round(min(share / max(total, 1e-12), 1.0), 3),
             )
         )
@@ -88,7 +72,7 @@ def _stands_out(removed: np.ndarray, part: np.ndarray, whole: np.ndarray, parts:
     return bool(removed[part].sum() > _AXLE_SHARE / parts * removed[whole].sum())
 
 
-def _range(balances: Balances, removed: np.ndarray, mine: np.ndarray, over: tuple[str, ...]) -> str:
+def _range(balances: Replica, removed: np.ndarray, mine: np.ndarray, over: tuple[str, ...]) -> str:
     """Say between which two change points what is removed lies, of the quantity over which it is told apart best."""
     best, where = 0.0, "everywhere"
     for name in over:
@@ -121,10 +105,10 @@ def change_points(values: np.ndarray, removed: np.ndarray) -> tuple[float, float
     return float(low), float(high), contrast, (end - start) / len(order)
 
 
-def residual_map(balances: Balances, model: Model, extended: Model, weights: Weights) -> dict[str, Any]:
+def residual_map(balances: Replica, model: Model, extended: Model, weights: Weights) -> dict[str, Any]:
     """Mean squares by balance, run and axle, before and after, for the report."""
     rows = balances.rows
-    squares = {"before": rests(balances, model, weights), "after": rests(balances, extended, weights)}
+    squares = {"before": _rest(balances, model, weights) ** 2, "after": _rest(balances, extended, weights) ** 2}
     cells = []
     for balance, name in enumerate(BALANCES):
         for run, stop in enumerate(balances.stops):
@@ -136,7 +120,7 @@ def residual_map(balances: Balances, model: Model, extended: Model, weights: Wei
     return {"cells": cells, "places": _places(balances, squares)}
 
 
-def _places(balances: Balances, squares: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+def _places(balances: Replica, squares: dict[str, np.ndarray]) -> list[dict[str, Any]]:
     """Mean squares by balance, axle and stretch of track."""
     rows, cells = balances.rows, []
     edges = np.linspace(rows.place.min(), rows.place.max() + 1e-6, _STRETCHES + 1)

@@ -13,7 +13,7 @@ from concurrent.futures import Executor
 import numpy as np
 from scipy import linalg
 
-from wsp_env.diagnosis.balances import Whitening
+from wsp_env.diagnosis.balances import Rows, Whitening
 from wsp_env.diagnosis.candidates import Candidate, Variant, columns, parameter_of, switched, without
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Evaluation, Model
@@ -22,9 +22,13 @@ from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import Group, Nuisances, nuisances
 
 #: Deviation of a mechanism that does not matter, and of one that does, in smallest effects of interest. The first is the
-#: definition: three deviations are one interest. The second is an assumption: what conceals itself from a validation is
-#: hardly larger.
+#: assumption that many such together move a stop by less than one interest; the second is one too: what conceals itself from a
+#: validation is hardly larger.
 SMALL, LARGE = 0.15, 5.0
+#: Evidence from which on a mechanism counts as seen: 95 % at a prior of one in fifty.
+SEEN = float(np.log(19.0 * 50.0))
+#: Stretches of a single run that are held out in turn [s]: some slides long.
+_STRETCH_S = 4.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -158,14 +162,42 @@ def screen(
 
 def net_effect(replica: Replica, model: Model, variant: Variant, whitening: Whitening) -> StopChange:
     """Return what a mechanism that is on changes against the law tuned anew without it."""
-    off = without(model, variant)
-    after = replica.evaluate(model)
-    base = replica.raw(off)
+    return net_change(replica, model, without(model, variant), whitening, only_sensors({variant.name: {}}))
+
+
+def net_change(replica: Replica, model: Model, off: Model, whitening: Whitening, sensor: bool = False) -> StopChange:
+    """Return what a model changes against the law of another, tuned anew."""
+    after, base = replica.evaluate(model), replica.raw(off)
     law = _Law(replica, off, base, nuisances(replica, off, base, whitening), whitening)
-    if only_sensors({variant.name: {}}):
+    if sensor:
         return change(replica, law.before, after, True)
     logs = law.net((replica.raw(model) - base)[:, None])[1][:, 0]
     return change(replica, law.before, law.without(after, logs))
+
+
+def held_out_rows(rows: Rows) -> np.ndarray:
+    """Return the rows (n,) bool to validate on.
+
+    Those of the validate group; where there is none, or nothing else, every other run, and in a single run every other stretch.
+    """
+    if rows.validate.any() and not rows.validate.all():
+        return rows.validate
+    turns = rows.run if rows.run.max(initial=0) > 0 else np.floor(rows.time / _STRETCH_S).astype(int)
+    result: np.ndarray = turns % 2 == 1
+    return result
+
+
+def detectable(seen: Screen) -> dict[str, dict[str, float]]:
+    """Return for every name the smallest change of each size that would have been seen, at an evidence of `SEEN`."""
+    found: dict[str, dict[str, float]] = {}
+    for one in seen.found:
+        variant = one.candidate.variant
+        if not variant.family:
+            small, large = one.deviation**2 + SMALL**2, one.deviation**2 + LARGE**2
+            multiple = np.sqrt(2.0 * small * (SEEN + 0.5 * np.log(large / small)))
+            sizes = multiple / one.candidate.scale * np.abs(variant.moves())
+            found[variant.name] = dict(zip(variant.sizes, map(float, sizes), strict=True))
+    return found
 
 
 def _judged(evidence: Evidence, sizes: Sizes, named: Sequence[Candidate], unnamed: Sequence[Candidate]) -> list[Found]:

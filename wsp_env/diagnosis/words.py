@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from wsp_env.diagnosis.answer import Closure, ClosureKind, ClosureOver, Estimate, Location, Named, Quantity, Verdict
+from wsp_env.diagnosis.answer import Closure, ClosureKind, ClosureOver, Discovered, Estimate, Location, Named, Quantity, Verdict
 from wsp_env.plant.mechanisms import ALL
 
 
@@ -149,7 +149,10 @@ _UNKNOWN_TESTS: dict[Quantity, str] = {
 }
 
 
-def next_test(verdict: Verdict, named: Sequence[Named], reasons: Mapping[str, str], closure: Closure | None = None) -> str:
+def next_test(
+    verdict: Verdict, named: Sequence[Named], reasons: Mapping[str, str], closure: Closure | None = None,
+    terms: Sequence[Discovered] = (),
+) -> str:  # fmt: skip
     """Return the test that would tell most next."""
     if verdict == "adequate":
         return "none is needed for what these stops can show; gentle and hard stops from other speeds would show more"
@@ -157,11 +160,21 @@ def next_test(verdict: Verdict, named: Sequence[Named], reasons: Mapping[str, st
         return f"stops that slide: {'; '.join(sorted(set(reasons.values()))) or 'these recordings show too little'}"
     if verdict == "unknown":
         return _UNKNOWN_TESTS[closure.kind.quantity if closure else "force"]
-    tests = [ALL[name].signature.next_test for one in named for name in one.alternatives[:2]]
+    tests = [ALL[name].signature.next_test for one in named for name in one.alternatives[:2] if name in ALL]
+    tests += [_term_test(one) for one in terms]
     return "; ".join(dict.fromkeys(tests))
 
 
-def sentence(verdict: Verdict, named: Sequence[Named], closure: Closure | None, where: Sequence[Location]) -> str:
+def _term_test(term: Discovered) -> str:
+    """Return the test that would confirm a term."""
+    axles = f" on axle {', '.join(map(str, term.axles))}" if term.axles else ""
+    return f"stops in which {' and '.join(term.features)} varies on purpose, with the {term.slot}{axles} measured by itself"
+
+
+def sentence(
+    verdict: Verdict, named: Sequence[Named], closure: Closure | None, where: Sequence[Location],
+    terms: Sequence[Discovered] = (),
+) -> str:  # fmt: skip
     """Return the verdict in one sentence."""
     if verdict == "adequate":
         return "The simulation is adequate: nothing is missing that these recordings could show and that matters in a stop."
@@ -171,7 +184,13 @@ def sentence(verdict: Verdict, named: Sequence[Named], closure: Closure | None, 
         place = where[0].equation if where else "vehicle"
         best = f"best described by an unknown {closure.depends_on}" if closure else "which no closure describes either"
         return f"Something is missing that no mechanism of the library explains: the {place} balance is off, {best}."
-    return f"What the simulation lacks: {'; and '.join(_claim(one) for one in named)}."
+    return f"What the simulation lacks: {'; and '.join([*map(_claim, named), *map(_term, terms)])}."
+
+
+def _term(term: Discovered) -> str:
+    """Say what a term without a name does, and what it looks like."""
+    like = f", which looks like: {' or '.join(term.looks_like)}" if term.looks_like else ""
+    return f"something without a name in the library, {term.equation}{like}"
 
 
 def _claim(one: Named) -> str:
