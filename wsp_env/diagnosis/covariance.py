@@ -14,6 +14,7 @@ import numpy as np
 from scipy import linalg
 
 from wsp_env.diagnosis.balances import BALANCES, Balances, Whitening
+from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import Group
 
 #: Number of observations that the expected size of a group counts for: assumption.
@@ -57,7 +58,7 @@ class Evidence:
 
     def __init__(
         self,
-        balances: Balances,
+        balances: Balances | Replica,
         whitening: Whitening,
         groups: Sequence[Group],
         base: np.ndarray,
@@ -90,9 +91,7 @@ class Evidence:
         """Return the expected sizes."""
         return Sizes(np.ones(len(self.names)), np.ones(len(BALANCES)))
 
-    def solve(
-        self, chosen: np.ndarray, sizes: Sizes, wide: np.ndarray, iterations: int = _ITERATIONS
-    ) -> Solution:
+    def solve(self, chosen: np.ndarray, sizes: Sizes, wide: np.ndarray, iterations: int = _ITERATIONS) -> Solution:
         """Fit some candidate columns with the nuisances; sizes are estimated in some iterations from where they are.
 
         Parameters
@@ -126,7 +125,7 @@ class Evidence:
             scale = np.where(self.fixed, scale, new)
             amplitude = deviation * unit
             covariance = inverse * np.outer(deviation, deviation)
-            for k in np.flatnonzero(counted):
+            for k in map(int, np.flatnonzero(counted)):
                 g = gram[k]
                 left = g[-1, -1] - 2.0 * amplitude @ g[:-1, -1] + amplitude @ g[:-1, :-1] @ amplitude
                 left += float(np.sum(covariance * g[:-1, :-1]))
@@ -134,9 +133,9 @@ class Evidence:
         free = ~self.fixed
         prior = -0.5 * _PRIOR_WEIGHT * float((1.0 / scale[free] ** 2 + 2.0 * np.log(scale[free]) - 1.0).sum())
         logs = float(np.log(np.diag(factor[0])).sum() + (self.rows * np.log(noise)).sum())
-        k = len(chosen)
+        count = len(chosen)
         solved = linalg.cho_solve(factor, np.eye(len(deviation))[:, p:], check_finite=False)
         covariance = solved[p:] * np.outer(wide, wide)
         return Solution(
-            Sizes(scale, noise), -0.5 * quadratic - logs + prior, deviation * unit, covariance.reshape(k, k), unit[:p]
+            Sizes(scale, noise), -0.5 * quadratic - logs + prior, deviation * unit, covariance.reshape(count, count), unit[:p]
         )

@@ -13,9 +13,9 @@ import numpy as np
 
 from wsp_env.diagnosis.candidates import Variant, refined, switched, without
 from wsp_env.diagnosis.covariance import Sizes
-from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.discovered import terms
-from wsp_env.diagnosis.fitting import Fitted, refit, weigh
+from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.fitting import Fitted, Weights, refit, weigh
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
@@ -30,12 +30,14 @@ TRIED = 4
 PRIOR = -float(np.log(50.0))
 #: The same of a term without a name: the library holds what practice meets (assumption: three in four).
 PRIOR_TERM = PRIOR - float(np.log(3.0))
-#: Log odds from which on a mechanism is accepted: 95 %.
-SURE = float(np.log(19.0))
-#: Smallest effects of interest from which on a size matters: one, less what its form may err by at 95 % (1 / (1 + 1.645 FORM)).
-MATTERS = 0.8
+#: Log odds from which on a mechanism is accepted: 99 %.
+SURE = float(np.log(99.0))
+#: Smallest effects of interest from which on a size matters: one, less what its form may err by at 95 % (1 / (1 + 1.645 FORM), rounded).
+MATTERS = 0.75
+#: Factor by which a mechanism may grow beside a further one: twice what its own form may err by, at 90 % (assumption).
+GROWN = 1.7
 #: Share of a mechanism's effect that nature's form may differ by, over slip, speed, work, axles and runs: assumption.
-FORM = 0.15
+FORM = 0.2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,18 +110,32 @@ def select(
         # What the form of those before may leave of what they explain looks like another.
         form = FORM**2 * sum(one.trial.evidence for one in accepted)
         sure = [one for one in trials if odds(one.listed, one.evidence) > max(SURE, form)]
-        if not sure:
+        best = next((one for one in sure if not _compensates(replica, one, accepted, seen)), None)
+        if best is None:
             break
-        best = sure[0]
         accepted.append(Accepted(best, *belief(best, trials, seen.found)))
-        fitted = best.fitted
-        replica = Replica(replica.recorded, fitted.model)
+        replica = Replica(replica.recorded, best.fitted.model)
+        fitted = refit(replica, best.fitted.model, best.fitted.variants, _weights(replica, seen))
+        accepted = [one.sized(net_effect(replica, fitted.model, one.trial.variant, seen.whitening)) for one in accepted]
         left = [one for one in tried if one.name not in fitted.model.choice]
         left += terms(replica, 1 + sum(len(one.trial.listed.sizes) for one in accepted if one.trial.listed.family))
         bent = forms(replica, fitted.model, fitted.variants)
         seen = screen(replica, fitted.model, left, pool, fitted.variants, bent, seen.sizes)
-    accepted = [one.sized(net_effect(replica, fitted.model, one.trial.variant, seen.whitening)) for one in accepted]
     return Outcome(replica, fitted, tuple(accepted), first, seen)
+
+
+def _weights(replica: Replica, seen: Screen) -> Weights:
+    sizes = Sizes(np.concatenate([seen.sizes.groups, [1.0]]), seen.sizes.noise)
+    return weigh(replica, seen.whitening, [*seen.groups, seen.small], sizes)
+
+
+def _compensates(replica: Replica, trial: Trial, accepted: Sequence[Accepted], seen: Screen) -> bool:
+    """Whether a mechanism makes one of those before grow: what is missing beside another leaves the other as it is."""
+    for one in accepted:
+        now = net_effect(replica, trial.fitted.model, one.trial.variant, seen.whitening).multiple
+        if now > GROWN * one.trial.size.multiple:
+            return True
+    return False
 
 
 def _trials(replica: Replica, seen: Screen, fitted: Fitted, pool: Executor) -> list[Trial]:
@@ -128,8 +144,7 @@ def _trials(replica: Replica, seen: Screen, fitted: Fitted, pool: Executor) -> l
     promising = [one for one in promising if odds(one.candidate.variant, one.evidence) > 0.0]
     if not promising:
         return []
-    sizes = Sizes(np.concatenate([seen.sizes.groups, [1.0]]), seen.sizes.noise)
-    weights = weigh(replica, seen.whitening, [*seen.groups, seen.small], sizes)
+    weights = _weights(replica, seen)
     start = refit(replica, fitted.model, fitted.variants, weights)
 
     def trial(one: Found) -> Trial:
@@ -145,7 +160,9 @@ def _trials(replica: Replica, seen: Screen, fitted: Fitted, pool: Executor) -> l
                 break
         assert best is not None
         evidence = one.evidence + 0.5 * (start.cost - best.cost - one.reduction)
-        return Trial(one, listed, free, best, evidence, start.cost - best.cost, net_effect(replica, best.model, free, seen.whitening))
+        return Trial(
+            one, listed, free, best, evidence, start.cost - best.cost, net_effect(replica, best.model, free, seen.whitening)
+        )
 
     return sorted(pool.map(trial, promising), key=lambda one: -odds(one.listed, one.evidence))
 

@@ -144,7 +144,9 @@ def _verdict(named: tuple[Named, ...], terms: tuple[Discovered, ...], seen: bool
 
 def _worth(outcome: Outcome) -> Worth:
     """Return what all that was found changes in the recorded stops, against the law tuned without it."""
-    size = net_change(outcome.replica, outcome.fitted.model, dataclasses.replace(outcome.fitted.model, choice={}), outcome.last.whitening)
+    size = net_change(
+        outcome.replica, outcome.fitted.model, dataclasses.replace(outcome.fitted.model, choice={}), outcome.last.whitening
+    )
     shares = [
         float(np.max(one.trial.found.deviation / np.maximum(np.abs(one.trial.found.multiple), 1e-9))) for one in outcome.missing
     ]

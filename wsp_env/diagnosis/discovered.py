@@ -40,8 +40,7 @@ _TOGETHER: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
     },
     Slot.RECOVERY: {Feature.SPEED: _ONE, Feature.BRAKING_TIME: _ONE, Feature.WORK: _ONE},
     Slot.VEHICLE_FORCE: {
-        Feature.TORQUE: _ONE, Feature.BRAKING: _ONE, Feature.SPEED: _ONE, Feature.SPEED_SQUARED: _ONE, Feature.TIME: _ONE,
-        Feature.BRAKING_TIME: _ONE,
+        Feature.BRAKING: _ONE, Feature.SPEED: _ONE, Feature.SPEED_SQUARED: _ONE, Feature.TIME: _ONE, Feature.BRAKING_TIME: _ONE,
     },
 }  # fmt: skip
 _EACH: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
@@ -89,7 +88,7 @@ def _variant(n: int, slot: Slot, axles: tuple[int, ...], feature: Feature, scale
     parts = [(n, feature)]
     if feature is Feature.WHEEL_SINE and n < TERMS:  # with its cosine: where the wheel stood at the start is not known
         parts.append((n + 1, Feature.WHEEL_COSINE))
-    fixed = {}
+    fixed: dict[str, float] = {}
     for k, one in parts:
         fixed |= {
             f"slot_{k}": float(slot), f"axles_{k}": mask_of(axles), f"feature_{k}": float(one), f"scale_{k}": scale[0],

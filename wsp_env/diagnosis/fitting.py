@@ -151,7 +151,9 @@ class _State:
         for one in self.variants:
             columns.append(candidates.columns(self.balances, self.model, self.base, one))
             steps.append(one.moves())
-        law = (law_columns(self.balances, self.model, self.base) * [LOG_TAU, *[MU_CD] * len(self.balances.stops)])[:, self.moves]
+        law = (law_columns(self.balances, self.model, self.base) * [LOG_TAU, *[MU_CD] * len(self.balances.stops)])[
+            :, self.moves
+        ]
         white = self.weights(np.column_stack([*columns, law]))[self.keep]
         projector = self.weights.projector
         gram, against = projector.inner(white, white), projector.inner(white, self.y[:, None])[:, 0]
@@ -190,4 +192,10 @@ class _State:
                 part = slice(first, first + len(one.sizes))
                 covariances.append(whole[part, part])
                 first += len(one.sizes)
-        return Fitted(self.model, self.variants, tuple(candidates.values_in(self.model, one) for one in self.variants), tuple(covariances), self.cost)
+        return Fitted(
+            self.model,
+            self.variants,
+            tuple(candidates.values_in(self.model, one) for one in self.variants),
+            tuple(covariances),
+            self.cost,
+        )

@@ -22,8 +22,7 @@ from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
 from wsp_env.diagnosis.stops import PreparedStop, smooth_wheels
 
 _SLIDES = 0.01  # creepage from which on the measured one is kept
-import os
-_WINDOW_S = float(os.environ.get("WIN","0.25"))
+_WINDOW_S = 0.25  # over which the kept creepage is smoothed once more: its noise is the recordings' own
 _NEWTON = 12
 
 

@@ -146,7 +146,9 @@ def screen(
     named = [one for one in listed if not one.variant.family]
     unnamed = [one for one in listed if one.variant.family]
     nothing = np.zeros((len(base), 0))
-    small = Group("small mechanisms", law.net(np.column_stack([nothing, *(one.columns / one.scale for one in named)]))[0], SMALL, True)
+    small = Group(
+        "small mechanisms", law.net(np.column_stack([nothing, *(one.columns / one.scale for one in named)]))[0], SMALL, True
+    )
     terms = law.net(np.column_stack([nothing, *(one.columns / one.scale for one in unnamed)]))[0]
     free = Group("accepted mechanisms", np.column_stack([nothing, *on]), np.inf, True)
     evidence = Evidence(replica, whitening, [*groups, free, small], base, terms)

@@ -16,7 +16,7 @@ from scipy import linalg, optimize
 #: Blocks over which the course is fitted [s]; shorter than the correlation of any noise that a filter of a receiver leaves.
 NODE_S = 0.2
 _START = (0.01, 0.02, 0.3, 0.01)
-_BOUNDS = ((1e-4, 1.0), (1e-4, 1.0), (0.1, 2.0), (1e-4, 1.0))
+_BOUNDS = ((1e-4, 1.0), (1e-4, 1.0), (0.1, 20.0), (1e-4, 1.0))
 #: Most nodes of one stop that the sizes are estimated from: more tell no more and cost their cube.
 _MOST_NODES = 300
 

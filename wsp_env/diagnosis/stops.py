@@ -104,7 +104,8 @@ class PreparedStop:
 
 def prepare(campaign: Campaign) -> tuple[list[PreparedStop], list[str]]:
     """Return the stops that can be used, and what was left out and why, with what the reader said of the runs."""
-    stops, left_out = [], [sentence for run in campaign.runs.values() for sentence in run.warnings]
+    stops: list[PreparedStop] = []
+    left_out = [sentence for run in campaign.runs.values() for sentence in run.warnings]
     left_out += _believed(campaign)
     per_bar = torque_per_bar(campaign)
     courses = {}
