@@ -1,6 +1,7 @@
-"""The diagnosis' page of a made-up answer: it says what the JSON says, marks held-out runs and what stays high."""
+"""The diagnosis' page of made-up answers: one screen says it all, no number misleads, evidence lies behind folds."""
 
 import dataclasses
+import hashlib
 
 import pytest
 
@@ -8,16 +9,23 @@ from wsp_env.diagnosis.answer import (
     Closure,
     ClosureKind,
     Diagnosis,
+    Discovered,
     Estimate,
     Evidence,
     FitQuality,
+    Location,
     Named,
     Pair,
     RunFigures,
     RunTrace,
+    Worth,
 )
 from wsp_env.diagnosis.report import write_report
-from wsp_env.diagnosis.report_runs import figures, still_high
+from wsp_env.diagnosis.report_facts import MEANINGS, confidence_said, lead, removed_said, where_said, worth_said
+from wsp_env.diagnosis.report_runs import figures, heat_maps, still_high
+from wsp_env.diagnosis.sources import signed
+from wsp_env.recordings import demo_campaign
+from wsp_env.recordings.suspect import SuspectChannel
 
 
 def figures_of(run: str, group: str) -> RunFigures:
@@ -63,19 +71,33 @@ def found() -> Diagnosis:
     )  # fmt: skip
 
 
+def page_of(found: Diagnosis, folder) -> tuple[str, str]:
+    """Return what the page shows at once, and all of it."""
+    write_report(folder / "report.html", found)
+    body = (folder / "report.html").read_text(encoding="utf-8").partition("<body>")[2]
+    return body.partition("<details>")[0], body
+
+
+DISCOVERED = Discovered(
+    "brake torque", ("brake torque", "friction"), (1,), "650 N m while braking", ("braking",),
+    {"coefficient": Estimate(650.0, "N m", (600.0, 700.0))}, ("dragging brake",), 0.93, 3.0, 500.0, 200.0,
+)  # fmt: skip
+SUSPECT = SuspectChannel("axle2_brake_torque_nm", "1000 times too small", "give it the unit kN m")
+
+
 def test_the_page_tells_where_what_and_what_remains(found, tmp_path):
-    write_report(tmp_path / "report.html", found)
-    body = (tmp_path / "report.html").read_text(encoding="utf-8").partition("<body>")[2]
+    _, body = page_of(found, tmp_path)
     for words in (
         "The track falls by 8.9 per mille more than believed (8.1 to 9.7 per mille)",
         "Run B1, held out: adhesion coefficient of axle 2",
-        "Recorded minus predicted vehicle speed",
+        "ecorded minus predicted vehicle speed",
         "vehicle in B1 (3.5)",
         "<td>adhesion patch and track gradient</td><td>310</td><td>12</td>",
         "What remains: force on the vehicle over time",
-        "<td>track gradient</td><td>rise</td><td>0.0003</td><td>-</td>",
+        "<td>track gradient</td><td>additional gradient</td><td>0.0003</td><td>(dimensionless)</td>",
     ):
         assert words in body, words
+    assert "<td>-</td>" not in body  # a lone dash reads as minus
     table = body.partition("Null band</th>")[2]
     gained = [
         table.index(f"<td>{name}") for name in ("force on the vehicle over time (closure)", "track gradient", "vehicle mass")
@@ -83,14 +105,128 @@ def test_the_page_tells_where_what_and_what_remains(found, tmp_path):
     assert gained == sorted(gained)  # by gain
 
 
+def test_the_first_screen_holds_the_message_and_one_plot_and_the_folds_the_evidence(found, tmp_path):
+    where = (Location("vehicle", (), ("A1", "B1"), "speed from 10 to 20 m/s", 1.0),)
+    worth = Worth(0.031, (0.02, 0.04), 0.2)
+    first, body = page_of(dataclasses.replace(found, location=where, worth=worth), tmp_path)
+    for words in (
+        "It makes real stops 3.1 % longer than simulated ones.",
+        MEANINGS["named"],
+        "change +2.0 to +4.0 %",
+        "in the vehicle&#x27;s speed, in every run, speed from 10 to 20 m/s",
+        "track gradient: 0.99 of 1",
+        "90 % of what the baseline leaves",
+        "Coasting over the same track",
+    ):
+        assert words in first, words
+    assert first.count("Plotly.newPlot") == 1
+    assert "chi-square" not in first
+    assert body.count("<details>") == body.count("</details>") >= 4
+
+
+def changed(found: Diagnosis, **values: object) -> Diagnosis:
+    """Return an answer without names, with other values."""
+    return dataclasses.replace(found, **({"mechanisms": (), "pairs": (), "evidence": (), "confounding": {}} | values))
+
+
+@pytest.mark.parametrize(
+    ("verdict", "values", "words"),
+    [
+        ("adequate", {"closure": None}, "mean squares in held-out runs are 6.0 times"),
+        ("insufficient", {"closure": None, "course": None}, MEANINGS["insufficient"]),
+        ("unknown", {}, "What remains: force on the vehicle over time"),
+        ("discovered", {"discovered": (DISCOVERED,)}, "650 N m while braking looks like dragging brake and may as well act on"),
+        ("data", {"suspect_channels": (SUSPECT,), "residuals": {"cells": [], "places": []}, "runs": (), "course": None,
+                  "closure": None, "detectable": {}, "fit": FitQuality(1.0, {}, {}, None)}, "give it the unit kN m"),
+    ],
+)  # fmt: skip
+def test_every_verdict_has_a_page_with_its_meaning(found, tmp_path, verdict, values, words):
+    first, body = page_of(changed(found, verdict=verdict, **values), tmp_path)
+    assert MEANINGS[verdict] in first
+    assert words in first
+    assert ("after" in first) == (verdict == "discovered")
+    if verdict == "discovered":
+        assert "The term found: 650 N m while braking" in body
+        assert "<td>coefficient</td><td>650</td><td>N m</td><td>600 to 700</td>" in body
+
+
+@pytest.mark.parametrize(
+    ("share", "words"),
+    [
+        (1.1, "all of "), (1.0, "all of "), (0.874, "87 % of "), (0.03, "most of it is still there"),
+        (0.0, "none: the held-out runs fit no better"), (-0.4, "none: the held-out runs fit no better"),
+        (None, "not measurable"),
+    ],
+)  # fmt: skip
+def test_the_share_removed_is_no_more_than_all_and_no_less_than_none(share, words):
+    assert words in removed_said(share)
+    assert "110" not in removed_said(share)
+    assert "-" not in removed_said(share).replace("held-out", "")
+
+
+def test_no_confidence_stands_beside_a_failed_held_out_test_without_it(found):
+    (one,) = found.mechanisms
+    failed = dataclasses.replace(found, mechanisms=(dataclasses.replace(one, confidence=1.0, held_out_gain=-508.0),))
+    assert confidence_said(failed) == (
+        "track gradient: above 0.99 of 1, but its held-out test failed: chi-square rises by 508 there"
+    )
+    assert "failed" not in confidence_said(found)
+
+
+def test_the_axle_that_is_named_is_the_place_whatever_else_moves(found):
+    gain = {"gain": Estimate(-0.04, "-", (-0.05, -0.03)), "axle": Estimate(2.0, "-", (2.0, 2.0))}
+    named = (Named("brake_gain_imbalance", 0.9, ("brake_gain_imbalance",), gain, 3.0, 100.0, 9.0, 40.0),)
+    where = (Location("adhesion", (1, 2, 3), ("B1",), "everywhere", 0.8),)
+    answer = dataclasses.replace(found, mechanisms=named, location=where)
+    assert where_said(answer) == "axle 2, in the adhesion while sliding, in run B1"
+    assert where_said(changed(found)) == ""
+
+
+def test_what_is_worth_nothing_in_distance_is_not_told_as_distance(found):
+    assert "1 % of its distance" in worth_said(found)  # where its size is not known, by what matters
+    slips = dataclasses.replace(found, worth=Worth(0.0, None, 0.3))
+    assert worth_said(slips) == "no change of the stopping distance; a change of slip of 0.30 m/s"
+    assert lead(slips) == found.sentence
+    assert lead(dataclasses.replace(found, worth=Worth(-0.02, None, 0.3))).endswith("2.0 % shorter than simulated ones.")
+
+
+def test_places_without_a_share_are_left_out(found, tmp_path):
+    where = (Location("vehicle", (), ("A1",), "everywhere", 0.999), Location("adhesion", (4,), ("A1",), "everywhere", 0.001))
+    _, body = page_of(dataclasses.replace(found, location=where), tmp_path)
+    assert "<td>100 %</td>" in body
+    assert "<td>0 %</td>" not in body
+
+
+def test_the_footer_names_the_files_and_their_hashes(found, tmp_path):
+    folder = demo_campaign()
+    answer = signed(found, folder)
+    content = (folder / "campaign.toml").read_bytes()
+    assert answer.sources[0].file == "campaign.toml"
+    assert answer.sources[0].sha256 == hashlib.sha256(content).hexdigest()
+    assert len(answer.sources) > 1
+    footer = page_of(answer, tmp_path)[1].partition("<footer>")[2]
+    assert answer.made in footer
+    assert answer.version in footer
+    assert all(f"{one.file} {one.sha256[:12]}" in footer for one in answer.sources)
+
+
+def test_maps_grow_darker_by_factors():
+    cells = [{"balance": "adhesion", "run": f"A{i}", "axle": 1, "before": value} for i, value in enumerate((1.0, 10.0, 100.0))]
+    (heat,) = heat_maps(cells, "run", {"before": "before"}, "run").data
+    steps = list(heat.z[0])
+    assert steps[0] == 0.0
+    assert steps[2] - steps[1] == pytest.approx(steps[1] - steps[0])
+    assert list(heat.text[0]) == ["1.0", "10", "100"]
+
+
 def test_figures_have_a_column_each_and_held_out_runs_are_marked(found):
-    by_axle, by_run = figures(found)
+    by_axle, by_run = figures(found, True)
     assert len(by_axle.rows) == 2 * len(found.runs)
     assert all(len(row) == len(by_axle.header) for row in by_axle.rows)
     assert by_axle.rows[0] == ("A1", "1", "4.00", "2.00", *["0.50"] * 6)
-    assert by_axle.rows[3][:4] == ("B1*", "2", "-", "-")
+    assert by_axle.rows[3][:4] == ("B1*", "2", "no slide", "no slide")
     assert by_run.rows[1] == ("B1*", "0.3", "0.2")
-    before = figures(dataclasses.replace(found, mechanisms=()))
+    before = figures(found, False)
     assert not any("after" in name for table in before for name in table.header)
 
 

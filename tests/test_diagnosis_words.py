@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wsp_env.diagnosis.answer import Closure, ClosureKind, Estimate, Named
-from wsp_env.diagnosis.words import described, next_test, said, sentence
+from wsp_env.diagnosis.words import described, next_test, parameter_said, parameter_words, said, sentence, unit_words
 from wsp_env.plant.mechanisms import ALL, leading_axle_cleaning
 
 
@@ -108,3 +108,25 @@ def test_closures_are_told_apart_by_their_fields_and_said_by_their_words():
     assert [kind.own_fault for kind in kinds] == [False, False, True]
     assert ClosureKind("torque", "pressure").own_fault
     assert ClosureKind("recorded speed", "deceleration").own_fault
+
+
+@pytest.mark.parametrize(
+    ("parameter", "estimate", "words"),
+    [
+        ("axle", Estimate(3.0, "-", (3.0, 3.0)), "axle 3"),
+        ("axle", Estimate(0.0, "-", (0.0, 0.0)), "every axle"),
+        ("start_m", Estimate(582.0, "m", (582.0, 582.0)), "start 582 m"),
+        ("gain", Estimate(-0.039, "-", (-0.051, -0.027)), "relative change of the gain -0.039 (-0.051 to -0.027)"),
+        ("torque_nm", Estimate(650.0, "N m", (600.0, 700.0)), "torque 650 N m (600 to 700 N m)"),
+    ],
+)
+def test_a_parameter_is_said_once_and_without_a_dash_for_a_unit(parameter, estimate, words):
+    assert parameter_said(parameter, estimate) == words
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_names_of_parameters_are_words_without_their_units(name):
+    words = [parameter_words(one.name) for one in ALL[name].parameters]
+    assert len(set(words)) == len(words)
+    assert not any("_" in one or len(one) < 3 for one in words)
+    assert "-" not in [unit_words(one.unit) for one in ALL[name].parameters]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from wsp_env.diagnosis.answer import Curve, Estimate, Location, RunFigures, RunTrace
-from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, BALANCES, VEHICLE, Balances
+from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, BALANCES, KINEMATICS, VEHICLE, Balances
 from wsp_env.diagnosis.candidates import parameter_of
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights
@@ -108,7 +108,9 @@ def course(balances: Balances, before: Model, after: Model, where: Sequence[Loca
     """
     rows = balances.rows
     scored = rows.validate if rows.validate.any() else np.ones(len(rows), dtype=bool)
-    wheels = rows.wheels & scored
+    # Where a wheel rolls freely a hair of slip moves the prediction far: shown only where that is what was found.
+    rolls = bool(where) and where[0].equation == BALANCES[KINEMATICS]
+    wheels = (rows.wheels if rolls else rows.balance == ADHESION) & scored
     if not wheels.any():
         return None
     base, extended = balances.raw(before), balances.raw(after)

@@ -163,7 +163,7 @@ def _curve(name: str, curve: Curve) -> Any:
     figure.update_layout(title=f"What it changes in the {curve.equation} balance", height=420)
     if ALL[name].signature.over == "axle":
         figure.update_xaxes(dtick=1)
-    return axes(figure, curve.over, curve.change)
+    return axes(figure, curve.over.removesuffix(" [-]"), curve.change)
 
 
 def _before_after(found: Diagnosis) -> Section | None:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from wsp_env.diagnosis.answer import Diagnosis, Discovered, Location, Named, Verdict, Worth
+from wsp_env.diagnosis.answer import Diagnosis, Discovered, FitQuality, Location, Named, Verdict, Worth
 from wsp_env.diagnosis.interest import DISTANCE, SLIP_MPS
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.report import Facts
@@ -38,6 +38,8 @@ def facts(found: Diagnosis) -> Facts:
         rows.append(("Where", place))
     if found.mechanisms or found.discovered:
         rows.append(("Removed", removed_said(found.fit.removed_validate)))
+    elif found.fit.baseline:
+        rows.append(("Misfit", misfit_said(found.fit)))
     if alike := [text for one in found.discovered if (text := _open(one))]:
         rows.append(("Left open", "; ".join(alike)))
     rows.append(("Next test", _capital(found.next_test)))
@@ -110,6 +112,14 @@ def removed_said(share: float | None) -> str:
         return f"all of {whole}"
     rest = "; most of it is still there" if share < 0.5 else ""
     return f"{100.0 * share:.0f} % of {whole}{rest}"
+
+
+def misfit_said(fit: FitQuality) -> str:
+    """Say how far the tuned law is from the recordings."""
+    held_out = "validate" in fit.baseline
+    value = fit.baseline["validate"] if held_out else max(fit.baseline.values())
+    runs = "held-out runs" if held_out else "the runs"
+    return f"mean squares in {runs} are {value:.1f} times what noise and normal variation leave"
 
 
 def where_said(found: Diagnosis) -> str:

@@ -25,23 +25,23 @@ _CLOSURES: dict[tuple[Quantity, ClosureOver], Described] = {
     ("adhesion", "slip"): Described("adhesion over slip speed", "slip speed [m/s]", _RELATIVE),
     ("adhesion", "speed"): Described("adhesion over speed", "speed [m/s]", _RELATIVE),
     ("adhesion", "work"): Described("adhesion over friction work", "friction work W_sp [J/m]", _RELATIVE),
-    ("adhesion", "axle"): Described("adhesion of each axle", "axle [-]", _RELATIVE),
+    ("adhesion", "axle"): Described("adhesion of each axle", "axle", _RELATIVE),
     ("adhesion", "time"): Described("adhesion over time", _BY_RUN, _RELATIVE),
     ("adhesion", "creepage"): Described("function of creepage", "", ""),
     ("rolling slip", "axle"): Described(
-        "slip while rolling freely", "axle [-]: offset, then per speed", "recorded less true slip [m/s], [-]"
+        "slip while rolling freely", "axle: offset, then per speed", "recorded less true slip [m/s], [-]"
     ),
     ("recorded speed", "deceleration"): Described(
         "recorded speed over deceleration", "deceleration times speed", "true less recorded speed [s2/m]"
     ),
     ("torque", "axle"): Described(
-        "torque of each axle", "axle [-]: offset, then drift", "true less believed torque [N m], [N m/s]"
+        "torque of each axle", "axle: offset, then drift", "true less believed torque [N m], [N m/s]"
     ),
     ("torque", "pressure"): Described(
         "torque over cylinder pressure", "torque by the nominal gain [N m]", "measured less believed torque [N m]"
     ),
     ("force", "speed"): Described("force on the vehicle over speed", "speed [m/s]", "resisting force [N]"),
-    ("force", "frequency"): Described("force on the vehicle swinging at {:.2g} Hz", "run [-]: sine, cosine", _LOST),
+    ("force", "frequency"): Described("force on the vehicle swinging at {:.2g} Hz", "run: sine, cosine", _LOST),
     ("force", "time"): Described("force on the vehicle over time", _BY_RUN, _LOST),
 }
 
