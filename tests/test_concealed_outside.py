@@ -253,6 +253,20 @@ def test_labels_are_frozen_before_the_first_answer(campaigns, tmp_path, monkeypa
         outside.score(campaigns, out, "")
 
 
+def test_breaking_down_on_one_campaign_leaves_the_others(campaigns, tmp_path, monkeypatch):
+    def break_down(folder):
+        if folder.parent.name == "B":
+            raise ZeroDivisionError
+        return nothing(), None
+
+    monkeypatch.setattr(outside, "each", lambda work, tasks, jobs, title: [work(task) for task in tasks])
+    monkeypatch.setattr(outside, "answer", break_down)
+    with pytest.raises(BankError, match=r"broke down on 1 of 3 campaigns, see .*B.one.failed\.txt"):
+        outside.run(campaigns, tmp_path / "out", 1)
+    assert set(answers.read_answers(tmp_path / "out" / "answers")) == {"A/one", "A/two"}
+    assert "ZeroDivisionError" in (tmp_path / "out" / "answers" / "B" / "one" / "failed.txt").read_text(encoding="utf-8")
+
+
 def test_two_versions_of_the_code_are_not_mixed(campaigns, tmp_path):
     workers.write_whole(tmp_path / "out" / "answers" / "version.json", {"sha256": "another"})
     with pytest.raises(BankError, match="another version"):

@@ -5,6 +5,7 @@ Before the first answer the labels are copied and their hash is written; from th
 
 import hashlib
 import json
+import traceback
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,7 +16,7 @@ from experiments.concealed.rates import plain
 from experiments.concealed.truths import Truth, of_label
 from experiments.concealed.workers import each, write_whole
 
-LABEL, HASH, ANSWERS, SCORE = "label.json", "labels.sha256", "answers", "score.json"
+LABEL, HASH, ANSWERS, SCORE, FAILED = "label.json", "labels.sha256", "answers", "score.json", "failed.txt"
 
 
 class Labels(NamedTuple):
@@ -68,7 +69,11 @@ def freeze(labels: Labels, out: Path) -> None:
 
 def _one(folders: tuple[Path, Path]) -> None:
     campaign, out = folders
-    write_whole(out / "diagnosis.json", answer(campaign)[0])
+    try:
+        write_whole(out / "diagnosis.json", answer(campaign)[0])
+    except Exception:  # other people's data may break the diagnosis: the rest is answered, and `run` tells
+        out.mkdir(parents=True, exist_ok=True)
+        (out / FAILED).write_text(traceback.format_exc(), encoding="utf-8")
 
 
 def run(folder: Path, out: Path, jobs: int) -> None:
@@ -77,14 +82,17 @@ def run(folder: Path, out: Path, jobs: int) -> None:
     Raises
     ------
     BankError
-        when labels or code have changed since the first answer
+        when labels or code have changed since the first answer, or the diagnosis broke down on a campaign
 
     """
     labels = read_labels(folder)
     freeze(labels, out)
     hold_version(out / ANSWERS)
     todo = [(folder / name, out / ANSWERS / name) for name in labels.truths]
-    each(_one, [one for one in todo if not (one[1] / "diagnosis.json").is_file()], jobs, "diagnoses")
+    missing = [one for one in todo if not (one[1] / "diagnosis.json").is_file()]
+    each(_one, missing, jobs, "diagnoses")
+    if broken := [out for _, out in missing if not (out / "diagnosis.json").is_file()]:
+        raise BankError(f"the diagnosis broke down on {len(broken)} of {len(todo)} campaigns, see {broken[0] / FAILED}")
 
 
 def score(folder: Path, out: Path, title: str) -> dict[str, Any]:
