@@ -6,21 +6,24 @@ import math
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 
 import experiments.concealed as package
 from experiments.concealed import interest
 from experiments.concealed.campaign import build
-from experiments.concealed.effects import ALL, FOREIGN, LIBRARY, Place
-from experiments.concealed.plan import CONFOUNDED, SHARES, Case, plan
+from experiments.concealed.effects import ALL, FOREIGN, LIBRARY, NAMED, Place, library_names
+from experiments.concealed.faults import DELAYS_S, FAULTS, inject
+from experiments.concealed.plan import CONFOUNDED, MIXED, SHARES, Case, plan
 from experiments.concealed.records import Effects
 from experiments.concealed.sensors import DEVIATION, QUANTUM, SAMPLE_S, record
 from experiments.concealed.setup import GRAVITY_MPS2, Setup, draw, make_law, reference
 from experiments.concealed.truth import STEP_S, limit, rub, simulate, solve
 from wsp_env.contact.degraded import degraded_adhesion
 from wsp_env.parameters import velim
+from wsp_env.plant import mechanisms
 
-TRUTH = ("truth", "records", "setup", "effects", "sensors", "interest", "campaign", "plan")
+TRUTH = ("truth", "records", "setup", "effects", "sensors", "interest", "campaign", "plan", "faults")
 SIZES = interest.sizes()
 pytestmark = pytest.mark.xdist_group("small bank")  # with the tests that make one: the truth model is compiled once
 
@@ -179,7 +182,7 @@ def test_lagging_sensor_is_late_by_its_lag_in_a_steady_deceleration():
     assert (lagged - plain)[middle].mean() == pytest.approx(-0.3 * rate, rel=0.01)
 
 
-@pytest.mark.parametrize("cases", [5, 8, 60, 228, 230])
+@pytest.mark.parametrize("cases", [7, 8, 60, 228, 240])
 def test_plan_holds_every_class(cases):
     planned = plan(cases)
     assert [case.index for case in planned] == list(range(cases))
@@ -189,13 +192,17 @@ def test_plan_holds_every_class(cases):
     if cases >= 228:
         assert sum(case.kind == "null" for case in planned) >= 60
         singles = [case.effects[0] for case in planned if case.kind == "single"]
-        assert {name: singles.count(name) >= 5 for name in LIBRARY} == dict.fromkeys(LIBRARY, True)
+        assert {name: singles.count(name) >= 4 for name in NAMED} == dict.fromkeys(NAMED, True)
         assert {case.effects[0] for case in planned if case.kind == "foreign"} == set(FOREIGN)
+        assert {case.fault for case in planned if case.kind == "fault"} == set(FAULTS)
+        unknown = [case for case in planned if not case.start_positions]
+        assert {case.kind for case in unknown} == {"null", "single"}
+        assert "adhesion_patch" not in [name for case in unknown for name in case.effects]
         assert {case.recipe for case in planned if case.kind == "confounded"} == set(range(len(CONFOUNDED)))
 
 
 def test_plan_refuses_fewer_cases_than_classes():
-    with pytest.raises(ValueError, match="at least 5"):
+    with pytest.raises(ValueError, match="at least 7"):
         plan(4)
 
 
@@ -208,3 +215,37 @@ def test_draws_are_the_case_s_own_and_sizes_do_not_disturb_them():
     assert smaller[0].size == pytest.approx(0.5 * effects[0].size)
     assert effects[0].multiple == pytest.approx(2.0)
     assert one.runs["A1"].slope == pytest.approx(effects[0].size)
+
+
+def test_effects_have_the_library_s_names_or_none():
+    assert set(library_names(NAMED)) <= set(mechanisms.LIBRARY)
+    assert library_names(["slack_action", "hunting"]) == ["coupler_force"]
+    assert not set(FOREIGN) & set(mechanisms.LIBRARY)
+    assert all(effect.slots for effect in FOREIGN.values())
+    assert all((first in NAMED, second in FOREIGN) == (True, True) for first, second in MIXED)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_fault_spoils_its_channel_and_no_other(tmp_path, fault, suffix):
+    rng = np.random.default_rng(2)
+    names = [f"axle{k}_{what}" for k in (1, 2, 3, 4) for what in ("wheel_speed_radps", "brake_torque_nm")]
+    before = pl.DataFrame({"time_s": np.arange(200) * 0.01, **{name: rng.uniform(1.0, 9.0, 200) for name in names}})
+    file = tmp_path / f"A1.{suffix}"
+    (before.write_csv if suffix == "csv" else before.write_parquet)(file)
+    axles = inject(tmp_path, fault, 0, 5)
+    after = pl.read_csv(file) if suffix == "csv" else pl.read_parquet(file)
+    changed = [name for name in before.columns if not np.allclose(before[name], after[name])]
+    what = "brake_torque_nm" if fault.startswith("torque") else "wheel_speed_radps"
+    assert sorted(changed) == sorted(f"axle{k}_{what}" for k in axles)
+    old, new = before[changed[0]].to_numpy(), after[changed[0]].to_numpy()
+    late = round(DELAYS_S[0] / 0.01)
+    expected = {
+        "torque in another unit": lambda: np.allclose(new, 1e-3 * old),
+        "torque halved": lambda: np.allclose(new, 0.5 * old),
+        "torque offset": lambda: np.allclose(new, old + 2000.0),
+        "wheel speed delayed": lambda: np.allclose(new[late:], old[:-late]),
+        "wheel speed copied": lambda: any(np.allclose(new, before[name]) for name in names if name != changed[0]),
+        "wheel speeds swapped": lambda: np.allclose(new, before[changed[1]]) and np.allclose(old, after[changed[1]]),
+    }
+    assert expected[fault]()

@@ -1,4 +1,4 @@
-"""Command: `python -m experiments.concealed [bank | diagnose | rivals | score | page | interest]`.
+"""Command: `python -m experiments.concealed [bank | diagnose | rivals | score | outside | page | interest]`.
 
 Without a subcommand the first four, one after the other.
 """
@@ -13,14 +13,17 @@ from typing import Any
 import tyro
 from rich import print as show
 
-from experiments.concealed import bank, diagnoses, interest, page, rivals
+from experiments.concealed import bank, interest, outside, page
+from experiments.concealed.answers import read_answers
 from experiments.concealed.effects import ALL
+from experiments.concealed.errors import BankError
 from experiments.concealed.plan import SHARES
-from experiments.concealed.required import checks
-from experiments.concealed.score import plain, read_answers, score
+from experiments.concealed.rates import plain
+from experiments.concealed.required import Check, checks, common
+from experiments.concealed.score import score
 
 #: Cases of the small version: enough for every class.
-SMALL = 8
+SMALL = len(SHARES)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,8 +31,8 @@ class Bank:
     """Generate the bank and publish the hash of its labels; goes on where it was broken off."""
 
     out: Path = Path("out/concealed")  # folder of the bank, its answers and its figures
-    cases: int = 230  # campaigns to make, of all classes; the figures count from 200 on
-    seed: int = 2  # of the bank; 1 was looked at while the diagnosis was made
+    cases: int = 240  # campaigns to make, of all classes; the figures count from 200 on
+    seed: int = 4  # of the bank; 1 to 3 were looked at while the diagnosis was made
     jobs: int = multiprocessing.cpu_count()  # cases worked on side by side, a process each
     small: bool = False  # make a few cases only
 
@@ -53,6 +56,8 @@ class Diagnose:
 
     def run(self) -> None:
         """Run."""
+        from experiments.concealed import diagnoses  # looks inside the diagnosis, which the other steps do not need
+
         diagnoses.run(self.out, self.jobs)
 
 
@@ -65,6 +70,8 @@ class Rivals:
 
     def run(self) -> None:
         """Run."""
+        from experiments.concealed import rivals  # the same
+
         rivals.run(self.out, self.jobs)
 
 
@@ -78,19 +85,36 @@ class Score:
         """Run."""
         labels = bank.read_labels(self.out)
         figures = score(labels, read_answers(self.out / "diagnoses"))
-        for one in checks(figures):
-            mark = {True: "met", False: "NOT MET", None: "nothing to measure"}[one.met]
-            show(f"{mark:8s} {one.what}: {one.measured}, required {one.required}")
+        _told(checks(figures))
         _write(self.out / "score.json", figures)
-        for name in rivals.NAMES:
+        for name in page.RIVALS:
             if (folder := self.out / "rivals" / name).is_dir():
                 _write(folder / "score.json", score(labels, read_answers(folder)))
         show(f"all figures: {self.out / 'score.json'}, of the rivals: {self.out / 'rivals'}")
 
 
 @dataclasses.dataclass(frozen=True)
+class Outside:
+    """Diagnose and score campaigns that somebody else made: folders below DIR with campaign.toml and label.json."""
+
+    folder: tyro.conf.Positional[Path]  # holds the campaigns
+    out: Path | None = None  # folder of answers and figures; out/concealed/outside/NAME of the folder, where `page` looks
+    title: str = ""  # of the tables; the folder's name where left out
+    jobs: int = 2  # campaigns worked on side by side, a process of one thread each
+
+    def run(self) -> None:
+        """Run."""
+        out = self.out or Path("out/concealed") / page.OUTSIDE / self.folder.resolve().name
+        outside.run(self.folder, out, self.jobs)
+        found = outside.score(self.folder, out, self.title or self.folder.resolve().name)
+        _told(common(found["promised"]))
+        (out / "page.md").write_text(page.others(found), encoding="utf-8")
+        show(f"all figures: {out / outside.SCORE}, their tables: {out / 'page.md'}")
+
+
+@dataclasses.dataclass(frozen=True)
 class Page:
-    """Put the figures of OUT into docs/concealed.md and the pictures beside it."""
+    """Put the figures of OUT, and of OUT/outside/*, into docs/concealed.md and the pictures beside it."""
 
     out: Path = Path("out/concealed")  # folder of the bank, its answers and its figures
     docs: Path = Path("docs")  # folder of the page
@@ -127,19 +151,26 @@ class Everything(Bank):
         Score(self.out).run()
 
 
+def _told(found: list[Check]) -> None:
+    for one in found:
+        mark = {True: "met", False: "NOT MET", None: ""}[one.met]
+        show(f"{mark:8s} {one.what}: {one.measured}, required: {one.required}")
+
+
 def _write(file: Path, figures: dict[str, Any]) -> None:
     file.write_text(json.dumps(plain(figures), indent=1) + "\n", encoding="utf-8")
 
 
 def main() -> int:
     """Run the command line; 1 after an error that the user can repair."""
-    named = {"bank": Bank, "diagnose": Diagnose, "rivals": Rivals, "score": Score, "page": Page, "interest": Interest}
+    named = {"bank": Bank, "diagnose": Diagnose, "rivals": Rivals, "score": Score, "outside": Outside, "page": Page,
+             "interest": Interest}  # fmt: skip
     try:
         if len(sys.argv) > 1 and sys.argv[1] in named:
             tyro.cli(named[sys.argv[1]], args=sys.argv[2:], prog=f"python -m experiments.concealed {sys.argv[1]}").run()
         else:
             tyro.cli(Everything, prog="python -m experiments.concealed", description=__doc__).run()
-    except bank.BankError as error:
+    except BankError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     return 0

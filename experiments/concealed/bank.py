@@ -13,6 +13,8 @@ from rich.progress import track
 
 from experiments.concealed.campaign import build, label, write
 from experiments.concealed.concealment import passes, worst_error
+from experiments.concealed.errors import BankError
+from experiments.concealed.faults import inject
 from experiments.concealed.interest import drive, sizes
 from experiments.concealed.plan import Case, plan
 
@@ -20,10 +22,6 @@ from experiments.concealed.plan import Case, plan
 #: when no draw helped, from the first draw on it is made smaller still.
 SHRINK, SHRINKS = 0.75, 6
 DRAWS, ROUNDS = 8, 2
-
-
-class BankError(ValueError):
-    """A bank that cannot be made or scored; the message says how to repair it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,6 +39,8 @@ def generate(job: Job) -> str:
     part = job.out / "labels" / f"{case.name}.json"
     if not part.is_file():
         truth = _concealed(job)
+        if case.fault:  # after the paper's validation: it asks what is missing in the law, and not in a channel
+            truth |= {"fault_axles": inject(job.out / "campaigns" / case.name, case.fault, case.repeat, job.seed + case.index)}
         part.parent.mkdir(parents=True, exist_ok=True)
         unfinished = part.with_suffix(".tmp")
         unfinished.write_text(json.dumps(truth), encoding="utf-8")

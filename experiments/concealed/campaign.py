@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 
 from experiments.concealed import setup as believed
-from experiments.concealed.effects import ALL, LIBRARY, SENSOR_FAULTS, Place
+from experiments.concealed.effects import ALL, SENSOR_FAULTS, Place, library_names
 from experiments.concealed.interest import drive, key
 from experiments.concealed.plan import CONFOUNDED, Case
 from experiments.concealed.records import PlannedStop
@@ -127,7 +127,8 @@ kinetic_friction_r = {believed.MU_CR}
 kinetic_friction_d = {setup.believed_mu_cd}
 """
     runs = [
-        f'\n[runs.{name}]\nfile = "{name}.{suffix}"\nstart_position_m = {run.position:.2f}\n'
+        f'\n[runs.{name}]\nfile = "{name}.{suffix}"\n'
+        + (f"start_position_m = {run.position:.2f}\n" if case.start_positions else "")
         for name, run in setup.runs.items()
     ]
     return head + "".join(runs)
@@ -138,12 +139,15 @@ def label(
 ) -> dict[str, Any]:
     """Return what is true of the case; `effect_m` are the distances that the same stops take without the effects."""
     moved = [distances[name] / effect_m[name] - 1.0 for name in distances]
-    verdict = {"null": "adequate", "foreign": "unknown"}.get(case.kind, "named")
+    verdict = {"null": "adequate", "foreign": "discovered", "fault": "data"}.get(case.kind, "named")
+    alien = [one for one in concealed if ALL[one.name].slots]
     return {
         "class": case.kind,
         "sensor_fault": any(name in SENSOR_FAULTS for name in case.effects),
         "verdict": verdict,
-        "mechanisms": [name for name in case.effects if name in LIBRARY],
+        "mechanisms": library_names(case.effects),
+        "slots": [slot for one in alien for slot in ALL[one.name].slots],
+        "slot_axles": [one.place.axle % case.axles + 1 for one in alien if ALL[one.name].on_axle],
         "effects": [
             {
                 "name": one.name,
@@ -157,6 +161,8 @@ def label(
         ],
         "why_confounded": CONFOUNDED[case.recipe].why if case.recipe >= 0 else "",
         "distance_change": float(np.mean(moved)),
+        "fault": case.fault,
+        "start_positions": case.start_positions,
         "noise": case.noise,
         "axles": case.axles,
         "measured_torque": case.measured_torque,

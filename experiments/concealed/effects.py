@@ -1,4 +1,4 @@
-"""The effects that a case may conceal: eighteen of the library's names, and some that no library has.
+"""The effects that a case may conceal: those that the library has a name for, and some that no library has.
 
 Each is a function of (setup, size, place) that returns the setup with the effect in it; at size 0 nothing changes. `Place`
 says where: which axle, where along the track, which variant. Sizes are in the unit stated and may be negative where
@@ -6,7 +6,7 @@ says where: which axle, where along the track, which variant. Sizes are in the u
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +37,9 @@ class ConcealedEffect(NamedTuple):
     least_axles: int = 1
     variants: tuple[str, ...] = ("",)
     assumed: float = 0.0  # smallest size of interest where no reference stop would show any
+    named: str = ""  # the library's name for it, where it is another one
+    slots: tuple[str, ...] = ()  # where a term without a name acts, any of which is right; of what no library has
+    on_axle: bool = False  # such a term acts on the place's axle alone
 
 
 def _effects(setup: Setup, **changes: float) -> Setup:
@@ -94,6 +97,7 @@ def _slope(setup: Setup, size: float, _: Place) -> Setup:
     return _in_every_run(setup, lambda run: run._replace(slope=run.slope + size))
 
 
+#: The eighteen names of the library that the truth was first written for.
 LIBRARY: dict[str, ConcealedEffect] = {
     effect.name: effect
     for effect in (
@@ -121,23 +125,40 @@ LIBRARY: dict[str, ConcealedEffect] = {
     )
 }  # fmt: skip
 
-#: In no library: what a diagnosis has to call unknown.
-FOREIGN: dict[str, ConcealedEffect] = {
+#: Effects that got a name in the library after this truth had been written.
+NEWER: dict[str, ConcealedEffect] = {
     effect.name: effect
     for effect in (
         ConcealedEffect("sanding", "gain of friction", "-", 3.0, False, lambda s, z, _: _effects(s, sand=z)),
         ConcealedEffect("slack_action", "swinging force", "N", 3e4, False, lambda s, z, _: _effects(s, slack=z),
-               assumed=500.0),  # about 1 % of the braking force
-        ConcealedEffect("hunting", "share of adhesion", "-", 0.9, False, lambda s, z, _: _effects(s, hunting=z)),
-        ConcealedEffect("wind_gusts", "force at 30 m/s", "N", 3e4, False, lambda s, z, _: _effects(s, gusts=z)),
+               assumed=500.0, named="coupler_force"),  # about 1 % of the braking force
         ConcealedEffect("dragging_brake", "torque", "N m", 3e3, False,
                lambda s, z, p: _effects(s, dragging=z, dragging_axle=float(p.axle % s.axles)), pressure_only=True),
-        ConcealedEffect("radar_pitch", "error per deceleration", "s2/m", 0.1, False, lambda s, z, _: _sensors(s, pitch_s2pm=z)),
-        ConcealedEffect("torque_drift", "drift", "N m/s", 300.0, True,
-               lambda s, z, p: _sensors(s, drift_nmps=z, drift_axle=p.axle % s.axles),
-               assumed=2.5),  # about 1 % of the torque in half a minute
     )
 }  # fmt: skip
 
-ALL = LIBRARY | FOREIGN
+#: In no library: what a diagnosis may describe, but has to leave without a name.
+FOREIGN: dict[str, ConcealedEffect] = {
+    effect.name: effect
+    for effect in (
+        ConcealedEffect("hunting", "share of adhesion", "-", 0.9, False, lambda s, z, _: _effects(s, hunting=z),
+               slots=("friction",)),
+        ConcealedEffect("wind_gusts", "force at 30 m/s", "N", 3e4, False, lambda s, z, _: _effects(s, gusts=z),
+               slots=("vehicle force",)),
+        ConcealedEffect("radar_pitch", "error per deceleration", "s2/m", 0.1, False, lambda s, z, _: _sensors(s, pitch_s2pm=z),
+               slots=("sensor",)),
+        ConcealedEffect("torque_drift", "drift", "N m/s", 300.0, True,
+               lambda s, z, p: _sensors(s, drift_nmps=z, drift_axle=p.axle % s.axles),
+               assumed=2.5, slots=("brake torque", "sensor"), on_axle=True),  # about 1 % of the torque in half a minute
+    )
+}  # fmt: skip
+
+#: All that the library has a name for.
+NAMED = LIBRARY | NEWER
+ALL = NAMED | FOREIGN
 SENSOR_FAULTS = ("wheel_radius", "wheel_speed_lag", "clock_offset", "radar_pitch", "torque_drift")
+
+
+def library_names(effects: Iterable[str]) -> list[str]:
+    """Return the library's names of those effects that it has a name for."""
+    return [ALL[name].named or name for name in effects if name in NAMED]

@@ -5,8 +5,10 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
-from experiments.concealed.effects import FOREIGN, LIBRARY
-from experiments.concealed.score import SIZES, Rate
+from experiments.concealed.effects import FOREIGN, NAMED
+from experiments.concealed.rates import Rate
+from experiments.concealed.score import SIZES
+from wsp_env.plant.mechanisms import LIBRARY
 from wsp_env.report import COLOURS
 
 Figures = dict[str, Any]
@@ -78,8 +80,8 @@ def _power(plt: Any, figures: Figures) -> Any:
 
 def _confusion(plt: Any, figures: Figures) -> Any:
     table = figures["confusion"]
-    rows = [name for name in (*LIBRARY, "nothing", *FOREIGN) if name in table]
-    columns = [*LIBRARY, "unknown", "adequate", "insufficient"]
+    rows = [name for name in (*NAMED, "nothing", *FOREIGN) if name in table]
+    columns = [*LIBRARY, "discovered", "unknown", "data", "adequate", "insufficient"]
     figure, axes = plt.subplots(figsize=(9.5, 9.5))
     shares = [[table[row].get(column, 0) / sum(table[row].values()) for column in columns] for row in rows]
     axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
@@ -89,8 +91,9 @@ def _confusion(plt: Any, figures: Figures) -> Any:
                 axes.text(j, i, count, ha="center", va="center", color="white" if shares[i][j] > 0.6 else "black", fontsize=8)
     axes.set_xticks(range(len(columns)), [name.replace("_", " ") for name in columns], rotation=60, ha="right")
     axes.set_yticks(range(len(rows)), [name.replace("_", " ") for name in rows])
-    for edge in (len(LIBRARY), len(LIBRARY) + 1):
-        axes.axhline(min(sum(name in LIBRARY for name in rows) + edge - len(LIBRARY), len(rows)) - 0.5, color="grey", lw=0.8)
+    named = sum(name in NAMED for name in rows)
+    for edge in (named, named + ("nothing" in rows)):
+        axes.axhline(edge - 0.5, color="grey", lw=0.8)
     axes.axvline(len(LIBRARY) - 0.5, color="grey", lw=0.8)
     axes.set(xlabel="first name answered, or the verdict", ylabel="what is true")
     return figure
@@ -99,7 +102,7 @@ def _confusion(plt: Any, figures: Figures) -> Any:
 def _calibration(plt: Any, figures: Figures) -> Any:
     figure, axes = plt.subplots(figsize=(4.6, 4.2))
     axes.plot([0, 1], [0, 1], color="grey", lw=0.8)
-    bins = figures["calibration"]["bins"]
+    bins = figures["promised"]["calibration"]["bins"]
     if bins:
         right = [one["rate"] for one in bins]
         _bars(axes, [one["confidence"] for one in bins], right, fmt="o", color=COLOURS[0])
@@ -113,11 +116,12 @@ def _calibration(plt: Any, figures: Figures) -> Any:
 
 #: Figures that are compared, and where they stand.
 COMPARED = {
-    "false alarms on nulls": ("false_alarms",),
+    "false alarms on nulls": ("promised", "false_alarms"),
     "right name first, separable": ("separable", "right_name_first"),
     "truth in a reported set": ("separable", "in_set"),
-    "both of a pair": ("pairs_both_found",),
-    "outside the library: named": ("foreign_named_wrongly",),
+    "a name that is not there": ("promised", "not_there"),
+    "both of a pair": ("promised", "pairs_both"),
+    "outside the library: named": ("promised", "outside_named"),
 }
 
 

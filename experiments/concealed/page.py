@@ -1,21 +1,30 @@
-"""Puts the figures of a scored bank into the page: every table and picture of docs/concealed.md is made here."""
+"""Puts the figures of scored campaigns into the page: every table and picture of docs/concealed.md is made here."""
 
 import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from experiments.concealed.bank import BankError
+from experiments.concealed.errors import BankError
 from experiments.concealed.figures import COMPARED, draw, of
-from experiments.concealed.required import checks, percent, put
-from experiments.concealed.rivals import NAMES
-from experiments.concealed.score import restored
+from experiments.concealed.rates import percent, put, restored
+from experiments.concealed.required import Check, checks, common
 
 PAGE, PICTURES = "concealed.md", "concealed"
-#: The rivals in words.
-RIVALS = dict(zip(NAMES, ("BIC only", "held-out only", "black box"), strict=True))
+#: The rivals in words, by the names of their folders.
+RIVALS = {"bic": "BIC only", "held_out": "held-out only", "black_box": "black box"}
+#: Folder, beside the bank's answers, of those to other people's campaigns.
+OUTSIDE = "outside"
 _BLOCK = re.compile(r"(<!-- begin: (?P<name>\w+) -->\n).*?(<!-- end: (?P=name) -->)", re.DOTALL)
+
+
+class Bank(NamedTuple):
+    """What identifies a bank."""
+
+    command: str
+    labels: str  # SHA-256
+    version: dict[str, str] | None  # of the diagnosis
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -24,38 +33,70 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines) + "\n"
 
 
-def blocks(figures: dict[str, Any], rivals: dict[str, dict[str, Any]], bank: dict[str, str]) -> dict[str, str]:
+def compared(found: Sequence[Check]) -> str:
+    """Return figures against what is required of them, as a table."""
+    return table(["figure", "required", "measured", "met"], [[*one[:3], one.mark] for one in found])
+
+
+def grouped(groups: dict[str, dict[str, Any]]) -> str:
+    """Return a table of the common figures for every group of campaigns."""
+    return "\n".join(f"{name[0].upper()}{name[1:]}:\n\n{compared(common(one))}" for name, one in groups.items())
+
+
+def others(scored: dict[str, Any]) -> str:
+    """Return the tables of one set of other people's campaigns."""
+    head = f"### {scored['title']}\n\n{identified(scored['code'], scored['labels'])}\n"
+    parts = grouped(scored["groups"])
+    return head + compared(common(scored["promised"])) + (f"\n{parts}" if parts else "")
+
+
+def identified(version: dict[str, str] | None, labels: str) -> str:
+    """Say in a paragraph of what version of the diagnosis figures are, and of which labels."""
+    if version is None:
+        return f"Version of the diagnosis: not noted. SHA-256 of the labels: `{labels}`.\n"
+    return (
+        f"Diagnosed with release {version.get('release', 'not noted')}, SHA-256 of the code `{version['sha256']}`. "
+        f"SHA-256 of the labels: `{labels}`.\n"
+    )
+
+
+def blocks(
+    figures: dict[str, Any], rivals: dict[str, dict[str, Any]], bank: Bank, outside: Sequence[dict[str, Any]]
+) -> dict[str, str]:
     """Return the text of every generated block.
 
     Parameters
     ----------
     rivals : the same figures of every rival, by its name in words
-    bank : what identifies it, in words
+    outside : what `outside.score` wrote, of every set of other people's campaigns
 
     """
-    cases, words = figures["cases"], {True: "yes", False: "**no**", None: "nothing to measure"}
+    cases = figures["cases"]
     kinds = ", ".join(f"{count} {kind}" for kind, count in cases.items())
-    required = [[one.what, one.required, one.measured, words[one.met]] for one in checks(figures)]
+    required = checks(figures)
     contestants = {"wsp diagnose": figures} | rivals
-    compared = [[what, *(put(of(one, path)) for one in contestants.values())] for what, path in COMPARED.items()]
+    against = [[what, *(put(of(one, path)) for one in contestants.values())] for what, path in COMPARED.items()]
     return {
-        "bank": table(["", ""], [["cases", f"{sum(cases.values())}: {kinds}"], *([key, value] for key, value in bank.items())]),
-        "required": table(["figure", "required", "measured", "met"], required),
-        "missed": _missed(required),
+        "bank": f"{identified(bank.version, bank.labels)}\n"
+        + table(["", ""], [["cases", f"{sum(cases.values())}: {kinds}"], ["command", bank.command]]),
+        "required": compared(required),
+        "groups": grouped(figures["groups"]) or "All cases are of one group.\n",
+        "outside": "\n".join(others(one) for one in outside) or "No campaigns of others were diagnosed.\n",
+        "missed": _missed({"this bank": required} | {one["title"]: common(one["promised"]) for one in outside}),
         "power": _picture("power", "Power by size and noise") + _power(figures),
         "effects": _effects(figures),
         "confusion": _picture("confusion", "First names answered by what is true") + _foreign(figures),
         "parameters": _parameters(figures),
         "calibration": _picture("calibration", "Stated confidence and share that is true") + _calibration(figures),
-        "rivals": _picture("rivals", "Rivals on the same bank") + table(["figure", *contestants], compared),
+        "rivals": _picture("rivals", "Rivals on the same bank") + table(["figure", *contestants], against),
     }
 
 
-def _missed(required: list[list[str]]) -> str:
-    missed = [row[:3] for row in required if row[3] == "**no**"]
+def _missed(truths: dict[str, list[Check]]) -> str:
+    missed = [[truth, *one[:3]] for truth, found in truths.items() for one in found if one.met is False]
     if not missed:
         return "Every figure is as required.\n"
-    return table(["figure", "required", "measured"], missed)
+    return table(["campaigns", "figure", "required", "measured"], missed)
 
 
 def _picture(name: str, text: str) -> str:
@@ -88,10 +129,10 @@ def _effects(figures: dict[str, Any]) -> str:
 
 def _foreign(figures: dict[str, Any]) -> str:
     rows = [
-        ["nulls: alarms", put(figures["false_alarms"])],
-        ["outside the library: seen", put(figures["foreign_seen"])],
-        ["outside the library: called by a library name", put(figures["foreign_named_wrongly"])],
-        ["pairs: both found", put(figures["pairs_both_found"])],
+        ["nulls: alarms", put(figures["promised"]["false_alarms"])],
+        ["outside the library: seen", put(figures["promised"]["outside_seen"])],
+        ["outside the library: called by a library name", put(figures["promised"]["outside_named"])],
+        ["pairs: both found", put(figures["promised"]["pairs_both"])],
         ["pairs: one found", put(figures["pairs_one_found"])],
         ["confounded: not named wrongly", put(figures["confounded_honest"])],
     ]
@@ -99,7 +140,7 @@ def _foreign(figures: dict[str, Any]) -> str:
 
 
 def _parameters(figures: dict[str, Any]) -> str:
-    parameters, removed = figures["parameters"], figures["removed_share"]
+    parameters, removed = figures["promised"]["parameters"], figures["removed_share"]
     groups = {"all": parameters, **parameters["by_effect"]}
     rows = [
         [name.replace("_", " "), str(one["relative_error"]["count"]), percent(one["relative_error"]["median"]),
@@ -124,7 +165,7 @@ def _parameters(figures: dict[str, Any]) -> str:
 
 
 def _calibration(figures: dict[str, Any]) -> str:
-    one = figures["calibration"]
+    one = figures["promised"]["calibration"]
     if not one["claims"]:
         return "Nothing was named.\n"
     return (
@@ -134,7 +175,7 @@ def _calibration(figures: dict[str, Any]) -> str:
 
 
 def fill(out: Path, docs: Path) -> None:
-    """Fill the page's blocks and draw its pictures from a scored bank.
+    """Fill the page's blocks and draw its pictures from a scored bank, and from others' campaigns scored beside it.
 
     Raises
     ------
@@ -145,10 +186,10 @@ def fill(out: Path, docs: Path) -> None:
     score, page = out / "score.json", docs / PAGE
     if not score.is_file():
         raise BankError(f"{out} holds no score.json: run `score --out {out}` first")
-    figures = restored(json.loads(score.read_text(encoding="utf-8")))
-    read = {words: out / "rivals" / name / "score.json" for name, words in RIVALS.items()}
-    rivals = {words: restored(json.loads(file.read_text(encoding="utf-8"))) for words, file in read.items() if file.is_file()}
-    made = blocks(figures, rivals, _identity(out))
+    figures = _read(score)
+    files = {words: out / "rivals" / name / "score.json" for name, words in RIVALS.items()}
+    rivals = {words: _read(file) for words, file in files.items() if file.is_file()}
+    made = blocks(figures, rivals, _bank(out), [_read(file) for file in sorted((out / OUTSIDE).glob("*/score.json"))])
     text = page.read_text(encoding="utf-8")
     marked = [match["name"] for match in _BLOCK.finditer(text)]
     if sorted(marked) != sorted(made):
@@ -157,13 +198,16 @@ def fill(out: Path, docs: Path) -> None:
     page.write_text(_BLOCK.sub(lambda match: match[1] + made[match["name"]] + match[3], text), encoding="utf-8")
 
 
-def _identity(out: Path) -> dict[str, str]:
+def _read(file: Path) -> dict[str, Any]:
+    read: dict[str, Any] = restored(json.loads(file.read_text(encoding="utf-8")))
+    return read
+
+
+def _bank(out: Path) -> Bank:
     head = json.loads((out / "bank.json").read_text(encoding="utf-8"))
-    reported = {
-        "command": f"`python -m experiments.concealed bank --cases {head['cases']} --seed {head['seed']}`",
-        "SHA-256 of the labels": f"`{(out / 'labels.sha256').read_text(encoding='utf-8').split()[0]}`",
-    }
     version = out / "diagnoses" / "version.json"
-    if version.is_file():
-        reported["SHA-256 of the code diagnosed with"] = f"`{json.loads(version.read_text(encoding='utf-8'))['sha256']}`"
-    return reported
+    return Bank(
+        f"`python -m experiments.concealed bank --cases {head['cases']} --seed {head['seed']}`",
+        (out / "labels.sha256").read_text(encoding="utf-8").split()[0],
+        json.loads(version.read_text(encoding="utf-8")) if version.is_file() else None,
+    )

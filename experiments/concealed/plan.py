@@ -4,10 +4,13 @@ import dataclasses
 import math
 from typing import NamedTuple
 
-from experiments.concealed.effects import FOREIGN, LIBRARY
+from experiments.concealed.effects import FOREIGN, NAMED
+from experiments.concealed.faults import FAULTS
 
 #: Share of the bank by class.
-SHARES = {"null": 0.28, "single": 0.47, "pair": 0.07, "confounded": 0.06, "foreign": 0.12}
+SHARES = {
+    "null": 0.265, "single": 0.42, "pair": 0.07, "confounded": 0.05, "foreign": 0.085, "mixed": 0.04, "fault": 0.07,
+}  # fmt: skip
 
 #: Multiples of the smallest effect of interest and noise levels that every library effect gets, in this order.
 SINGLE_DESIGN = ((2.0, 1.0), (4.0, 1.0), (1.0, 1.0), (2.0, 2.0), (8.0, 1.0), (2.0, 0.5))
@@ -24,6 +27,16 @@ PAIRS = (
     ("flash_temperature", "brake_gain_imbalance"), ("contaminant_memory", "wheel_radius"),
     ("leading_axle_cleaning", "load_transfer"), ("vehicle_mass", "speed_dependent_friction"),
 )  # fmt: skip
+
+#: An effect of the library and one that is in none, in other balances, so that neither hides the other.
+MIXED = (
+    ("vehicle_mass", "hunting"), ("wheel_radius", "wind_gusts"), ("leading_axle_cleaning", "torque_drift"),
+    ("load_transfer", "radar_pitch"), ("aerodynamic_drag", "hunting"), ("adhesion_patch", "wind_gusts"),
+)  # fmt: skip
+#: What is true beside a faulty channel, in turn: mostly nothing.
+BESIDE_FAULT: tuple[tuple[str, ...], ...] = ((), ("vehicle_mass",), (), ("leading_axle_cleaning",))
+#: Of so many nulls, and of so many singles, one has no start positions.
+PLACELESS_NULLS, PLACELESS_SINGLES = 10, 12
 
 
 class Recipe(NamedTuple):
@@ -65,6 +78,8 @@ class Case:
     axles: int = 4
     measured_torque: bool = False
     recipe: int = -1  # of CONFOUNDED
+    start_positions: bool = True  # whether the campaign says where its stops begin
+    fault: str = ""  # of FAULTS
 
     @property
     def name(self) -> str:
@@ -85,7 +100,8 @@ def plan(cases: int) -> list[Case]:
         raise ValueError(f"a bank needs at least {len(SHARES)} cases, one of each class, got {cases}")
     numbers = {kind: max(1, math.floor(share * cases)) for kind, share in SHARES.items()}
     numbers["single"] += cases - sum(numbers.values())
-    makers = {"null": _null, "single": _single, "pair": _pair, "confounded": _confounded, "foreign": _foreign}
+    makers = {"null": _null, "single": _single, "pair": _pair, "confounded": _confounded, "foreign": _foreign,
+              "mixed": _mixed, "fault": _fault}  # fmt: skip
     drafts = [makers[kind](i) for kind, number in numbers.items() for i in range(number)]
     # Neighbours in the bank should not be of one kind: a step prime to the number scatters them, the same way every time.
     step = next(s for s in range(max(2, round(0.618 * cases)), 2 * cases) if math.gcd(s, cases) == 1)
@@ -94,15 +110,17 @@ def plan(cases: int) -> list[Case]:
 
 def _null(i: int) -> Case:
     axles = 2 if i % 13 == 6 else 1 if i % 21 == 10 else 4
-    return Case(0, "null", (), 0.0, NULL_NOISES[i % len(NULL_NOISES)], i, axles, measured_torque=i % 4 == 3)
+    return Case(0, "null", (), 0.0, NULL_NOISES[i % len(NULL_NOISES)], i, axles, measured_torque=i % 4 == 3,
+                start_positions=i % PLACELESS_NULLS != PLACELESS_NULLS // 2)  # fmt: skip
 
 
 def _single(i: int) -> Case:
-    turn, which = divmod(i, len(LIBRARY))
-    effect = LIBRARY[tuple(LIBRARY)[which]]
+    turn, which = divmod(i, len(NAMED))
+    effect = NAMED[tuple(NAMED)[which]]
     multiple, noise = SINGLE_DESIGN[turn % len(SINGLE_DESIGN)]
     measured = (i + turn) % 4 == 3 and not effect.pressure_only
-    return Case(0, "single", (effect.name,), multiple, noise, turn, measured_torque=measured)
+    known = i % PLACELESS_SINGLES != PLACELESS_SINGLES // 2 or effect.name == "adhesion_patch"  # a patch has a place
+    return Case(0, "single", (effect.name,), multiple, noise, turn, measured_torque=measured, start_positions=known)
 
 
 def _pair(i: int) -> Case:
@@ -118,3 +136,12 @@ def _foreign(i: int) -> Case:
     turn, which = divmod(i, len(FOREIGN))
     multiple, noise = FOREIGN_DESIGN[turn % len(FOREIGN_DESIGN)]
     return Case(0, "foreign", (tuple(FOREIGN)[which],), multiple, noise, turn)
+
+
+def _mixed(i: int) -> Case:
+    return Case(0, "mixed", MIXED[i % len(MIXED)], 4.0, 1.0, i)
+
+
+def _fault(i: int) -> Case:
+    turn, which = divmod(i, len(FAULTS))
+    return Case(0, "fault", BESIDE_FAULT[turn % len(BESIDE_FAULT)], 4.0, 1.0, turn, fault=tuple(FAULTS)[which])

@@ -24,6 +24,7 @@ from wsp_env.diagnosis.gls import LeastSquares, fit
 from wsp_env.diagnosis.search import Products, Scan, conditioned, scan
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.plant.mechanisms import ALL
+from wsp_env.recordings import CampaignError
 
 NAMES = ("bic", "held_out", "black_box")
 #: Mechanisms at most, as for the diagnosis.
@@ -130,7 +131,10 @@ def examine(campaign: Path) -> tuple[dict[str, dict[str, Any]], dict[str, float]
 
 def _one(task: tuple[Path, Path, str]) -> None:
     campaign, out, name = task
-    answers, features = examine(campaign)
+    try:
+        answers, features = examine(campaign)
+    except CampaignError:  # faulty channels may leave nothing to compare
+        answers, features = {rule: {"verdict": "insufficient", "mechanisms": []} for rule in RULES}, {}
     for rule, answer in answers.items():
         write_whole(out / rule / name / "diagnosis.json", answer)
     write_whole(out / "features" / f"{name}.json", features)  # last: when it is there, all is

@@ -1,76 +1,30 @@
-"""Compares the answers of a diagnosis with the labels of a bank and computes the figures of the proof."""
+"""Compares the answers to a bank with its labels: the figures that are promised, and those that only this bank has."""
 
 import itertools
-import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
-from scipy.stats import beta
 
-from experiments.concealed.bank import BankError
 from experiments.concealed.effects import SENSOR_FAULTS
+from experiments.concealed.errors import BankError
+from experiments.concealed.plan import SHARES
+from experiments.concealed.promised import ALARMS, by_group, first, found, promised
+from experiments.concealed.rates import Rate, rate, spread
 from experiments.concealed.setup import GAIN_SPREAD, RADIUS_SPREAD, TRACK_SPREAD
+from experiments.concealed.truths import COMPARABLE, SEPARABLE, of_bank
 
 Label = dict[str, Any]
 Answer = dict[str, Any]
 Cases = list[tuple[Label, Answer]]
 
-#: Verdicts that say that something is missing.
-ALARMS = ("named", "ambiguous", "unknown")
 #: Edges of the classes of size, in multiples of the smallest effect of interest as it is in the case.
 SIZES = (0.0, 0.75, 1.5, 3.0, 6.0, np.inf)
-#: Singles from this multiple on count as separable: the other classes hold what is confounded, and nobody looks at answers.
-SEPARABLE = 2.0 * (1.0 - 1e-9)
 #: What two sound axles, or stretches of track, may differ by: an effect within it is normal variation to look at.
 NORMAL_DIFFERENCE = {
     "brake_gain_imbalance": 2.0 * GAIN_SPREAD, "wheel_radius": 2.0 * RADIUS_SPREAD, "adhesion_patch": 2.0 * TRACK_SPREAD,
 }  # fmt: skip
-#: Effects whose parameter means the same in any form: the library's name for it, and its value over the effect's size.
-COMPARABLE = {
-    "track_gradient": ("rise", 1.0), "aerodynamic_drag": ("c_ns2_per_m2", 1.0), "vehicle_mass": ("extra", 1.0),
-    "wheel_radius": ("change", 1.0), "brake_gain_imbalance": ("gain", 1.0), "wheel_speed_lag": ("lag_s", 1.0),
-    "clock_offset": ("offset_s", -1.0),  # a vehicle's speed sampled later than stamped is one that is late by less than 0
-}  # fmt: skip
-#: Drag that comes with rolling terms, (100 N, 5 N s/m, 1 N s2/m2) times its size, is compared by its force at 30 m/s.
-DRAG_WITH_ROLLING = 1.0 + 5.0 / 30.0 + 100.0 / 30.0**2
-PARAMETER_TOLERANCE = 0.2
-
-
-class Rate(NamedTuple):
-    """How often something happened, with the 95 % bounds of Clopper and Pearson, each one-sided."""
-
-    events: int
-    of: int
-    share: float | None
-    lower95: float
-    upper95: float
-
-
-def rate(happened: Iterable[bool]) -> Rate:
-    """Count."""
-    events = [bool(event) for event in happened]
-    k, n = sum(events), len(events)
-    lower = float(beta.ppf(0.05, k, n - k + 1)) if k > 0 else 0.0
-    upper = float(beta.ppf(0.95, k + 1, n - k)) if k < n else 1.0
-    return Rate(k, n, k / n if n else None, lower, upper)
-
-
-def sets(answer: Answer) -> list[set[str]]:
-    """Return for every mechanism found the set that the data cannot tell from it, its own name included."""
-    return [{one["name"], *one.get("alternatives", ())} for one in answer.get("mechanisms", ())]
-
-
-def found(truths: Sequence[str], answer: Answer, largest_set: float = np.inf) -> int:
-    """Return how many of the true names are found, each by another mechanism of the answer."""
-    offered = [one for one in sets(answer) if len(one) <= largest_set]
-    best = 0
-    for chosen in itertools.permutations(range(len(offered)), min(len(offered), len(truths))):
-        for picked in itertools.combinations(truths, len(chosen)):
-            best = max(best, sum(name in offered[i] for name, i in zip(picked, chosen, strict=True)))
-    return best
 
 
 def score(labels: dict[str, Label], answers: dict[str, Answer]) -> dict[str, Any]:
@@ -88,14 +42,16 @@ def score(labels: dict[str, Label], answers: dict[str, Answer]) -> dict[str, Any
     """
     if missing := sorted(set(labels) - set(answers)):
         raise BankError(f"no answer for {len(missing)} of {len(labels)} cases, the first is {missing[0]}: diagnose them first")
-    by: dict[str, Cases] = {kind: [] for kind in ("null", "single", "pair", "confounded", "foreign")}
+    by: dict[str, Cases] = {kind: [] for kind in SHARES}
     for name, label in labels.items():
         by[label["class"]].append((label, answers[name]))
     singles, pairs = by["single"], by["pair"]
     separable = [(t, a) for t, a in singles if t["effects"][0]["multiple"] >= SEPARABLE]
+    judged = [(of_bank(label), answers[name]) for name, label in labels.items()]
     return {
+        "promised": promised(judged),
+        "groups": by_group(judged),
         "cases": {kind: len(cases) for kind, cases in by.items()},
-        "false_alarms": rate(a["verdict"] in ALARMS for _, a in by["null"]),
         "separable": _singles(separable),
         "separable_beyond_variation": _singles([(t, a) for t, a in separable if _abnormal(t["effects"][0])]),
         "singles": _singles(singles),
@@ -105,19 +61,11 @@ def score(labels: dict[str, Label], answers: dict[str, Answer]) -> dict[str, Any
         "singles_by_noise": _by(singles, lambda t: str(t["noise"])),
         "power": {noise: _by_size(cases) for noise, cases in _groups(singles, lambda t: str(t["noise"])).items()},
         "sensor_faults": _singles([(t, a) for t, a in separable if t["mechanisms"][0] in SENSOR_FAULTS]),
-        "pairs_both_found": rate(found(t["mechanisms"], a) == 2 for t, a in pairs),
         "pairs_one_found": rate(found(t["mechanisms"], a) == 1 for t, a in pairs),
-        "confounded_honest": rate(
-            a["verdict"] not in ALARMS or a["verdict"] == "unknown" or found(t["mechanisms"], a) == 1
-            for t, a in by["confounded"]
-        ),
-        "foreign_named_wrongly": rate(bool(a.get("mechanisms")) for _, a in by["foreign"]),
-        "foreign_seen": rate(a["verdict"] in ALARMS for _, a in by["foreign"]),
+        "confounded_honest": rate(not a.get("mechanisms") or found(t["mechanisms"], a) == 1 for t, a in by["confounded"]),
         "foreign_by_effect": _by(by["foreign"], lambda t: t["effects"][0]["name"]),
         "removed_share": _removed([a for _, a in singles + pairs]),
-        "parameters": _parameters(singles + pairs),
         "distance_change": _distances(singles),
-        "calibration": _calibration([pair for kind in by.values() for pair in kind]),
         "confusion": _confusion(by["null"] + singles + by["foreign"]),
     }
 
@@ -141,19 +89,18 @@ def _by_size(cases: Cases) -> dict[str, dict[str, Rate]]:
     }
 
 
-def _first(answer: Answer) -> str:
-    """Return the first name, or the verdict where there is none."""
-    return str(answer["mechanisms"][0]["name"]) if answer.get("mechanisms") else str(answer["verdict"])
-
-
 def _singles(cases: Cases) -> dict[str, Rate]:
     return {
         "seen": rate(a["verdict"] in ALARMS for _, a in cases),
-        "right_name_first": rate([_first(a)] == t["mechanisms"] for t, a in cases),
+        "right_name_first": rate([first(a)] == t["mechanisms"] for t, a in cases),
         "in_set_of_two": rate(found(t["mechanisms"], a, 2) == 1 for t, a in cases),
         "in_set": rate(found(t["mechanisms"], a) == 1 for t, a in cases),
         "others_too": rate(len(a.get("mechanisms", ())) > 1 for _, a in cases),
     }
+
+
+def _accepts(answer: Answer) -> bool:
+    return bool(answer.get("mechanisms") or answer.get("discovered"))
 
 
 def _removed(answers: list[Answer]) -> dict[str, Any]:
@@ -167,54 +114,12 @@ def _removed(answers: list[Answer]) -> dict[str, Any]:
         if not fit or "validate" not in fit["baseline"] or fit["baseline"]["validate"] <= fit["noise_floor"]:
             continue
         base, extended = fit["baseline"]["validate"], fit["extended"]["validate"]
-        removable, removed = base - fit["noise_floor"], base - extended if answer["mechanisms"] else 0.0
+        removable, removed = base - fit["noise_floor"], base - extended if _accepts(answer) else 0.0
         excess, gone = excess + removable, gone + removed
         every.append(removed / removable)
-        if answer["mechanisms"]:
+        if _accepts(answer):
             named.append(removed / removable)
-    return {"named": _spread(named), "all": _spread(every), "of_sums": gone / excess if excess else None}
-
-
-def _spread(values: list[float]) -> dict[str, float | int | None]:
-    if not values:
-        return {"count": 0, "mean": None, "median": None, "lowest": None, "highest": None}
-    return {"count": len(values), "mean": float(np.mean(values)), "median": float(np.median(values)), "lowest": min(values),
-            "highest": max(values)}  # fmt: skip
-
-
-def true_value(effect: dict[str, Any]) -> float:
-    """Return a comparable effect's parameter as the library has it."""
-    factor = COMPARABLE[effect["name"]][1]
-    if effect["name"] == "aerodynamic_drag" and effect["variant"] % 2:
-        factor = DRAG_WITH_ROLLING
-    return float(effect["size"] * factor)
-
-
-def _parameters(cases: Cases) -> dict[str, Any]:
-    """Compare the parameters of comparable effects that are named by their name; on a wrong axle there is nothing of them."""
-    errors: dict[str, list[float]] = {}
-    covered: dict[str, list[bool]] = {}
-    for label, answer in cases:
-        effects = {one["name"]: one for one in label["effects"] if one["name"] in COMPARABLE}
-        for one in answer.get("mechanisms", ()):
-            name, reported = one["name"], one.get("parameters", {})
-            if name not in effects or COMPARABLE[name][0] not in reported:
-                continue
-            effect, parameter = effects[name], reported[COMPARABLE[name][0]]
-            axle = effect["axle"] % label["axles"] + 1
-            placed = "axle" not in reported or round(reported["axle"]["value"]) == axle
-            truth, (low, high) = true_value(effect), parameter["interval90"]
-            errors.setdefault(name, []).append(abs(parameter["value"] / truth - 1.0) if placed else 1.0)
-            covered.setdefault(name, []).append(placed and low <= truth <= high)
-
-    def summary(errors: list[float], covered: list[bool]) -> dict[str, Any]:
-        within = rate(error <= PARAMETER_TOLERANCE for error in errors)
-        return {"relative_error": _spread(errors), "within_tolerance": within, "interval90_covers": rate(covered)}
-
-    return {
-        **summary(list(itertools.chain(*errors.values())), list(itertools.chain(*covered.values()))),
-        "by_effect": {name: summary(errors[name], covered[name]) for name in sorted(errors)},
-    }
+    return {"named": spread(named), "all": spread(every), "of_sums": gone / excess if excess else None}
 
 
 def _distances(singles: Cases) -> dict[str, Any]:
@@ -222,29 +127,13 @@ def _distances(singles: Cases) -> dict[str, Any]:
     reported = [
         (t["distance_change"], a["distance_change"])
         for t, a in singles
-        if t["mechanisms"][0] not in COMPARABLE and _first(a) == t["mechanisms"][0] and "distance_change" in a
+        if t["mechanisms"][0] not in COMPARABLE and first(a) == t["mechanisms"][0] and "distance_change" in a
     ]
     return {
-        "truth": _spread([abs(truth) for truth, _ in reported]),
-        "error": _spread([abs(claim["value"] - truth) for truth, claim in reported]),
+        "truth": spread([abs(truth) for truth, _ in reported]),
+        "error": spread([abs(claim["value"] - truth) for truth, claim in reported]),
         "interval90_covers": rate(claim["interval90"][0] <= truth <= claim["interval90"][1] for truth, claim in reported),
     }
-
-
-def _calibration(cases: Cases) -> dict[str, Any]:
-    """Confidence of every mechanism named, against whether it is there."""
-    claims = [(float(one["confidence"]), one["name"] in t["mechanisms"]) for t, a in cases for one in a.get("mechanisms", ())]
-    if not claims:
-        return {"claims": 0, "brier": None, "expected_error": None, "bins": []}
-    confidence, right = np.array([c for c, _ in claims]), np.array([r for _, r in claims], dtype=float)
-    which = np.minimum((confidence * 10).astype(int), 9)
-    bins, expected = [], 0.0
-    for i in np.unique(which):
-        inside = which == i
-        stated, true = float(confidence[inside].mean()), rate(right[inside] > 0.0)
-        bins.append({"from": int(i) / 10, "confidence": stated, "rate": true})
-        expected += abs(stated - true.events / true.of) * true.of / len(claims)
-    return {"claims": len(claims), "brier": float(np.mean((confidence - right) ** 2)), "expected_error": expected, "bins": bins}
 
 
 def _confusion(cases: Cases) -> dict[str, dict[str, int]]:
@@ -252,29 +141,5 @@ def _confusion(cases: Cases) -> dict[str, dict[str, int]]:
     table: dict[str, Counter[str]] = {}
     for label, answer in cases:
         truth = label["effects"][0]["name"] if label["effects"] else "nothing"
-        table.setdefault(truth, Counter())[_first(answer)] += 1
+        table.setdefault(truth, Counter())[first(answer)] += 1
     return {truth: dict(counts) for truth, counts in sorted(table.items())}
-
-
-def read_answers(folder: Path) -> dict[str, Answer]:
-    """Read FOLDER/CASE/diagnosis.json of all cases; a rival's answers in the same format score the same way."""
-    files = sorted(folder.glob("*/diagnosis.json"))
-    return {file.parent.name: json.loads(file.read_text(encoding="utf-8")) for file in files}
-
-
-def plain(value: Any) -> Any:
-    """Return figures as JSON takes them: rates with their fields' names."""
-    if isinstance(value, Rate):
-        return value._asdict()
-    if isinstance(value, dict):
-        return {key: plain(one) for key, one in value.items()}
-    return [plain(one) for one in value] if isinstance(value, list) else value
-
-
-def restored(value: Any) -> Any:
-    """Return figures with their rates, from what `plain` made of them."""
-    if isinstance(value, dict):
-        if set(value) == set(Rate._fields):
-            return Rate(**value)
-        return {key: restored(one) for key, one in value.items()}
-    return [restored(one) for one in value] if isinstance(value, list) else value
