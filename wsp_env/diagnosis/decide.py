@@ -32,7 +32,8 @@ PRIOR = -float(np.log(50.0))
 PRIOR_TERM = PRIOR - float(np.log(3.0))
 #: Log odds from which on a mechanism is accepted: 99 %.
 SURE = float(np.log(99.0))
-#: Smallest effects of interest from which on a size matters: one, less what its form may err by at 95 % (1 / (1 + 1.645 FORM), rounded).
+#: Smallest effects of interest from which on a size matters: one, less what its form may err by at 95 %,
+#: 1 / (1 + 1.645 FORM), rounded.
 MATTERS = 0.75
 #: Factor by which a mechanism may grow beside a further one: twice what its own form may err by, at 90 % (assumption).
 GROWN = 1.7

@@ -104,8 +104,12 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     extended = outcome.fitted.model if holds else replica.baseline
     where = locate(replica, replica.baseline, extended, found.weights)
     reasons = unavailable(replica)
-    small = [f"seen, but too small to matter in a stop: {one.words} ({one.trial.size.multiple:.2f} of the smallest effect of interest)"
-             for one in outcome.accepted if one not in missing]  # fmt: skip
+    small = [
+        f"seen, but too small to matter in a stop: {one.words} "
+        f"({one.trial.size.multiple:.2f} of the smallest effect of interest)"
+        for one in outcome.accepted
+        if one not in missing
+    ]
     return Diagnosis(
         campaign=replica.campaign.name,
         verdict=verdict,

@@ -25,8 +25,8 @@ _USUAL = {Feature.SLIP: 3.0, Feature.WHEEL_RATE: 3.0, Feature.TIME: 15.0, Featur
 _BUMP_M = 300.0  # width of a bump along the track
 
 _ONE = ((1.0, 1.0),)
-#: Features tried in each slot with their scales: on all axles together, and on each axle alone. Friction by the rate of the slip is
-#: not tried: whatever moves the friction moves the wheel, so that in a closed loop any noise of friction looks like it.
+#: Features tried in each slot with their scales: on all axles together, and on each axle alone. Friction by the rate of the
+#: slip is not tried: whatever moves the friction moves the wheel, so that in a closed loop any noise of friction looks like it.
 _TOGETHER: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
     Slot.BRAKE_TORQUE: {
         Feature.BRAKING: _ONE, Feature.SPEED: _ONE, Feature.SPEED_SQUARED: _ONE, Feature.SLIP: _ONE, Feature.WHEEL_RATE: _ONE,

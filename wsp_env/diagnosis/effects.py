@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -127,13 +128,11 @@ def course(balances: Balances, before: Model, after: Model, where: Sequence[Loca
     one = balances.evaluate(before)[run]
     measured = np.zeros(len(rows))
     measured[(rows.run == run) & rows.wheels] = balances.parts[run].wheel_rows(one.force / (2.0 * one.load))
-    return RunTrace(
-        balances.stops[run].name, balances.stops[run].group, axle + 1,
-        *(tuple(map(float, values)) for values in (
-            rows.time[mine], measured[mine], (measured - base)[mine], (measured - extended)[mine], rows.time[vehicle],
-            base[vehicle], extended[vehicle])),
-        "speed" if speed else "adhesion", chosen,
-    )  # fmt: skip
+    courses = (rows.time[mine], measured[mine], (measured - base)[mine], (measured - extended)[mine], rows.time[vehicle],
+               base[vehicle], extended[vehicle])  # fmt: skip
+    a, b, c, d, e, f, g = (tuple(map(float, values)) for values in courses)
+    shows: Literal["adhesion", "speed"] = "speed" if speed else "adhesion"
+    return RunTrace(balances.stops[run].name, balances.stops[run].group, axle + 1, a, b, c, d, e, f, g, shows, chosen)
 
 
 def _named_axles(model: Model) -> list[int]:

@@ -4,7 +4,8 @@ One function for all mechanisms. A change of what retards the vehicle, at the sl
 the integral of v delta_a / a dt. A change of an axle's balance, at the force that was measured, moves its slip by delta_f over
 the steepness of the creep curve. A fault of a speed sensor retards nothing and changes the measured slip itself.
 
-Sizes are net: against the model that was tuned anew without the mechanism. What another tau and other mu_cd do as well matters to nobody.
+Sizes are net: against the model that was tuned anew without the mechanism. What another tau and other mu_cd do as well
+matters to nobody.
 """
 
 import dataclasses

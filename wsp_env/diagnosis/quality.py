@@ -1,4 +1,4 @@
-"""How well baseline and extension fit: to the runs to tune on, then with everything frozen but the runs' friction to those to validate."""
+"""How well baseline and extension fit: to the runs to tune on, then, frozen but for the runs' friction, to the others."""
 
 import dataclasses
 

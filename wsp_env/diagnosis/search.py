@@ -1,9 +1,9 @@
 """The search: what every candidate would explain about a model, beside everything that varies anyway.
 
 One principle decides. Sound recordings differ from any model by many small things; all of them, the library's mechanisms
-included, are in the model at sizes too small to matter (`SMALL` of the smallest effect of interest, see `interest`). A mechanism
-is missing when the recordings say that it is larger: the evidence is the ratio of the likelihoods with its size free up to
-`LARGE` and with its size small (a spike and a slab, George and McCulloch 1993).
+included, are in the model at sizes too small to matter (`SMALL` of the smallest effect of interest, see `interest`). A
+mechanism is missing when the recordings say that it is larger: the evidence is the ratio of the likelihoods with its size
+free up to `LARGE` and with its size small (a spike and a slab, George and McCulloch 1993).
 """
 
 import dataclasses
@@ -232,7 +232,7 @@ def _judged(evidence: Evidence, sizes: Sizes, named: Sequence[Candidate], unname
 def _posterior(
     evidence: Evidence, sizes: Sizes
 ) -> tuple[np.ndarray, np.ndarray, Callable[[slice], tuple[np.ndarray, np.ndarray]]]:
-    """Return mean (p,) and covariance (p, p) of all nuisances, in deviations, and what says the same of other columns, alone."""
+    """Return mean (p,) and covariance (p, p) of all nuisances, in deviations, and the same of any other columns alone."""
     p = evidence.nuisances
     deviation = sizes.groups[evidence.group]
     whole = np.tensordot(1.0 / sizes.noise**2, evidence.gram, axes=1)

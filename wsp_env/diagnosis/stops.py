@@ -1,8 +1,8 @@
 """Recorded stops prepared for the balances: smoothed channels, blocks of time, and what noise does to them.
 
 The wheel's channels pass a Savitzky-Golay filter. The vehicle's speed is estimated about its own momentum balance: what the
-wheels' forces predict is taken away, the rest, which changes slowly, is parted from its noise (`wsp_env.diagnosis.speed`), and the
-prediction is put back. That keeps what is fast.
+wheels' forces predict is taken away, the rest, which changes slowly, is parted from its noise (`wsp_env.diagnosis.speed`), and
+the prediction is put back. That keeps what is fast.
 """
 
 import dataclasses
@@ -30,8 +30,8 @@ PRESSED_SHARE = (
     0.5  # of an axle's torque that its own pressure leaves unexplained, from which on the two do not belong together
 )
 _ORDER = 2
-#: Window [s] and order of the filter of a wheel's speed and its derivatives. Each keeps a course of fourth order: what a filter of a
-#: lower one takes from the wheel's acceleration, and not from the torque, would look like less inertia.
+#: Window [s] and order of the filter of a wheel's speed and its derivatives. Each keeps a course of fourth order: what a
+#: filter of a lower one takes from the wheel's acceleration, and not from the torque, would look like less inertia.
 _FILTERS = {0: (WHEEL_WINDOW_S, 2), 1: (0.15, 4), 2: (0.19, 4)}
 
 

@@ -1,8 +1,8 @@
 """What sound vehicles, tracks and models vary by: the law's free parameters and the discrepancies beside it.
 
-Every group of columns has a size that is expected of sound recordings (`_EXPECTED`). It is only where the estimation begins: how
-large a group is in the recordings at hand they say themselves, by their disagreement between runs, axles and times
-(`wsp_env.diagnosis.covariance`).
+Every group of columns has a size that is expected of sound recordings (`_EXPECTED`). What differs between runs, places and
+times is only begun with: how large it is the recordings at hand say themselves, by their disagreement
+(`wsp_env.diagnosis.covariance`). What is common to all runs stays at the expected size: no disagreement tells it.
 """
 
 import dataclasses
@@ -121,8 +121,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("track", friction[:, None] * _track(rows.place, rows.wheels), _EXPECTED["track"]),
         Group("friction of an axle", slides * own, _EXPECTED["friction"], True),
         Group("friction of an axle in a run", each(slides * own), _EXPECTED["friction"]),
-        Group("friction in time", np.column_stack([slides * run[:, None] * axle[:, None] * clock for run in by_run.T for axle in own.T]),
-              _EXPECTED["friction"]),
+        Group("friction in time", _in_time(slides, by_run, own, clock), _EXPECTED["friction"]),
         # Net: what tau and mu_cd do is no discrepancy of the law.
         Group("law", net(whitening, np.column_stack([segments, law]), np.column_stack([slides * s for s in shapes]))[0],
               _EXPECTED["law"], True),
@@ -147,6 +146,10 @@ def shapes(balances: Balances | Replica) -> np.ndarray:
     own = (rows.axle[:, None] == np.arange(balances.axles)).astype(float)
     by_run = (rows.run[:, None] == np.arange(len(balances.stops))).astype(float)
     return np.column_stack([*over, _interpolation(rows.speed, rows.speed > 0.0), own, by_run])
+
+
+def _in_time(column: np.ndarray, by_run: np.ndarray, own: np.ndarray, clock: np.ndarray) -> np.ndarray:
+    return np.column_stack([column * run[:, None] * axle[:, None] * clock for run in by_run.T for axle in own.T])
 
 
 def _present(group: Group) -> Group:
@@ -235,7 +238,7 @@ class _Brakes:
 
 
 def _track(place: np.ndarray, used: np.ndarray) -> np.ndarray:
-    """Weights (n, m) of the directions in which friction varies along the track, of deviation 1, alike over `_TRACK_LENGTH_M`."""
+    """Weights (n, m) of the directions in which friction varies along the track, alike over `_TRACK_LENGTH_M`."""
     hats = _hats(place, TRACK_NODE_M, used)
     apart = TRACK_NODE_M * np.abs(np.subtract.outer(np.arange(hats.shape[1]), np.arange(hats.shape[1]))) / _TRACK_LENGTH_M
     values, vectors = np.linalg.eigh(np.exp(-0.5 * apart**2))
