@@ -92,7 +92,8 @@ def test_a_brake_never_pushes():
     move = float(brake.moves()[0])
     assert can_be(candidate(brake), np.array([-1.0 * np.sign(move)]))
     assert not can_be(candidate(brake), np.array([1.0 * np.sign(move)]))
-    assert can_be(candidate(GRADIENT), np.array([1.0])) and can_be(candidate(GRADIENT), np.array([-1.0]))
+    assert can_be(candidate(GRADIENT), np.array([1.0]))
+    assert can_be(candidate(GRADIENT), np.array([-1.0]))
 
 
 def test_a_name_needs_less_evidence_than_a_term_and_a_sure_one_is_ninety_nine_in_a_hundred():
@@ -205,7 +206,8 @@ def test_switching_on_and_off_leaves_other_terms_alone():
 
 def test_sizes_are_clipped_into_their_bounds_and_places_become_free():
     high = switched(Model(2e-4, (0.06,)), GAIN, np.array([1e9])).choice["brake_gain_imbalance"]
-    assert high["gain"] < 1e9 and high["axle"] == 2.0
+    assert high["gain"] < 1e9
+    assert high["axle"] == 2.0
     patch = Variant("adhesion_patch", ("change",), {"start_m": 100.0, "length_m": 30.0})
     assert set(refined(patch).sizes) >= {"change"}
 
@@ -214,8 +216,10 @@ def test_belief_is_shared_with_what_explains_nearly_as_much():
     best = trial(GRADIENT, 40.0)
     alone = belief(best, [best], [found(GRADIENT, 40.0), found(GAIN, 2.0)])
     beside = belief(best, [best], [found(GRADIENT, 40.0), found(GAIN, 39.5)])
-    assert alone[0] == ("track_gradient",) and alone[1] > 0.95
-    assert beside[0] == ("track_gradient", "brake_gain_imbalance") and 0.5 <= beside[1] < 0.7
+    assert alone[0] == ("track_gradient",)
+    assert alone[1] > 0.95
+    assert beside[0] == ("track_gradient", "brake_gain_imbalance")
+    assert 0.5 <= beside[1] < 0.7
 
 
 def test_what_makes_another_grow_compensates_it(monkeypatch):
