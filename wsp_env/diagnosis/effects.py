@@ -103,10 +103,11 @@ def held_out(balances: Balances, before: Model, after: Model) -> tuple[RunFigure
 
 
 def course(balances: Balances, before: Model, after: Model, where: Sequence[Location] = ()) -> RunTrace | None:
-    """Return the course of the axle that the answer is about, in the held-out run that the baseline fits worst there.
+    """Return the course of the axle and the held-out run that the answer is about.
 
-    It is the axle that a mechanism names; else of the axles of the first place in `where` (of all, if it tells none) the one
-    that the mechanisms move most, or, if there are none, the one that the baseline fits worst.
+    The axle is the one that a mechanism names, else one of the first place in `where` (of all, if it tells none). Of these, and
+    of the runs, it is what the mechanisms move most, whether they do it well or not: the noise of both sides is the same, so
+    that none of it counts. Where nothing was found, it is what the baseline fits worst beyond noise.
     """
     rows = balances.rows
     scored = rows.validate if rows.validate.any() else np.ones(len(rows), dtype=bool)
@@ -118,12 +119,18 @@ def course(balances: Balances, before: Model, after: Model, where: Sequence[Loca
     base, extended = balances.raw(before), balances.raw(after)
     named = _named_axles(after)
     axles = named or [axle - 1 for one in where[:1] for axle in one.axles] or range(balances.axles)
-    of = np.abs(base - extended) if after.choice else np.abs(base)
-    axle = max(axles, key=lambda k: _mean_square(of, wheels & (rows.axle == k)))
+
+    def size(mine: np.ndarray) -> float:
+        return _mean_square(base - extended, mine) if after.choice else _systematic(base[mine])
+
+    def worst(k: int) -> float:
+        return max(size(wheels & (rows.axle == k) & (rows.run == i)) for i in range(len(balances.stops)))
+
+    axle = max(axles, key=worst)
     chosen = "the one that is named" if named else "the one that it moves most" if after.choice else "the one fitted worst"
     speed = _about_vehicle(balances, base, extended, where) and not named
     shown = (rows.balance == VEHICLE) & scored if speed else wheels & (rows.axle == axle)
-    run = max(range(len(balances.stops)), key=lambda i: _mean_square(base, shown & (rows.run == i)))
+    run = max(range(len(balances.stops)), key=lambda i: size(shown & (rows.run == i)))
     mine = _thinned(wheels & (rows.run == run) & (rows.axle == axle))
     vehicle = _thinned((rows.run == run) & (rows.balance == VEHICLE))
     one = balances.evaluate(before)[run]
@@ -156,6 +163,13 @@ def _about_vehicle(balances: Balances, base: np.ndarray, extended: np.ndarray, w
         left = max(_mean_square(extended, mine), 1e-30)
         fall.append(mine.sum() * (_mean_square(base, mine) / left - 1.0))
     return bool(fall[0] > fall[1])
+
+
+def _systematic(values: np.ndarray) -> float:
+    """Mean square of a course (n,) less its noise, half the mean square of successive differences (von Neumann 1941)."""
+    if len(values) < _LEAST_ROWS:
+        return 0.0
+    return float(np.mean(values**2) - 0.5 * np.mean(np.diff(values) ** 2))
 
 
 def _mean_square(values: np.ndarray, mine: np.ndarray) -> float:
