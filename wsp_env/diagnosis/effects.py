@@ -21,6 +21,7 @@ _BINS = 16
 _LEAST_ROWS = 5  # in a bin
 _ACTS = 0.02  # of a mechanism's largest change of a residual, from which on a row is one that it acts on
 _COURSE_POINTS = 200
+_SLIDES = 0.01  # creepage from which on a wheel counts as sliding, here and in the figures of runs
 _UNITS = {"slip": "slip speed [m/s]", "work": "W_sp [J/m]", "place": "place [m]", "time": "time [s]", "speed": "speed [m/s]",
           "axle": "axle [-]", "deceleration": "deceleration [m/s2]"}  # fmt: skip
 
@@ -107,11 +108,12 @@ def course(balances: Balances, before: Model, after: Model, where: Sequence[Loca
 
     The axle is the one that a mechanism names, else one of the first place in `where` (of all, if it tells none). Of these, and
     of the runs, it is what the mechanisms move most, whether they do it well or not: the noise of both sides is the same, so
-    that none of it counts. Where nothing was found, it is what the baseline fits worst beyond noise.
+    that none of it counts. Where nothing was found, it is what the baseline fits worst beyond noise while it slides: on the
+    steep side of the creep curve a hair of slip, within the noise, moves the prediction far.
     """
     rows = balances.rows
     scored = rows.validate if rows.validate.any() else np.ones(len(rows), dtype=bool)
-    # Where a wheel rolls freely a hair of slip moves the prediction far: shown only where that is what was found.
+    # Where a wheel rolls freely that is worse still: shown only where it is what was found.
     rolls = bool(where) and where[0].equation == BALANCES[KINEMATICS]
     wheels = (rows.wheels if rolls else rows.balance == ADHESION) & scored
     if not wheels.any():
@@ -121,7 +123,9 @@ def course(balances: Balances, before: Model, after: Model, where: Sequence[Loca
     axles = named or [axle - 1 for one in where[:1] for axle in one.axles] or range(balances.axles)
 
     def size(mine: np.ndarray) -> float:
-        return _mean_square(base - extended, mine) if after.choice else _systematic(base[mine])
+        if after.choice:
+            return _mean_square(base - extended, mine)
+        return _systematic(base[mine & (~rows.wheels | (rows.slip > _SLIDES * rows.speed))])
 
     def worst(k: int) -> float:
         return max(size(wheels & (rows.axle == k) & (rows.run == i)) for i in range(len(balances.stops)))
@@ -189,7 +193,7 @@ def _adhesion_errors(balances: Balances, i: int, measured: np.ndarray, raw: np.n
     recorded[(rows.run == i) & rows.wheels] = part.wheel_rows(measured)
     errors: list[float | None] = []
     for axle in range(balances.axles):
-        mine = (rows.run == i) & (rows.axle == axle) & (rows.balance == ADHESION) & (rows.slip > 0.01 * rows.speed)
+        mine = (rows.run == i) & (rows.axle == axle) & (rows.balance == ADHESION) & (rows.slip > _SLIDES * rows.speed)
         enough = mine.sum() >= _LEAST_ROWS
         errors.append(float(np.abs(raw[mine]).mean() / np.abs(recorded[mine]).mean()) if enough else None)
     return tuple(errors)
