@@ -145,7 +145,7 @@ def course(balances: Balances, before: Model, after: Model, where: Sequence[Loca
         *(tuple(map(float, values)) for values in (
             rows.time[mine], measured[mine], (measured - base)[mine], (measured - extended)[mine], rows.time[vehicle],
             base[vehicle], extended[vehicle])),
-        "speed" if speed else "adhesion", chosen,
+        shows="speed" if speed else "adhesion", chosen=chosen,
     )  # fmt: skip
 
 

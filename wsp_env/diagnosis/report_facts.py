@@ -61,7 +61,7 @@ def worth_said(found: Diagnosis) -> str:
     """Say what was found changes in a stop."""
     if found.worth is not None:
         return _changes(found.worth)
-    sizes = _and([f"{one.multiple:.1f}" for one in (*found.mechanisms, *found.discovered)])
+    sizes = _and([f"{one.multiple:.1f}" for one in found.mechanisms] + [f"{one.multiple:.1f}" for one in found.discovered])
     return f"{sizes} times what matters in a stop: {100.0 * DISTANCE:.0f} % of its distance or {SLIP_MPS} m/s of slip"
 
 

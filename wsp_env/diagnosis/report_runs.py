@@ -104,7 +104,7 @@ def course_plot(course: RunTrace, shows: str, extended: bool) -> Any:
     sides = {"before" if extended else "as tuned": ("before", COLOURS[1])} | (
         {"after": ("after", COLOURS[2])} if extended else {}
     )
-    rest = {
+    rest: dict[str, Sequence[float]] = {
         side: [a - b for a, b in zip(course.adhesion_measured, getattr(course, f"adhesion_{side}"), strict=True)]
         for side in ("before", "after")
     }
