@@ -140,13 +140,24 @@ def course(balances: Balances, before: Model, after: Model, where: Sequence[Loca
     one = balances.evaluate(before)[run]
     measured = np.zeros(len(rows))
     measured[(rows.run == run) & rows.wheels] = balances.parts[run].wheel_rows(one.force / (2.0 * one.load))
+
+    def told(values: np.ndarray) -> tuple[float, ...]:
+        return tuple(map(float, values))
+
     return RunTrace(
-        balances.stops[run].name, balances.stops[run].group, axle + 1,
-        *(tuple(map(float, values)) for values in (
-            rows.time[mine], measured[mine], (measured - base)[mine], (measured - extended)[mine], rows.time[vehicle],
-            base[vehicle], extended[vehicle])),
-        shows="speed" if speed else "adhesion", chosen=chosen,
-    )  # fmt: skip
+        run=balances.stops[run].name,
+        group=balances.stops[run].group,
+        axle=axle + 1,
+        time_s=told(rows.time[mine]),
+        adhesion_measured=told(measured[mine]),
+        adhesion_before=told((measured - base)[mine]),
+        adhesion_after=told((measured - extended)[mine]),
+        speed_time_s=told(rows.time[vehicle]),
+        speed_residual_before_mps=told(base[vehicle]),
+        speed_residual_after_mps=told(extended[vehicle]),
+        shows="speed" if speed else "adhesion",
+        chosen=chosen,
+    )
 
 
 def _named_axles(model: Model) -> list[int]:
