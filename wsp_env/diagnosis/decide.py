@@ -121,7 +121,7 @@ def select(
         left = [one for one in tried if one.name not in fitted.model.choice]
         left += terms(replica, 1 + sum(len(one.trial.listed.sizes) for one in accepted if one.trial.listed.family))
         bent = forms(replica, fitted.model, fitted.variants)
-        seen = screen(replica, fitted.model, left, pool, fitted.variants, bent, seen.sizes)
+        seen = screen(replica, fitted.model, left, pool, fitted.variants, bent)
     return Outcome(replica, fitted, tuple(accepted), first, seen)
 
 

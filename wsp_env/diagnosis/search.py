@@ -134,7 +134,6 @@ def screen(
     tried : mechanisms that are off
     accepted : those that are on
     forms : what the mechanisms that are on may leave of nature's form
-    start : sizes to start from
 
     """
     base, whitening = replica.raw(model), replica.whitening(replica.baseline)
@@ -152,10 +151,7 @@ def screen(
     terms = law.net(np.column_stack([nothing, *(one.columns / one.scale for one in unnamed)]))[0]
     free = Group("accepted mechanisms", np.column_stack([nothing, *on]), np.inf, True)
     evidence = Evidence(replica, whitening, [*groups, free, small], base, terms)
-    begin = evidence.start()
-    if start is not None:
-        begin = Sizes(np.concatenate([start.groups, np.ones(len(begin.groups) - len(start.groups))]), start.noise)
-    solved = evidence.solve(np.zeros(0, dtype=int), begin, np.zeros(0))
+    solved = evidence.solve(np.zeros(0, dtype=int), evidence.start(), np.zeros(0))
     found = _judged(evidence, solved.sizes, named, unnamed)
     pulled = {name: float(np.abs(solved.pulled[evidence.group == i]).max(initial=0.0)) for i, name in enumerate(evidence.names)}
     sizes = Sizes(solved.sizes.groups[: len(groups)], solved.sizes.noise)
