@@ -30,7 +30,7 @@ def largest_cosine(gram: np.ndarray, a: slice, b: slice) -> float:
 
 
 def test_cosines_between_planes_are_those_of_geometry():
-    """A plane and a line that leaves it by 60 degrees; a plane and one that it shares a line with; two lines at right angles."""
+    """A plane and a line 60 degrees off it; two planes that share a line; a plane and its normal."""
     x = np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.5, 0.0, np.sqrt(0.75)], [0.0, 0.0, 1.0]]).T
     gram = x.T @ x
     plane = slice(0, 2)
