@@ -70,7 +70,7 @@ def diagnosed(folder: Path) -> Diagnosis:
     runs = {"A1": recorded(1, 35.0, MU_CD), "B1": recorded(2, 30.0, 1.1 * MU_CD)}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CampaignWarning)
-        return diagnose(read_campaign(write_campaign(folder / "campaign", runs, ["A1"], ["B1"])), effort=0.4)
+        return diagnose(read_campaign(write_campaign(folder / "campaign", runs, ["A1"], ["B1"])))
 
 
 if __name__ == "__main__":

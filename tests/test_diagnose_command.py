@@ -1,9 +1,12 @@
 """The command `wsp diagnose` around the work: what it refuses before, and how it tells how far it is."""
 
 import pytest
+from synthetic_stops import stop, write_campaign
 
 from wsp_env.cli import diagnose, main
-from wsp_env.recordings import demo_campaign
+from wsp_env.diagnosis import diagnose as engine
+from wsp_env.diagnosis.decide import MOST
+from wsp_env.recordings import demo_campaign, read_campaign
 
 
 @pytest.mark.parametrize(
@@ -31,15 +34,26 @@ def test_a_file_in_place_of_the_folder_is_refused_before_the_work(below, tmp_pat
     assert file.read_text(encoding="utf-8") == "kept"
 
 
-def test_the_share_done_only_grows_over_the_steps_of_stops():
+@pytest.mark.parametrize("rounds", range(1, MOST + 1))
+def test_the_share_done_only_grows_over_the_steps_of_stops(rounds):
     course = diagnose.Advance()
-    steps = list(diagnose.STEPS)
-    told = [*steps[:3], *(f"null recordings {i + 1} of 4" for i in range(4)), *steps[4:]]
+    told = ["checking the data", "fitting the baseline", "searching"]
+    told += [*(f"refitting {i + 1} of {MOST}" for i in range(rounds)), "judging"]
     shares = [course.reach(step) for step in told]
-    assert shares == sorted(shares)
+    assert shares == [diagnose.STEPS[step] for step in told]
+    assert shares == sorted(set(shares))
     assert shares[0] == 0.0
-    assert shares[6] == diagnose.STEPS["searching the library"]  # all null recordings are made
     assert shares[-1] < 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("diagnosis")
+def test_every_step_that_a_diagnosis_of_stops_tells_is_known(tmp_path):
+    told: list[str] = []
+    folder = write_campaign(tmp_path, {"A1": stop(2e-4, 0.06, duration_s=6.0, noise=1.0)})
+    engine(read_campaign(folder), progress=told.append)
+    assert told == [step for step in diagnose.STEPS if step in told]
+    assert {step for step in diagnose.STEPS if not step.startswith("refitting")} <= set(told)
 
 
 def test_the_share_done_only_grows_over_steps_not_known_before():
@@ -53,7 +67,11 @@ def test_the_share_done_only_grows_over_steps_not_known_before():
 
 def test_a_log_gets_lines_and_few_of_them(capsys):
     with diagnose._progress() as told:
-        for step in ("checking the data", "making null recordings", *(f"null recordings {i + 1} of 100" for i in range(100))):
+        for step in (
+            "checking the data",
+            "fitting the baseline",
+            *(f"round 1: null recording {i + 1} of 100" for i in range(100)),
+        ):
             told(step)
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == "wsp: 0%: checking the data"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wsp_env.diagnosis.answer import Closure, ClosureKind, Estimate, Named
+from wsp_env.diagnosis.answer import Closure, ClosureKind, Discovered, Estimate, Location, Named
 from wsp_env.diagnosis.words import described, next_test, parameter_said, parameter_words, said, sentence, unit_words
 from wsp_env.plant.mechanisms import ALL, leading_axle_cleaning
 
@@ -83,6 +83,27 @@ def test_the_sentence_claims_no_more_than_there_is():
     torn = sentence("named", [named("brake_gain_imbalance", WEAKER, others=("load_transfer",))], None, ())
     assert "probably axle 2's brake" in torn
     assert "(or it is load transfer: these recordings cannot tell)" in torn
+
+
+def test_a_term_without_a_name_is_said_with_its_equation_and_what_it_looks_like():
+    term = Discovered(
+        "brake torque", (), (3,), "650 N m on axle 3 while braking", ("braking",),
+        {"coefficient_1": Estimate(650.0, "-", (600.0, 700.0))}, ("dragging brake",), 0.8, 3.0, 100.0, 50.0,
+    )  # fmt: skip
+    words = sentence("discovered", (), None, (), (term,))
+    assert words.startswith("What the simulation lacks: something without a name in the library, 650 N m on axle 3")
+    assert "looks like: dragging brake" in words
+    both = sentence("named", [named("brake_gain_imbalance", WEAKER)], None, (), (term,))
+    assert both.index("axle 2's brake") < both.index("something without a name")
+    test = next_test("discovered", (), {}, None, (term,))
+    assert "braking" in test
+    assert "brake torque on axle 3" in test
+
+
+def test_an_unknown_cause_is_said_with_the_balance_that_is_off():
+    place = Location("actuator", (3,), ("A1",), "everywhere", 0.9)
+    assert "the actuator balance is off" in sentence("unknown", (), None, (place,))
+    assert next_test("unknown", (), {})
 
 
 @pytest.mark.parametrize(

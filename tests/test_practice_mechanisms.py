@@ -12,10 +12,10 @@ from synthetic_stops import AXLES, stop, write_campaign
 
 import wsp_env  # noqa: F401  # registers the environments
 from wsp_env.diagnosis.balances import Balances
-from wsp_env.diagnosis.candidates import choice_of, unavailable, variants
+from wsp_env.diagnosis.candidates import switched, unavailable, variants
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import baseline
-from wsp_env.diagnosis.interest import effect
+from wsp_env.diagnosis.search import net_effect
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.parameters.uic_z1 import BOGIE, COACH
 from wsp_env.plant.longitudinal.along import Belief, Trajectory, along, model
@@ -252,21 +252,26 @@ def test_two_stops_say_nothing_of_a_drift(campaign):
     assert "rail_drift" not in {one.name for one in variants(two)}
 
 
+@pytest.fixture(scope="module")
+def replica(balances):
+    return baseline(balances)
+
+
 @pytest.mark.parametrize("name", NAMES)
-def test_a_campaign_says_how_much_it_matters(name, balances):
-    """The typical size of each is of interest, and half of it about half as much."""
-    model_, _ = baseline(balances)
-    variant = next(one for one in variants(balances) if one.name == name)
+def test_a_campaign_says_how_much_it_matters(name, replica):
+    """The typical size of each is of interest, half of it about half as much, and none not at all."""
+    whitening = replica.whitening(replica.baseline)
+    variant = next(one for one in variants(replica) if one.name == name)
     typical = {one.name: one.typical for one in ALL[name].parameters}
-    null = {one.name: one.null for one in ALL[name].parameters}
+    null = variant.null()
 
     def multiple(share):
-        values = [null[size] + share * (typical[size] - null[size]) for size in variant.sizes]
-        return effect(balances, model_, choice_of(variant, np.array(values))).multiple
+        values = null + share * (np.array([typical[size] for size in variant.sizes]) - null)
+        return net_effect(replica, switched(replica.baseline, variant, values), variant, whitening).multiple
 
     assert 0.3 < multiple(1.0) < 60.0
     assert multiple(0.5) == pytest.approx(0.5 * multiple(1.0), rel=0.25)
-    assert multiple(0.0) == 0.0
+    assert multiple(0.0) < 1e-5
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -174,7 +174,7 @@ def test_a_diagnosis_stops_at_faulty_channels(sound):
     found = diagnose(changed(sound, change))
     assert found.verdict == "data"
     assert found.mechanisms == ()
-    assert found.closure is None
+    assert found.discovered == ()
     assert found.fit.removed_validate is None
     assert channel in found.sentence
     assert found.next_test.startswith(found.suspect_channels[0].remedy)
@@ -238,7 +238,7 @@ def test_a_run_alone_may_begin_anywhere(tmp_path):
 @pytest.mark.xdist_group("diagnosis")
 def test_a_worn_wheel_is_named_alone_where_nobody_knows_the_starts(tmp_path):
     demo = without_starts(demo_campaign(), tmp_path / "copy")
-    found = diagnose(changed(demo, scaled(WHEEL, 1, 1.008)), effort=0.4)
+    found = diagnose(changed(demo, scaled(WHEEL, 1, 1.008)))
     assert found.verdict == "named"
     assert [one.name for one in found.mechanisms] == ["wheel_radius"]
     assert any("start positions" in note for note in found.notes)

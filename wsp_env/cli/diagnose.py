@@ -28,14 +28,16 @@ from wsp_env.recordings import read_campaign
 from wsp_env.recordings.creep_curves import holds_creep_curves, read_creep_curves
 from wsp_env.report import write_text
 
-#: Steps of a diagnosis of stops and the share of its time [-] after which each begins (measured on campaigns of eight stops).
+#: Steps of a diagnosis of stops and the share of its time [-] after which each begins, if it takes every round (measured on the
+#: demo campaign, whose search takes none after the first).
 STEPS = {
     "checking the data": 0.0,
     "fitting the baseline": 0.02,
-    "making null recordings": 0.04,
-    "null recordings": 0.09,
-    "searching the library": 0.35,
-    "judging": 0.8,
+    "searching": 0.15,
+    "refitting 1 of 3": 0.4,
+    "refitting 2 of 3": 0.6,
+    "refitting 3 of 3": 0.75,
+    "judging": 0.9,
 }
 _COUNTED = re.compile(r"(?P<name>.*?)s? (?P<done>\d+) of (?P<of>\d+)")
 _REPORT_EVERY = 0.1  # share of the whole after which progress is reported to a log again
@@ -59,12 +61,12 @@ def main(
     out
         Folder for diagnosis.json, model.json and report.html.
     effort
-        Multiplies the number of null recordings (of stops 10, and at least 4; of creep curves 99, and no fewer): more of
-        them make rare verdicts surer.
+        Of creep curves: multiplies the number of null recordings (99, and no fewer); more of them make rare verdicts surer.
+        Stops need no null recordings: their answer does not depend on it.
     seed
-        Of the null recordings; 0 or more.
+        Of the null recordings of creep curves; 0 or more. The answer to stops does not depend on it.
     workers
-        Threads that search null recordings and refit mechanisms side by side; the answer does not depend on them.
+        Threads that evaluate and refit mechanisms of stops side by side; the answer does not depend on them.
     as_json
         Print the JSON instead of the verdict.
 
@@ -149,6 +151,9 @@ class Advance:
 
 
 def _parsed(step: str) -> tuple[str, float]:
+    """Return the name of a step and the share of it [-] that is done; rounds of stops are steps of their own."""
+    if step in STEPS:
+        return step, 0.0
     counted = _COUNTED.fullmatch(step)
     return (f"{counted['name']}s", int(counted["done"]) / int(counted["of"])) if counted else (step, 0.0)
 
@@ -165,10 +170,10 @@ def _print(found: Diagnosis | CreepDiagnosis, out: Path) -> None:
     if isinstance(found, CreepDiagnosis):
         for tied in found.inseparable:
             console.print(f"  left open: {tied.words}")
+        console.print(f"  null recordings: {max((len(one.null) for one in found.evidence), default=0)}")
     else:
         for suspect in found.suspect_channels:
             console.print(f"  channel: {suspect.line}")
-    console.print(f"  null recordings: {max((len(one.null) for one in found.evidence), default=0)}")
     console.print(f"  next test: {found.next_test}")
     for note in found.notes:
         console.print(f"  note: {note}")
