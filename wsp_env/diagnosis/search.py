@@ -125,7 +125,7 @@ def candidate(replica: Replica, model: Model, base: np.ndarray, law: _Law, varia
 
 def screen(
     replica: Replica, model: Model, tried: Sequence[Variant], pool: Executor, accepted: Sequence[Variant] = (),
-    forms: Sequence[Group] = (), start: Sizes | None = None,
+    forms: Sequence[Group] = (),
 ) -> Screen:  # fmt: skip
     """Say of every candidate what the recordings say about a model.
 
