@@ -82,7 +82,7 @@ def test_the_likelihood_is_what_is_left_of_a_posterior_without_its_prior(seed, k
     precision = np.linalg.inv(spread) + np.eye(k) / SMALL**2
     covariance = np.linalg.inv(precision)
     mean = covariance @ np.linalg.solve(spread, centre)
-    again, wide = _freed(mean / SMALL, covariance / SMALL**2)
+    again, wide = _freed(mean / SMALL, covariance / SMALL**2, SMALL)
     assert again == pytest.approx(centre, rel=1e-5, abs=1e-6)
     assert wide == pytest.approx(spread, rel=1e-5, abs=1e-6)
 
