@@ -158,16 +158,16 @@ def _trials(replica: Replica, seen: Screen, fitted: Fitted, pool: Executor) -> l
 
     def trial(one: Found) -> Trial:
         listed = one.candidate.variant
-        free, values = refined(listed), listed.null() - one.amplitude * listed.moves()
-        best = None
-        for share in (1.0, 0.4, 2.0):  # the linear step may lead astray
-            begin = switched(start.model, listed, listed.null() + share * (values - listed.null()))
-            again = refit(replica, begin, (*start.variants, free), weights)
-            if best is None or again.cost < best.cost:
-                best = again
+        change = -one.amplitude * listed.moves()
+        best, free = start, listed
+        # The linear step may lead astray, and where it acts may be found better than it was searched, or be lost.
+        for tried, share in ((refined(listed), 1.0), (listed, 1.0), (refined(listed), 0.4), (refined(listed), 2.0)):
+            begin = switched(start.model, listed, listed.null() + share * change)
+            again = refit(replica, begin, (*start.variants, tried), weights)
+            if again.cost < best.cost or best is start:
+                best, free = again, tried
             if best.cost < start.cost - 0.8 * one.reduction:
                 break
-        assert best is not None
         evidence = one.evidence + 0.5 * (start.cost - best.cost - one.reduction)
         return Trial(
             one, listed, free, best, evidence, start.cost - best.cost, net_effect(replica, best.model, free, seen.whitening)

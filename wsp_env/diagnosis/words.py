@@ -182,7 +182,7 @@ def sentence(
         return "The recordings are insufficient: no wheel slides in them, so they say nothing on adhesion."
     if verdict == "unknown":
         place = where[0].equation if where else "vehicle"
-        best = f"best described by an unknown {closure.depends_on}" if closure else "which no closure describes either"
+        best = f"best described by an unknown {closure.depends_on}" if closure else "and neither a name nor a term explains it"
         return f"Something is missing that no mechanism of the library explains: the {place} balance is off, {best}."
     return f"What the simulation lacks: {'; and '.join([*map(_claim, named), *map(_term, terms)])}."
 
