@@ -20,8 +20,7 @@ from experiments.concealed.required import DISTANCES, checks
 from experiments.concealed.score import score
 from experiments.concealed.setup import RUNS
 from experiments.concealed.truths import true_value
-from wsp_env.diagnosis.candidates import Candidate, Variant, step
-from wsp_env.diagnosis.search import Products, Scan
+from wsp_env.diagnosis.candidates import Variant, parameter_of, step
 from wsp_env.plant import mechanisms
 from wsp_env.plant.mechanisms import clock_offset
 from wsp_env.recordings import CampaignError, demo_campaign, read_campaign
@@ -238,18 +237,16 @@ def test_refused_campaign_is_insufficient(monkeypatch):
     assert said["notes"] == ["no run can be diagnosed"]
 
 
-def made_up_scan(rng: np.random.Generator, amplitude: float) -> Scan:
+def made_up_scan(rng: np.random.Generator, amplitude: float) -> rivals.Scan:
     """Return a scan of gradient and mass, in which only the gradient is there."""
-    chosen = [Variant("track_gradient", ("rise",), {}), Variant("vehicle_mass", ("extra",), {})]
-    candidates = tuple(Candidate(one.name, np.zeros((0, 1)), one, (step(one.name, one.sizes[0])[1],)) for one in chosen)
+    chosen = (Variant("track_gradient", ("rise",), {}), Variant("vehicle_mass", ("extra",), {}))
     x = rng.standard_normal((900, 2))
     y = amplitude * x[:, 0] + rng.standard_normal(900)
 
-    def products(keep: slice) -> Products:
-        return Products(x[keep].T @ x[keep], x[keep].T @ y[keep], float(y[keep] @ y[keep]), len(y[keep]))
+    def products(keep: slice) -> rivals.Products:
+        return rivals.Products(x[keep].T @ x[keep], x[keep].T @ y[keep], len(y[keep]))
 
-    parts = (slice(0, 1), slice(1, 2))
-    return Scan(candidates, parts, 0, products(slice(None)), products(slice(600)), products(slice(600, None)))
+    return rivals.Scan(chosen, products(slice(None)), products(slice(600)), products(slice(600, None)))
 
 
 @pytest.mark.parametrize("name", rivals.RULES)
@@ -258,7 +255,7 @@ def test_rivals_find_what_is_there_and_its_size(name):
     assert said["mechanisms"][0]["name"] == "track_gradient"
     assert said["mechanisms"][0]["confidence"] > 0.99
     rise = said["mechanisms"][0]["parameters"]["rise"]
-    null, change = step("track_gradient", "rise")
+    null, change = parameter_of("track_gradient", "rise").null, step("track_gradient", "rise")
     assert rise["value"] == pytest.approx(null - 2.0 * change, rel=0.1)
     assert rise["interval90"][0] < rise["value"] < rise["interval90"][1]
 

@@ -1,253 +1,243 @@
-"""What decides, each rule by itself, on small searches made by hand: columns and residuals are a few orthogonal directions."""
+"""The decision's parts: evidence, sizes of discrepancies, the speed's noise, what compensates and what is normal."""
 
 import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import multivariate_normal, norm
 
 from wsp_env.diagnosis import decide
-from wsp_env.diagnosis.candidates import Candidate, Variant
+from wsp_env.diagnosis.balances import BALANCES, Whitening
+from wsp_env.diagnosis.candidates import Candidate, Variant, refined, switched, values_in, without
+from wsp_env.diagnosis.covariance import Evidence
+from wsp_env.diagnosis.decide import FORM, MATTERS, PRIOR, PRIOR_TERM, SURE, Trial, belief, odds
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Fitted
-from wsp_env.diagnosis.gls import LeastSquares
-from wsp_env.diagnosis.rules import (
-    CHANCE,
-    HELD_OUT_SHARE,
-    INDISTINCT,
-    LEAST_MULTIPLE,
-    LEAST_REDUCTION,
-    LEAST_SHARE,
-    LEAST_SHARE_ANY,
-    LEAST_SHARE_APART,
-    LEAST_SHARE_EXACT,
-    OVER_NULLS,
-    SHARE_OF_REDUCTION,
-    Accepted,
-    Trial,
-    alternatives_to,
-    expected,
-    is_normal,
-    is_shadow,
-    largest_cosine,
-    least_held_out,
-    least_reduction,
-    least_share,
-)
-from wsp_env.diagnosis.search import Found, LibrarySearch, Products, Scan
-from wsp_env.plant.mechanisms import ALL
+from wsp_env.diagnosis.interest import StopChange
+from wsp_env.diagnosis.search import LARGE, SEEN, SMALL, Found, _freed, _one, can_be
+from wsp_env.diagnosis.speed import SpeedNoise, estimate, estimate_noise
+from wsp_env.diagnosis.variation import Group
 
-ROWS = 8
-#: Mechanisms of one fitted size each: two that the adhesion alone shows, two that the vehicle's balance shows and that have one
-#: form, and one that both balances show.
-CLEANING, MEMORY, GRADIENT, MASS, PADS = (
-    "leading_axle_cleaning",
-    "contaminant_memory",
-    "track_gradient",
-    "vehicle_mass",
-    "pad_friction",
-)
+GRADIENT = Variant("track_gradient", ("rise",), {})
+GAIN = Variant("brake_gain_imbalance", ("gain",), {"axle": 2.0})
+TERM = Variant("discovered", ("coefficient_1",), {"slot_1": 0.0}, (100.0,), "brake torque by braking")
 
 
-def unit(*share: float) -> np.ndarray:
-    """Return a direction (ROWS,) of length 1 with these first components, each over a pair of rows, one of either half."""
-    components = np.zeros(ROWS // 2)
-    components[: len(share)] = share
-    direction = np.repeat(components, 2)
-    return direction / np.linalg.norm(direction)
+class FakeRows:
+    """Rows of one balance."""
+
+    def __init__(self, n: int) -> None:
+        self.balance = np.zeros(n, dtype=int)
 
 
-def variant(name: str) -> Variant:
-    return Variant(name, (next(size.name for size in ALL[name].sizes if size.fitted),), {})
+class FakeBalances:
+    """Balances of which only the rows are asked."""
+
+    def __init__(self, n: int) -> None:
+        self.rows = FakeRows(n)
 
 
-def scan_of(columns: dict[str, np.ndarray], residual: np.ndarray) -> Scan:
-    """Return the scan of mechanisms with a column each; the runs to validate are every other row."""
-    x = np.column_stack(list(columns.values()))
-    candidates = tuple(Candidate(name, np.zeros((0, 1)), variant(name), (1.0,)) for name in columns)
-
-    def products(rows: slice) -> Products:
-        return Products(x[rows].T @ x[rows], x[rows].T @ residual[rows], float(residual[rows] @ residual[rows]), ROWS)
-
-    parts = tuple(slice(i, i + 1) for i in range(len(columns)))
-    return Scan(candidates, parts, 0, products(slice(None)), products(slice(0, None, 2)), products(slice(1, None, 2)))
+def candidate(variant: Variant = GRADIENT, k: int = 1) -> Candidate:
+    return Candidate(variant, np.zeros((0, k)), np.ones(k))
 
 
-def search_of(columns: dict[str, np.ndarray], residual: np.ndarray) -> LibrarySearch:
-    """Return a search whose null recordings hold nothing."""
-    silent = [scan_of(columns, np.zeros(ROWS)) for _ in range(3)]
-    return LibrarySearch(scan_of(columns, residual), silent, np.zeros(0, dtype=int), np.zeros(0))
+def found(variant: Variant, evidence: float) -> Found:
+    return Found(candidate(variant), evidence, np.ones(1), np.ones(1), np.ones(1), 2.0 * evidence)
 
 
-def found(search: LibrarySearch, name: str, **changes: object) -> Found:
-    one = next(one for one in search.found() if one.name == name)
-    return dataclasses.replace(one, **changes)
+def trial(variant: Variant, evidence: float, multiple: float = 2.0) -> Trial:
+    return Trial(found(variant, evidence), variant, variant, None, evidence, 2.0 * evidence, StopChange(0.01 * multiple, 0.0))
 
 
-def trial(one: Found, multiple: float = 1.0, **choice: float) -> Trial:
-    own = variant(one.name)
-    fitted = Fitted(Model(1e-4, (0.05,), {one.name: choice}), (own,), (np.zeros(1),), (np.eye(1),), 0.0)
-    return Trial(one, own, own, fitted, multiple, np.zeros(1))
+def evidence_of(columns: np.ndarray, y: np.ndarray, groups: list[Group]) -> Evidence:
+    whitening = Whitening(np.ones(len(y)), ())
+    return Evidence(FakeBalances(len(y)), whitening, groups, y, columns)
 
 
-def accepted(one: Found) -> Accepted:
-    own = variant(one.name)
-    return Accepted(one, own, own, (one.name,), 1.0, 1.0, np.zeros(1))
+# --- evidence
 
 
-def test_a_search_made_by_hand_is_the_least_squares():
-    search = search_of({CLEANING: unit(1.0), MEMORY: unit(1.0, 1.0)}, -10.0 * unit(1.0))
-    assert found(search, CLEANING).reduction == pytest.approx(100.0)
-    assert found(search, MEMORY).reduction == pytest.approx(50.0)
-    assert expected(search, found(search, CLEANING)) == pytest.approx(50.0)  # half of the rows
+@pytest.mark.parametrize(("centre", "spread"), [(0.0, 0.1), (1.0, 0.2), (-3.0, 0.4), (0.3, 0.01)])
+def test_evidence_is_the_ratio_of_the_two_likelihoods(centre, spread):
+    """For one size: the density of its estimate with a wide and with a narrow prior."""
+    one = _one(candidate(), np.array([centre]), np.array([[spread**2]]), 1)
+    expected = norm.logpdf(centre, 0.0, np.hypot(spread, LARGE)) - norm.logpdf(centre, 0.0, np.hypot(spread, SMALL))
+    assert one.evidence == pytest.approx(expected, abs=1e-9)
 
 
-def test_a_mechanism_explains_nothing_on_its_impossible_side():
-    search = search_of({CLEANING: unit(1.0), GRADIENT: unit(1.0)}, 10.0 * unit(1.0))
-    assert found(search, CLEANING).reduction == 0.0  # no wheel brings contaminant along
-    assert found(search, GRADIENT).reduction == pytest.approx(100.0)
+def test_variants_cost_their_logarithm_and_nothing_small_is_evidence():
+    one, many = (_one(candidate(), np.array([2.0]), np.array([[0.01]]), count) for count in (1, 20))
+    assert one.evidence - many.evidence == pytest.approx(np.log(20.0))
+    # What is as small as sound vehicles are speaks against a large size, however surely it is measured.
+    assert _one(candidate(), np.array([SMALL]), np.array([[1e-8]]), 1).evidence < 0.0
 
 
-def test_least_reduction_of_a_first_mechanism():
-    search = search_of({CLEANING: unit(1.0)}, 10.0 * unit(1.0))
-    for largest in (1.0, 40.0):
-        one = found(search, CLEANING, nulls=np.array([0.5, largest]))
-        least = least_reduction(search, one, variant(CLEANING), ())
-        assert least == max(LEAST_REDUCTION, OVER_NULLS * largest)
+@given(st.integers(0, 10_000), st.integers(1, 3))
+@settings(deadline=None, max_examples=50)
+def test_the_likelihood_is_what_is_left_of_a_posterior_without_its_prior(seed, k):
+    rng = np.random.default_rng(seed)
+    root = rng.standard_normal((k, k + 2))
+    spread, centre = root @ root.T, rng.standard_normal(k)
+    precision = np.linalg.inv(spread) + np.eye(k) / SMALL**2
+    covariance = np.linalg.inv(precision)
+    mean = covariance @ np.linalg.solve(spread, centre)
+    again, wide = _freed(mean / SMALL, covariance / SMALL**2, SMALL)
+    assert again == pytest.approx(centre, rel=1e-5, abs=1e-6)
+    assert wide == pytest.approx(spread, rel=1e-5, abs=1e-6)
 
 
-@pytest.mark.parametrize(("overlap", "share"), [(0.0, LEAST_SHARE_ANY), (0.8, LEAST_SHARE * 0.8**2), (1.0, LEAST_SHARE)])
-def test_least_reduction_beside_another_grows_with_what_they_have_in_common(overlap, share):
-    columns = {CLEANING: unit(1.0), MEMORY: unit(overlap, np.sqrt(1.0 - overlap**2))}
-    search = search_of(columns, 100.0 * unit(1.0))
-    first = accepted(found(search, CLEANING, reduction=1e4))
-    least = least_reduction(search, found(search, MEMORY), variant(MEMORY), [first])
-    assert least == pytest.approx(share * 1e4)
+def test_a_brake_never_pushes():
+    brake = Variant("non_adhesive_brake", ("force_n",), {})
+    move = float(brake.moves()[0])
+    assert can_be(candidate(brake), np.array([-1.0 * np.sign(move)]))
+    assert not can_be(candidate(brake), np.array([1.0 * np.sign(move)]))
+    assert can_be(candidate(GRADIENT), np.array([1.0]))
+    assert can_be(candidate(GRADIENT), np.array([-1.0]))
 
 
-@pytest.mark.parametrize(
-    ("one", "other", "share"),
-    [
-        (MEMORY, GRADIENT, LEAST_SHARE_EXACT),  # a gradient has one form
-        (GRADIENT, MASS, LEAST_SHARE_EXACT),  # whatever they share
-        (GRADIENT, CLEANING, LEAST_SHARE_APART),  # no balance shows both
-        (PADS, CLEANING, LEAST_SHARE_APART),  # the vehicle's shows the pads alone
-        (CLEANING, PADS, LEAST_SHARE_ANY),
-        (MEMORY, CLEANING, LEAST_SHARE_ANY),
-    ],
-)
-def test_floor_of_what_a_further_mechanism_must_explain(one, other, share):
-    assert least_share(one, other) == share
+def test_a_name_needs_less_evidence_than_a_term_and_a_sure_one_is_ninety_nine_in_a_hundred():
+    assert odds(GRADIENT, 10.0) - odds(TERM, 10.0) == pytest.approx(PRIOR - PRIOR_TERM)
+    assert 1.0 / (1.0 + np.exp(-SURE)) == pytest.approx(0.99)
+    assert pytest.approx(np.log(19.0) - PRIOR) == SEEN
+    assert pytest.approx(1.0 / (1.0 + 1.645 * FORM), abs=0.01) == MATTERS
 
 
-def test_what_must_show_on_held_out_runs():
-    assert least_held_out(0.0) == 0.0
-    assert least_held_out(100.0) == pytest.approx(HELD_OUT_SHARE * 100.0 - 2.0 * CHANCE * 10.0)
-    assert least_held_out(10.0) < 0.0  # chance alone may take as much
-    assert least_held_out(1e6) == pytest.approx(HELD_OUT_SHARE * 1e6, rel=0.01)
+# --- discrepancies
 
 
-@given(st.floats(0.0, np.pi / 2.0))
-def test_cosine_of_two_columns_is_theirs(angle):
-    x = np.column_stack([unit(1.0), unit(np.cos(angle), np.sin(angle))])
-    assert largest_cosine(x.T @ x, np.array([0]), np.array([1])) == pytest.approx(np.cos(angle), abs=1e-7)
+@given(st.integers(0, 1000))
+@settings(deadline=None, max_examples=10)
+def test_sizes_are_learned_from_disagreement_and_fixed_ones_stay(seed):
+    """Levels of 60 runs that scatter by three deviations; a common level is free."""
+    rng = np.random.default_rng(seed)
+    runs, each = 60, 20
+    level = np.kron(np.eye(runs), np.ones((each, 1)))
+    y = 5.0 + level @ (3.0 * rng.standard_normal(runs)) + rng.standard_normal(runs * each)
+    common = Group("common", np.ones((runs * each, 1)), np.inf, True)
+    evidence = evidence_of(
+        np.zeros((len(y), 0)), y, [common, Group("run", level, 1.0), Group("fixed", level[:, :1], 0.5, True)]
+    )
+    solved = evidence.solve(np.zeros(0, dtype=int), evidence.start(), np.zeros(0), 30)
+    assert solved.sizes.groups[1] == pytest.approx(3.0, rel=0.35)
+    assert solved.sizes.groups[2] == 1.0
+    assert solved.sizes.noise[0] == pytest.approx(1.0, rel=0.1)
 
 
-def test_cosine_of_sets_is_that_of_their_nearest_directions():
-    x = np.column_stack([unit(1.0), unit(0.0, 1.0), unit(1.0, 1.0), unit(0.0, 0.0, 1.0)])
-    gram = x.T @ x
-    assert largest_cosine(gram, np.array([0, 1]), np.array([2, 3])) == pytest.approx(1.0)  # the first two span the third
-    assert largest_cosine(gram, np.array([0, 1]), np.array([3])) == pytest.approx(0.0)
-    scaled = np.diag([1e-3, 1.0, 1e4, 1.0]) @ gram @ np.diag([1e-3, 1.0, 1e4, 1.0])
-    assert largest_cosine(scaled, np.array([0]), np.array([2])) == pytest.approx(np.sqrt(0.5))
+def test_the_likelihood_is_that_of_the_whole_covariance():
+    rng = np.random.default_rng(1)
+    z, y = rng.standard_normal((30, 4)), rng.standard_normal(30)
+    group = Group("g", z, 0.7, True)
+    evidence = evidence_of(np.zeros((30, 0)), y, [group])
+    one = evidence.solve(np.zeros(0, dtype=int), evidence.start(), np.zeros(0), 0).log_likelihood
+    other = evidence_of(np.zeros((30, 0)), 2.0 * y, [group])
+    two = other.solve(np.zeros(0, dtype=int), other.start(), np.zeros(0), 0).log_likelihood
+    whole = multivariate_normal(np.zeros(30), np.eye(30) + 0.49 * z @ z.T)
+    assert one - two == pytest.approx(whole.logpdf(y) - whole.logpdf(2.0 * y))
 
 
-def test_a_direction_that_a_set_has_twice_counts_once():
-    x = np.column_stack([unit(1.0), unit(1.0), unit(1.0, 1.0)])
-    assert largest_cosine(x.T @ x, np.array([0, 1]), np.array([2])) == pytest.approx(np.sqrt(0.5))
+def test_a_common_slope_gains_only_what_runs_that_scatter_leave_it():
+    """The same mean slope: with runs that agree it is evidence, with runs that scatter it is none."""
+    rng = np.random.default_rng(2)
+    runs, each = 8, 50
+    x = np.tile(np.linspace(0.0, 1.0, each), runs)
+    of_run = np.kron(np.eye(runs), np.ones((each, 1))) * x[:, None]
+    gains = []
+    for scatter in (0.0, 2.0):
+        slopes = rng.standard_normal(runs)
+        slopes = 1.0 + scatter * (slopes - slopes.mean())
+        y = of_run @ slopes + 0.3 * rng.standard_normal(runs * each)
+        evidence = evidence_of(x[:, None], y, [Group("run", of_run, 0.3)])
+        begin = evidence.solve(np.zeros(0, dtype=int), evidence.start(), np.zeros(0))
+        with_it = evidence.solve(np.array([0]), begin.sizes, np.array([5.0]))
+        gains.append(with_it.log_likelihood - begin.log_likelihood)
+    assert gains[0] > 5.0
+    assert gains[1] < 2.0
 
 
-def others(top: float, *net: float) -> list[Found]:
-    fit = LeastSquares(0.0, np.zeros(1), np.eye(1))
-    names = [name for name in ALL if name != CLEANING]
-    return [Found(name, top + one, np.zeros(3), 0.0, 0, fit) for name, one in zip(names, net, strict=False)]
+# --- the vehicle's speed
 
 
-@pytest.mark.parametrize(("top", "margin"), [(50.0, INDISTINCT), (1000.0, SHARE_OF_REDUCTION * 1000.0)])
-def test_alternatives_explain_nearly_as_much(top, margin):
-    fit = LeastSquares(top, np.zeros(1), np.eye(1))
-    best = trial(Found(CLEANING, top, np.zeros(3), 0.0, 0, fit))
-    rivals = others(top, -1.01 * margin, -0.99 * margin, -0.5 * margin)
-    names, _ = alternatives_to(best, rivals)
-    assert names == (CLEANING, rivals[2].name, rivals[1].name)
+def made(noise: SpeedNoise, seed: int, n: int = 150) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng, time = np.random.default_rng(seed), 0.2 * np.arange(n)
+    course = rng.multivariate_normal(np.zeros(n), noise.course(time, time), method="eigh") + 3.0 - 0.05 * time
+    return time, course, course + rng.multivariate_normal(np.zeros(n), noise.covariance(time))
 
 
-def test_belief_is_shared_with_those_that_explain_as_much():
-    fit = LeastSquares(1000.0, np.zeros(1), np.eye(1))
-    best = trial(Found(CLEANING, 1000.0, np.zeros(3), 0.0, 0, fit))
-    _, alone = alternatives_to(best, [])
-    _, far = alternatives_to(best, others(1000.0, -900.0))
-    _, equal = alternatives_to(best, others(1000.0, 0.0))
-    _, linear = alternatives_to(best, others(1000.0, 500.0))  # without a refit: no more than the best refit's
-    assert alone == pytest.approx(1.0)
-    assert far == pytest.approx(alone, abs=1e-5)
-    assert equal == linear == pytest.approx(0.5)
+def test_coloured_noise_of_a_recorded_speed_is_recognised():
+    true = SpeedNoise(0.004, 0.035, 0.6, 0.001)
+    found = estimate_noise([made(true, seed)[::2] for seed in range(8)])
+    assert found.coloured == pytest.approx(true.coloured, rel=0.25)
+    assert found.correlation_s == pytest.approx(true.correlation_s, rel=0.5)
 
 
-def test_belief_is_no_larger_than_the_null_recordings_allow():
-    fit = LeastSquares(30.0, np.zeros(1), np.eye(1))
-    nulls = np.array([10.0, 20.0, 30.0])
-    one = Found(CLEANING, 30.0, nulls, 0.0, 0, fit)
-    _, belief = alternatives_to(trial(one), [])
-    assert belief == pytest.approx(1.0 - 10.0**-one.neg_log10_p)
-    assert belief < 0.95
+def test_the_estimated_speed_is_as_uncertain_as_it_says():
+    noise = SpeedNoise(0.004, 0.035, 0.6, 0.001)
+    errors, said = [], []
+    for seed in range(40):
+        time, course, recorded = made(noise, seed)
+        one = estimate(noise, time, recorded)
+        errors.append(np.mean((one.course - course) ** 2))
+        said.append(np.mean((one.modes**2).sum(axis=1)))
+        assert one.gain @ recorded == pytest.approx(one.course)
+    assert np.mean(errors) == pytest.approx(np.mean(said), rel=0.35)
+    assert np.sqrt(np.mean(errors)) < 0.6 * noise.coloured
 
 
-@pytest.mark.parametrize("name", [name for name, card in ALL.items() if card.signature.normal])
-def test_normal_variation_is_no_mechanism(name):
-    (size, most), *_ = ALL[name].signature.normal.items()
-    null = next(one.null for one in ALL[name].parameters if one.name == size)
-    one = Found(name, 100.0, np.zeros(3), 50.0, 0, LeastSquares(100.0, np.zeros(1), np.eye(1)))
-    for change, normal in ((0.9, True), (-0.9, True), (1.1, False), (-1.1, False)):
-        assert is_normal(trial(one, **{size: null + change * most})) == normal
+def test_a_straight_course_is_kept():
+    time = 0.2 * np.arange(80)
+    one = estimate(SpeedNoise(0.01, 0.02, 0.5, 0.002), time, 4.0 - 0.3 * time)
+    assert one.course == pytest.approx(4.0 - 0.3 * time, abs=1e-8)
 
 
-def test_a_mechanism_that_sound_vehicles_do_not_vary_by_is_never_normal():
-    one = Found(CLEANING, 100.0, np.zeros(3), 50.0, 0, LeastSquares(100.0, np.zeros(1), np.eye(1)))
-    assert not is_normal(trial(one, removal_m_per_j=0.0))
+# --- models and answers
 
 
-@pytest.mark.parametrize(
-    ("overlap", "multiple", "shadow"),
-    [
-        (1.0, 0.5 * LEAST_MULTIPLE, True),  # nothing is left beside it, and it is too small to matter
-        (1.0, 2.0 * LEAST_MULTIPLE, False),  # it matters itself: the two are alternatives
-        (0.0, 0.5 * LEAST_MULTIPLE, False),  # it explains something else
-    ],
-)
-def test_the_shadow_of_a_mechanism_too_small_to_matter(overlap, multiple, shadow):
-    columns = {CLEANING: unit(1.0), MEMORY: unit(overlap, np.sqrt(1.0 - overlap**2))}
-    search = search_of(columns, 10.0 * unit(1.0) + 9.0 * unit(0.0, 1.0))
-    better = trial(found(search, CLEANING), multiple)
-    assert is_shadow(search, trial(found(search, MEMORY)), [better]) == shadow
+def test_switching_on_and_off_leaves_other_terms_alone():
+    model = Model(2e-4, (0.06,))
+    first = switched(model, TERM, np.array([500.0]))
+    second = Variant("discovered", ("coefficient_2",), {"slot_2": 3.0}, (200.0,), "vehicle force by time")
+    both = switched(first, second, np.array([90.0]))
+    assert values_in(both, TERM) == pytest.approx([500.0])
+    assert without(both, second).choice["discovered"]["coefficient_1"] == 500.0
+    assert without(without(both, second), TERM).choice == {}
+    assert without(switched(model, GAIN, np.array([0.1])), GAIN).choice == {}
 
 
-@pytest.mark.parametrize(("lost", "names"), [(1.0, [MEMORY]), (400.0, [CLEANING, MEMORY])])
-def test_what_a_later_mechanism_explains_too_is_dropped(lost, names, monkeypatch):
-    """Without the first mechanism the refit loses `lost` of chi-square."""
-    search = search_of({CLEANING: unit(1.0), MEMORY: unit(0.8, 0.6)}, 30.0 * unit(1.0))
-    first, last = (accepted(found(search, name, reduction=one)) for name, one in ((CLEANING, 900.0), (MEMORY, 300.0)))
-    choice = {name: {} for name in (CLEANING, MEMORY)}
-    both = Fitted(Model(1e-4, (0.05,), choice), (first.variant, last.variant), (), (), 100.0)
+def test_sizes_are_clipped_into_their_bounds_and_places_become_free():
+    high = switched(Model(2e-4, (0.06,)), GAIN, np.array([1e9])).choice["brake_gain_imbalance"]
+    assert high["gain"] < 1e9
+    assert high["axle"] == 2.0
+    patch = Variant("adhesion_patch", ("change",), {"start_m": 100.0, "length_m": 30.0})
+    assert set(refined(patch).sizes) >= {"change"}
 
-    def refit(balances, model, variants, weights, tilts):
-        assert set(model.choice) == {one.name for one in variants} == {MEMORY}
-        return Fitted(model, tuple(variants), (), (), both.cost + lost)
 
-    monkeypatch.setattr(decide, "refit", refit)
-    kept, fitted = decide._needed(None, both, search, [first, last], None)
-    assert [one.found.name for one in kept] == names
-    assert [one.name for one in fitted.variants] == names
-    # The one that is left has what both explained, less what is lost.
-    assert kept[-1].found.reduction == (300.0 if len(kept) == 2 else 300.0 + 900.0 - lost)
+def test_belief_is_shared_with_what_explains_nearly_as_much():
+    best = trial(GRADIENT, 40.0)
+    alone = belief(best, [best], [found(GRADIENT, 40.0), found(GAIN, 2.0)])
+    beside = belief(best, [best], [found(GRADIENT, 40.0), found(GAIN, 39.5)])
+    assert alone[0] == ("track_gradient",)
+    assert alone[1] > 0.95
+    assert beside[0] == ("track_gradient", "brake_gain_imbalance")
+    assert 0.5 <= beside[1] < 0.7
+
+
+def test_what_makes_another_grow_compensates_it(monkeypatch):
+    accepted = decide.Accepted(trial(GRADIENT, 40.0, multiple=2.0), ("track_gradient",), 1.0)
+    new = dataclasses.replace(trial(GAIN, 30.0), fitted=decide.Fitted(Model(2e-4, (0.06,)), (), (), (), 0.0))
+    screen = type("Seen", (), {"whitening": None})()
+    for multiple, compensates in ((2.2, False), (20.0, True)):
+        monkeypatch.setattr(decide, "net_effect", lambda *_, m=multiple: StopChange(0.01 * m, 0.0))
+        assert decide._compensates(None, new, [accepted], screen) == compensates
+    assert not decide._compensates(None, new, [], screen)
+
+
+def test_only_what_matters_is_missing():
+    kept = [decide.Accepted(trial(GRADIENT, 40.0, multiple), ("track_gradient",), 1.0) for multiple in (0.5, MATTERS, 3.0)]
+    outcome = decide.Outcome(None, None, tuple(kept), None, None)
+    assert [one.trial.size.multiple for one in outcome.missing] == pytest.approx([MATTERS, 3.0])
+
+
+def test_there_is_a_noise_for_every_balance():
+    evidence = evidence_of(np.zeros((10, 0)), np.ones(10), [Group("g", np.ones((10, 1)), 1.0)])
+    assert len(evidence.start().noise) == len(BALANCES)

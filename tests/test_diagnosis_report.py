@@ -110,7 +110,7 @@ def test_the_first_screen_holds_the_message_and_one_plot_and_the_folds_the_evide
     worth = Worth(0.031, (0.02, 0.04), 0.2)
     first, body = page_of(dataclasses.replace(found, location=where, worth=worth), tmp_path)
     for words in (
-        "It makes real stops 3.1 % longer than simulated ones.",
+        "By this, real stops are 3.1 % longer than simulated ones.",
         MEANINGS["named"],
         "change +2.0 to +4.0 %",
         "in the vehicle&#x27;s speed, in every run, speed from 10 to 20 m/s",

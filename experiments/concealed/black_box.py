@@ -11,11 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from experiments.concealed.workers import each, write_whole
-from wsp_env.diagnosis.balances import ADHESION, BALANCES, VEHICLE, Balances
-from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.balances import ADHESION, BALANCES, VEHICLE
 from wsp_env.diagnosis.fitting import Weights
-from wsp_env.diagnosis.gls import Projector
-from wsp_env.diagnosis.variation import nuisances
+from wsp_env.diagnosis.replica import Replica
 
 FOLDS = 5
 #: Names with at least this share of the best one's probability are in its set: assumption.
@@ -25,24 +23,23 @@ _AXLES = 4
 _LEVELS = 5  # of slip, speed, friction work and deceleration
 
 
-def features(balances: Balances, model: Model, weights: Weights, gains: dict[str, float]) -> dict[str, float]:
+def features(replica: Replica, weights: Weights, gains: dict[str, float]) -> dict[str, float]:
     """Describe the residuals of a fitted baseline; what a campaign does not have is left out.
 
     Parameters
     ----------
-    gains : fall of the sum of squares by every mechanism and closure alone
+    weights : of all rows
+    gains : fall of the sum of squares by every mechanism alone
 
     """
-    rows = balances.rows
-    base = balances.raw(model)
-    found = nuisances(balances, model, base)
-    rest = Projector(found.columns / weights.deviation[:, None], found.prior).rest(weights(base))
+    rows, model = replica.rows, replica.baseline
+    rest = weights.projector.rest(weights(replica.raw(model)))
     reported = {
-        "axles": float(balances.axles),
-        "measured torque": float(balances.campaign.vehicle.brake_torque_source == "measured"),
+        "axles": float(replica.axles),
+        "measured torque": float(replica.campaign.vehicle.brake_torque_source == "measured"),
         "log tau": float(np.log(model.tau)),
     }
-    drift = np.log([mu / stop.believed_mu_cd for mu, stop in zip(model.mu_cd, balances.stops, strict=True)])
+    drift = np.log([mu / stop.believed_mu_cd for mu, stop in zip(model.mu_cd, replica.stops, strict=True)])
     reported |= {"mu_cd over believed": float(drift.mean()), "spread of mu_cd": float(drift.std())}
 
     def describe(name: str, mine: np.ndarray) -> None:
@@ -55,7 +52,7 @@ def features(balances: Balances, model: Model, weights: Weights, gains: dict[str
         describe(name, mine)
         describe(f"{name} to validate", mine & rows.validate)
         if balance != VEHICLE:
-            for axle in range(min(balances.axles, _AXLES)):
+            for axle in range(min(replica.axles, _AXLES)):
                 describe(f"{name} of axle {axle + 1}", mine & (rows.axle == axle))
         by = {"speed": rows.speed, "deceleration": rows.deceleration}
         if balance == ADHESION:

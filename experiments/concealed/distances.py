@@ -1,5 +1,6 @@
 """What the mechanisms of an answer do to the stopping distances: comparable whatever the form of an effect."""
 
+import dataclasses
 import math
 import warnings
 from collections.abc import Mapping
@@ -10,7 +11,8 @@ from scipy.stats import t as student
 
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.evaluate import Choice, Model
-from wsp_env.diagnosis.interest import effect
+from wsp_env.diagnosis.interest import change, only_sensors
+from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.evaluation.controller import Controller, load
 from wsp_env.evaluation.replay import braked
@@ -83,20 +85,26 @@ def _parameter_share(campaign: Campaign, answer: Mapping[str, Any], chosen: Choi
     Each parameter is moved alone between the ends of its interval, their shares are added as squares.
     """
     reported = answer["model"]
-    stops = [
-        (Balances(campaign, [stop]), reported["mu_cd"][stop.name])
+    replicas = [
+        Replica(Balances(campaign, [stop]), Model(reported["tau_m_per_J"], (reported["mu_cd"][stop.name],), chosen))
         for stop in prepare(campaign)[0]
         if stop.name in reported["mu_cd"]
     ]
 
-    def change(choice: Choice) -> float:
-        return float(np.mean([effect(one, Model(reported["tau_m_per_J"], (mu,)), choice).distance for one, mu in stops]))
+    def at(choice: Choice) -> float:
+        return float(np.mean([_recorded(one, choice) for one in replicas]))
 
-    value, squares = change(chosen), 0.0
+    value, squares = at(chosen), 0.0
     for one in answer["mechanisms"]:
         for name, parameter in one["parameters"].items():
             low, high = parameter["interval90"]
             if high > low:
-                ends = [change({**chosen, one["name"]: {**chosen[one["name"]], name: end}}) for end in (low, high)]
+                ends = [at({**chosen, one["name"]: {**chosen[one["name"]], name: end}}) for end in (low, high)]
                 squares += ((ends[1] - ends[0]) / 2.0) ** 2
     return float(np.sqrt(squares)) / max(abs(value), _LEAST)
+
+
+def _recorded(replica: Replica, choice: Choice) -> float:
+    """Return the relative change of one stop's distance [-] at the recorded slip, by mechanisms beside the same law."""
+    before, after = (replica.evaluate(dataclasses.replace(replica.baseline, choice=one)) for one in ({}, choice))
+    return change(replica, before, after, only_sensors(choice)).distance

@@ -5,10 +5,11 @@
 - `black_box`: gradient-boosted trees, see `black_box`.
 
 All are given the diagnosis's own residuals, noise estimate, nuisances and sensitivities about the fitted baseline, and so what
-it knows of normal variation. None is given null recordings, what they say of bias and offsets, or smallest effects of interest.
+it knows of normal variation. None is given what the recordings' disagreement says of its size, refits, or smallest effects of
+interest.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,12 +19,14 @@ from experiments.concealed import black_box
 from experiments.concealed.bank import read_labels
 from experiments.concealed.workers import each, quietly_read, write_whole
 from wsp_env.diagnosis.balances import Balances
-from wsp_env.diagnosis.candidates import step, variants
-from wsp_env.diagnosis.fitting import baseline
+from wsp_env.diagnosis.candidates import Variant, columns, parameter_of, variants
+from wsp_env.diagnosis.fitting import Weights, baseline, weigh
 from wsp_env.diagnosis.gls import LeastSquares, fit
-from wsp_env.diagnosis.search import Products, Scan, conditioned, scan
+from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.search import held_out_rows
 from wsp_env.diagnosis.stops import prepare
-from wsp_env.plant.mechanisms import ALL
+from wsp_env.diagnosis.variation import nuisances
+from wsp_env.plant.mechanisms import LIBRARY
 from wsp_env.recordings import CampaignError
 
 NAMES = ("bic", "held_out", "black_box")
@@ -34,8 +37,31 @@ INDISTINCT_BIC = 6.0
 #: Share of the best held-out gain within which another is taken for as good: the diagnosis's share of its gain.
 INDISTINCT_HELD_OUT = 0.1
 _LEAST = 1e-3  # of its square that a direction must have left to be fitted
+_SPANNED = 1e-6  # of its square, before the nuisances are taken away, that a column must have left
 _Z90 = 1.645
 _NONE = np.zeros(0, dtype=int)
+
+
+class Products(NamedTuple):
+    """Inner products of all columns with each other and with the residual, off the nuisances, over some rows."""
+
+    gram: np.ndarray  # (K, K)
+    against: np.ndarray  # (K,)
+    rows: int
+
+
+class Scan(NamedTuple):
+    """All variants of the library about a fitted baseline."""
+
+    variants: tuple[Variant, ...]
+    whole: Products
+    tune: Products
+    validate: Products
+
+    def columns_of(self, which: int) -> np.ndarray:
+        """Return the indices of a variant's columns."""
+        first = sum(len(one.sizes) for one in self.variants[:which])
+        return first + np.arange(len(self.variants[which].sizes))
 
 
 class Rule(NamedTuple):
@@ -45,8 +71,20 @@ class Rule(NamedTuple):
     margin: Callable[[float], float]  # of the best one's worth
 
 
+def _conditioned(products: Products, index: np.ndarray, given: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return Gram matrix and inner products of some columns, off others as well, and their squares before."""
+    gram, against = products.gram, products.against
+    squares = np.diag(gram)[index]
+    if not len(given):
+        return gram[np.ix_(index, index)], against[index], squares
+    inverse = fit(gram[np.ix_(given, given)], against[given], least=_LEAST).covariance
+    cross = gram[np.ix_(index, given)]
+    freed = gram[np.ix_(index, index)] - cross @ inverse @ cross.T
+    return freed, against[index] - cross @ inverse @ against[given], squares
+
+
 def _fit(products: Products, index: np.ndarray, given: np.ndarray = _NONE) -> tuple[LeastSquares, np.ndarray, np.ndarray]:
-    gram, against, squares = conditioned(products, index, given, np.zeros(len(products.against)))
+    gram, against, squares = _conditioned(products, index, given)
     return fit(gram, against, squares, _LEAST), gram, against
 
 
@@ -73,8 +111,8 @@ def select(data: Scan, rule: Rule) -> dict[str, Any]:
     for _ in range(MOST):
         given = _columns(data, chosen)
         best: dict[str, tuple[float, int]] = {}
-        for i, one in enumerate(data.candidates):
-            if one.variant is not None and one.name not in {data.candidates[j].name for j in chosen}:
+        for i, one in enumerate(data.variants):
+            if one.name not in {data.variants[j].name for j in chosen}:
                 worth = rule.worth(data, data.columns_of(i), given)
                 best[one.name] = max(best.get(one.name, (-np.inf, -1)), (worth, i))
         ranked = sorted(best, key=lambda name: best[name], reverse=True)
@@ -100,13 +138,10 @@ def _parameters(data: Scan, chosen: list[int]) -> list[dict[str, Any]]:
     """Parameters of the mechanisms chosen, fitted together, linear about the baseline."""
     together, first, reported = _fit(data.whole, _columns(data, chosen))[0], 0, []
     for i in chosen:
-        variant = data.candidates[i].variant
-        if variant is None:
-            raise ValueError(f"{data.candidates[i].name} is no mechanism")
-        units = {parameter.name: parameter.unit for parameter in ALL[variant.name].parameters}
+        variant = data.variants[i]
+        units = {name: parameter_of(variant.name, name).unit for name in (*variant.fixed, *variant.sizes)}
         found = {name: {"value": v, "unit": units[name], "interval90": [v, v]} for name, v in variant.fixed.items()}
-        for name in variant.sizes:
-            null, change = step(variant.name, name)
+        for name, null, change in zip(variant.sizes, map(float, variant.null()), map(float, variant.moves()), strict=True):
             value = null - float(together.amplitude[first]) * change
             half = _Z90 * abs(change) * float(np.sqrt(together.covariance[first, first]))
             found[name] = {"value": value, "unit": units[name], "interval90": [value - half, value + half]}
@@ -115,18 +150,59 @@ def _parameters(data: Scan, chosen: list[int]) -> list[dict[str, Any]]:
     return reported
 
 
+def scan(replica: Replica, weights: Callable[[np.ndarray | None], Weights], tried: Sequence[Variant]) -> Scan:
+    """Compute the inner products of all variants about the baseline.
+
+    Parameters
+    ----------
+    weights : of some rows (n,) bool; None: of all
+
+    """
+    model = replica.baseline
+    base = replica.raw(model)
+    found = [columns(replica, model, base, one) for one in tried]
+    every = weights(None)
+    white = every(np.column_stack([*found, base]))
+
+    def products(own: Weights, keep: np.ndarray) -> Products:
+        both = white[keep]
+        inner = own.projector.inner(both, both)
+        # What the nuisances span leaves rounding errors.
+        spanned = np.diag(inner)[:-1] < _SPANNED * np.einsum("nk,nk->k", both, both)[:-1]
+        gram, against = np.where(spanned | spanned[:, None], 0.0, inner[:-1, :-1]), np.where(spanned, 0.0, inner[:-1, -1])
+        return Products(gram, against, int(keep.sum()))
+
+    held = held_out_rows(replica.rows)
+    whole = products(every, np.ones(len(held), dtype=bool))
+    return Scan(tuple(tried), whole, products(weights(~held), ~held), products(weights(held), held))
+
+
+def weighing(replica: Replica) -> Callable[[np.ndarray | None], Weights]:
+    """Return the function that gives the weights of some rows, every nuisance at the size expected of it.
+
+    The law's parameters, which are not fitted again, are among the nuisances.
+    """
+    model, whitening = replica.baseline, replica.whitening(replica.baseline)
+    # `weigh` leaves out what is named as the law's parameters are.
+    groups = [one._replace(name=f"any {one.name}") for one in nuisances(replica, model, replica.raw(model), whitening).groups]
+    return lambda keep: weigh(replica, whitening, groups, keep=keep)
+
+
 def examine(campaign: Path) -> tuple[dict[str, dict[str, Any]], dict[str, float]]:
     """Return the answers of the rules to one campaign, and the features of it that the black box is given."""
     recorded = quietly_read(campaign)
-    stops, _ = prepare(recorded)
-    balances = Balances(recorded, stops)
-    model, weights = baseline(balances)
-    data = scan(balances, model, weights, list(variants(balances)))
-    gains = dict.fromkeys((*ALL, *(one.name for one in data.candidates)), 0.0)
-    for i, one in enumerate(data.candidates):
+    stops, notes = prepare(recorded)
+    balances = Balances(recorded, stops) if stops else None
+    if balances is None or not len(balances.rows):
+        raise CampaignError(f"campaign {recorded.name}: no run can be compared: {'; '.join(notes)}")
+    replica = baseline(balances)
+    weights = weighing(replica)
+    data = scan(replica, weights, list(variants(replica)))
+    gains = dict.fromkeys(LIBRARY, 0.0)
+    for i, one in enumerate(data.variants):
         gains[one.name] = max(gains[one.name], _fit(data.whole, data.columns_of(i))[0].reduction)
     answers = {name: select(data, rule) for name, rule in RULES.items()}
-    return answers, black_box.features(balances, model, weights, gains)
+    return answers, black_box.features(replica, weights(None), gains)
 
 
 def _one(task: tuple[Path, Path, str]) -> None:

@@ -111,7 +111,7 @@ def select(
         # What the form of those before may leave of what they explain looks like another.
         form = FORM**2 * sum(one.trial.evidence for one in accepted)
         sure = [one for one in trials if odds(one.listed, one.evidence) > max(SURE, form)]
-        best = next((one for one in sure if not _compensates(replica, one, accepted, seen)), None)
+        best = next((one for one in _preferred(sure) if not _compensates(replica, one, accepted, seen)), None)
         if best is None:
             break
         accepted.append(Accepted(best, *belief(best, trials, seen.found)))
@@ -121,13 +121,21 @@ def select(
         left = [one for one in tried if one.name not in fitted.model.choice]
         left += terms(replica, 1 + sum(len(one.trial.listed.sizes) for one in accepted if one.trial.listed.family))
         bent = forms(replica, fitted.model, fitted.variants)
-        seen = screen(replica, fitted.model, left, pool, fitted.variants, bent, seen.sizes)
+        seen = screen(replica, fitted.model, left, pool, fitted.variants, bent)
     return Outcome(replica, fitted, tuple(accepted), first, seen)
 
 
 def _weights(replica: Replica, seen: Screen) -> Weights:
     sizes = Sizes(np.concatenate([seen.sizes.groups, [1.0]]), seen.sizes.noise)
     return weigh(replica, seen.whitening, [*seen.groups, seen.small], sizes)
+
+
+def _preferred(trials: Sequence[Trial]) -> list[Trial]:
+    """Sort trials, the best first: a name before a term that explains no more than the name's own form may miss."""
+    if not trials:
+        return []
+    least = (1.0 - FORM) ** 2 * max(one.evidence for one in trials)
+    return sorted(trials, key=lambda one: (bool(one.listed.family) or one.evidence < least, -one.evidence))
 
 
 def _compensates(replica: Replica, trial: Trial, accepted: Sequence[Accepted], seen: Screen) -> bool:

@@ -25,32 +25,26 @@ _USUAL = {Feature.SLIP: 3.0, Feature.WHEEL_RATE: 3.0, Feature.TIME: 15.0, Featur
 _BUMP_M = 300.0  # width of a bump along the track
 
 _ONE = ((1.0, 1.0),)
-#: Features tried in each slot with their scales: on all axles together, and on each axle alone. Friction by the rate of the
+#: Features tried in each slot with their scales: on all axles together, and on each axle alone; those that have a name in the
+#: library are left to it. Friction by the rate of the
 #: slip is not tried: whatever moves the friction moves the wheel, so that in a closed loop any noise of friction looks like it.
 _TOGETHER: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
     Slot.BRAKE_TORQUE: {
-        Feature.BRAKING: _ONE, Feature.SPEED: _ONE, Feature.SPEED_SQUARED: _ONE, Feature.SLIP: _ONE, Feature.WHEEL_RATE: _ONE,
-        Feature.TORQUE_MEMORY: ((0.1, 1.0), (0.3, 1.0), (1.0, 1.0)), Feature.BRAKING_TIME: _ONE,
-        Feature.WHEEL_DIFFERENCE: _ONE, Feature.WORK: _ONE, Feature.WHEEL_SINE: _ONE,
+        Feature.SLIP: _ONE, Feature.BRAKING_TIME: _ONE, Feature.WHEEL_DIFFERENCE: _ONE, Feature.WORK: _ONE,
+        Feature.WHEEL_SINE: _ONE,
     },
     Slot.FRICTION: {
-        Feature.BRAKING_TIME: _ONE, Feature.WORK: _ONE,
-        Feature.BUILT_UP: ((0.5, 0.6), (0.5, 1.2), (1.5, 0.6), (1.5, 1.2)), Feature.SPEED: _ONE, Feature.SLIP: _ONE,
-        Feature.WHEEL_DIFFERENCE: _ONE, Feature.TORQUE: _ONE,
+        Feature.BRAKING_TIME: _ONE, Feature.WORK: _ONE, Feature.WHEEL_DIFFERENCE: _ONE, Feature.TORQUE: _ONE,
+        Feature.BUILT_UP: ((0.5, 0.6), (0.5, 1.2), (1.5, 0.6), (1.5, 1.2)),
     },
     Slot.RECOVERY: {Feature.SPEED: _ONE, Feature.BRAKING_TIME: _ONE, Feature.WORK: _ONE},
-    Slot.VEHICLE_FORCE: {
-        Feature.BRAKING: _ONE, Feature.SPEED: _ONE, Feature.SPEED_SQUARED: _ONE, Feature.TIME: _ONE, Feature.BRAKING_TIME: _ONE,
-    },
+    Slot.VEHICLE_FORCE: {Feature.TIME: _ONE, Feature.BRAKING_TIME: _ONE},
 }  # fmt: skip
 _EACH: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
-    Slot.BRAKE_TORQUE: {
-        Feature.BRAKING: _ONE, Feature.SPEED: _ONE, Feature.WHEEL_RATE: _ONE, Feature.TORQUE_MEMORY: ((0.1, 1.0), (0.3, 1.0)),
-        Feature.BRAKING_TIME: _ONE, Feature.WHEEL_DIFFERENCE: _ONE,
-    },
-    Slot.FRICTION: {Feature.ALWAYS: _ONE, Feature.SPEED: _ONE, Feature.BUILT_UP: ((1.5, 1.2),), Feature.BRAKING_TIME: _ONE},
+    Slot.BRAKE_TORQUE: {Feature.SPEED: _ONE, Feature.BRAKING_TIME: _ONE, Feature.WHEEL_DIFFERENCE: _ONE},
+    Slot.FRICTION: {Feature.ALWAYS: _ONE, Feature.SPEED: _ONE, Feature.BRAKING_TIME: _ONE},
     Slot.RECOVERY: {Feature.ALWAYS: _ONE},
-}  # fmt: skip
+}
 
 
 def terms(replica: Replica, n: int) -> list[Variant]:

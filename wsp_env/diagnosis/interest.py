@@ -23,6 +23,7 @@ _SLIDES = 0.01  # creepage from which on the contact limits the force, not the b
 _LEAST_SAMPLES = 50  # of sliding, for a mean
 _LEAST_STEEPNESS = 0.01  # [s/m] of a creep curve; flatter, an axle has no slip of its own: assumption
 _BRAKED_MPS2 = 0.2  # deceleration from which on a vehicle counts as braked
+_PEAKS = 0.95  # quantile at which a sensor's error counts: a protection acts on peaks of slip, not on their mean (assumption)
 _LEAST = 1e-6  # of the smallest effect of interest: what has no effect at all
 
 
@@ -31,7 +32,7 @@ class StopChange:
     """What a mechanism does to the recorded stops."""
 
     distance: float  # relative change of the stopping distance [-], mean of the stops that it changes most, gentle or sliding
-    slip: float  # largest root mean square change of an axle's slip, upper or lower half of speeds, mean of stops [m/s]
+    slip: float  # largest change of an axle's slip, upper or lower half of speeds, mean of stops [m/s]
 
     @property
     def multiple(self) -> float:
@@ -80,11 +81,11 @@ def _moved(speed: np.ndarray, one: Evaluation, other: Evaluation, slides: np.nda
             used = half if radius is None else half & slides[:, k]
             if used.sum() >= _LEAST_SAMPLES:
                 if radius is None:
-                    moved = other.slip - one.slip
+                    result[i, k] = float(np.quantile(np.abs((other.slip - one.slip)[used, k]), _PEAKS))
                 else:
                     steepness = max(float(np.abs(one.slope[used, k]).mean()), _LEAST_STEEPNESS)
                     moved = (_unbalanced(other, radius) - _unbalanced(one, radius)) / steepness
-                result[i, k] = float(np.sqrt(np.mean(moved[used, k] ** 2)))
+                    result[i, k] = float(np.sqrt(np.mean(moved[used, k] ** 2)))
     return result
 
 

@@ -11,6 +11,7 @@ residual is taken linear in the measured less the replica's slip.
 """
 
 import dataclasses
+import threading
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from wsp_env.contact.degraded import adhesion_slope, degraded_adhesion
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
 from wsp_env.diagnosis.stops import PreparedStop, smooth_wheels
+from wsp_env.plant.mechanisms import ALL
 
 _SLIDES = 0.01  # creepage from which on the measured one is kept
 _WINDOW_S = 0.25  # over which the kept creepage is smoothed once more: its noise is the recordings' own
@@ -40,7 +42,12 @@ class Replica:
         forces = Evaluator(recorded.campaign, made)(baseline)
         self._copy = recorded.like([_braked(recorded, stop, one) for stop, one in zip(made, forces, strict=True)])
         self.rows = recorded.rows
-        smoothing = self._copy.raw(baseline)  # what smoothing leaves of an exact balance
+        self._kept = threading.local()  # every thread keeps its last evaluation
+        self._share = [
+            _share(one.slip / np.maximum(stop.speed, 0.1)[:, None])
+            for stop, one in zip(recorded.stops, recorded.evaluate(baseline), strict=True)
+        ]
+        smoothing = self._changed(baseline)  # what smoothing leaves of an exact balance
         self._offset = self._residuals() - smoothing * (1.0 + recorded.rows.wheels)
 
     def __getattr__(self, name: str) -> Any:
@@ -49,19 +56,51 @@ class Replica:
             raise AttributeError(name)
         return getattr(self._copy, name)
 
+    def evaluate(self, model: Model) -> list[Evaluation]:
+        """Return what a model says of every stop of the replica; the last one is kept.
+
+        What a sensor shows of a slip that is hardly there is linear in the slip, as the recordings' residual is.
+        """
+        last: tuple[Model, list[Evaluation]] | None = getattr(self._kept, "last", None)
+        if last is None or last[0] is not model:
+            whole = self._copy.evaluate(model)
+            sensors = {name for name in model.choice if ALL[name].signature.acts_on == "sensor"}
+            if sensors:
+                others = {name: values for name, values in model.choice.items() if name not in sensors}
+                without = self._copy.evaluate(dataclasses.replace(model, choice=others))
+                whole = [_seen(a, b, share) for a, b, share in zip(whole, without, self._share, strict=True)]
+            last = self._kept.last = (model, whole)
+        return last[1]
+
     def raw(self, model: Model) -> np.ndarray:
         """Residuals (n,) of a model: those of the recordings at the baseline and what the model changes."""
-        return self._copy.raw(model) + self._offset
+        return self._changed(model) + self._offset
+
+    def _changed(self, model: Model) -> np.ndarray:
+        parts = zip(self._copy.parts, self.evaluate(model), strict=True)
+        return np.concatenate([part.residuals(one) for part, one in parts])
 
     def _residuals(self) -> np.ndarray:
         """Residuals (n,) of the recordings at the baseline."""
         result, rows = self.recorded.raw(self.baseline), self.rows
-        pairs = zip(self.recorded.evaluate(self.baseline), self._copy.evaluate(self.baseline), strict=True)
+        pairs = zip(self.recorded.evaluate(self.baseline), self.evaluate(self.baseline), strict=True)
         for i, (one, copy) in enumerate(pairs):
             expected = copy.adhesion + copy.slope * (one.slip - copy.slip)
             wheels = self.recorded.parts[i].wheel_rows(one.force / (2.0 * one.load) - expected)
             result[(rows.run == i) & rows.wheels] = wheels
         return result
+
+
+def _share(creepage: np.ndarray) -> np.ndarray:
+    """Share (T, A) of the measured creepage that is kept: between 0.7 and 1.3 of the limit blended, so that no wheel jumps."""
+    result: np.ndarray = np.clip((creepage / _SLIDES - 0.7) / 0.6, 0.0, 1.0)
+    return result
+
+
+def _seen(whole: Evaluation, without: Evaluation, share: np.ndarray) -> Evaluation:
+    """Return an evaluation with sensors' errors, which are linear in the slip where little of the measured one is kept."""
+    linear = without.adhesion + without.slope * (whole.slip - without.slip)
+    return dataclasses.replace(whole, adhesion=share * whole.adhesion + (1.0 - share) * linear)
 
 
 def _rolling(recorded: Balances, one: Evaluation, model: Model, index: int) -> PreparedStop:
@@ -92,7 +131,6 @@ def _creepage(balances: Balances, one: Evaluation, model: Model, index: int) -> 
         f = degraded_adhesion(slip, v, load, model.mu_cd[index], model.tau, law)
         slope = adhesion_slope(slip, v, load, model.mu_cd[index], model.tau, law)
         slip = np.clip(slip + (aim - f) / np.maximum(slope, 0.05 / v), -_SLIDES * v, _SLIDES * v)
-    # Blend between 0.7 and 1.3 of the limit, so that the wheel does not jump.
-    share = np.clip((measured / _SLIDES - 0.7) / 0.6, 0.0, 1.0)
+    share = _share(measured)
     result: np.ndarray = np.clip(share * measured + (1.0 - share) * slip / v, -0.2, 0.999)
     return result

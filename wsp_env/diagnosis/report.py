@@ -15,7 +15,7 @@ from wsp_env.diagnosis.report_facts import axles_said, doubt, facts, lead, remov
 from wsp_env.diagnosis.report_runs import course_plot, figures, heat_maps, still_high
 from wsp_env.diagnosis.words import parameter_words, said, unit_words
 from wsp_env.plant.mechanisms import ALL
-from wsp_env.report import COLOURS, Section, Table, axes, plotly, write_page
+from wsp_env.report import COLOURS, Facts, Section, Table, axes, plotly, write_page
 
 _HASH_SHOWN = 12  # digits of a file's SHA-256, enough to tell files apart
 _LEAST_SHARE = 0.005  # of what is removed: less reads as 0 %
@@ -41,10 +41,8 @@ def _first(found: Diagnosis) -> Section:
     shows: list[Any] = [facts(found)]
     if found.course and found.verdict != "data":
         shows.append(course_plot(found.course, found.course.shows, _extended(found)))
-    elif found.verdict == "data":
-        shows.append(
-            Table(("Channel", "Suspicion", "Remedy"), [(c.channel, c.suspicion, c.remedy) for c in found.suspect_channels])
-        )
+    if found.verdict == "data":
+        shows.append(_suspicions(found))
     if found.verdict == "unknown" and found.closure and found.closure.shape:
         shows.append(_shape(found.closure))
     return Section("", (), shows)
@@ -72,8 +70,11 @@ def _footer(found: Diagnosis) -> str:
 def _channels(found: Diagnosis) -> Section | None:
     if found.verdict == "data" or not found.suspect_channels:
         return None
-    rows = [(one.channel, one.suspicion, one.remedy) for one in found.suspect_channels]
-    return Section("Suspect channels", (), [Table(("Channel", "Suspicion", "Remedy"), rows)], fold=True)
+    return Section("Suspect channels", (), [_suspicions(found)], fold=True)
+
+
+def _suspicions(found: Diagnosis) -> Facts:
+    return Facts([(one.channel, f"{one.suspicion}. Remedy: {one.remedy}") for one in found.suspect_channels])
 
 
 def _where(found: Diagnosis) -> Section | None:
@@ -188,7 +189,7 @@ def _before_after(found: Diagnosis) -> Section | None:
     return Section("Before and after, all runs" if _extended(found) else "All runs", text, shows, fold=True) if shows else None
 
 
-def _remains(found: Diagnosis) -> Section:
+def _remains(found: Diagnosis) -> Section | None:
     text: list[str] = []
     shows: list[Any] = []
     if found.closure:
@@ -198,7 +199,7 @@ def _remains(found: Diagnosis) -> Section:
         )
         if found.closure.shape and found.verdict != "unknown":
             shows.append(_shape(found.closure))
-    text += [f"Next test: {found.next_test}.", *(f"{_capital(note)}." for note in found.notes)]
+    text += [f"{_capital(note)}." for note in found.notes]
     units = {(name, one.name): one.unit for name, mechanism in ALL.items() for one in mechanism.parameters}
     rows = [
         (name.replace("_", " "), parameter_words(size), f"{value:.3g}", unit_words(units.get((name, size), "")))
@@ -207,7 +208,7 @@ def _remains(found: Diagnosis) -> Section:
     ]
     header = ("Mechanism", "Parameter", "Smallest change that would have been seen", "Unit")
     shows += [Table(header, rows)] if rows else []
-    return Section("What remains, and what could have been seen", text, shows, fold=True)
+    return Section("What remains, and what could have been seen", text, shows, fold=True) if text or shows else None
 
 
 def _shape(closure: Closure) -> Any:

@@ -11,8 +11,8 @@ from wsp_env.report import Facts
 #: What every verdict means.
 MEANINGS: dict[Verdict, str] = {
     "adequate": "the tuned simulation explains these recordings, up to what noise, normal variation and small change can do",
-    "named": "the simulation lacks what the library knows, and these recordings tell its name",
-    "ambiguous": "the simulation lacks something that the library knows, but these recordings leave several names for it",
+    "named": "what is missing has a name in the library, and these recordings tell which",
+    "ambiguous": "what is missing has a name in the library, but these recordings leave several names open",
     "discovered": "something is missing that has no name in the library; its equation also holds in runs it was not taken from",
     "unknown": "something is missing, and neither a mechanism of the library nor an equation found explains it",
     "insufficient": "these recordings cannot show whether something is missing",
@@ -48,10 +48,13 @@ def facts(found: Diagnosis) -> Facts:
 
 def lead(found: Diagnosis) -> str:
     """Return the sentence, with the stopping distance that it is worth."""
-    if found.worth is None or abs(found.worth.distance_share) < 0.0005:  # 0.0 % as it is said
+    nothing = not found.mechanisms and not found.discovered
+    if nothing or found.worth is None or abs(found.worth.distance_share) < 0.0005:  # 0.0 % as it is said
         return found.sentence
     sides = "longer" if found.worth.distance_share > 0.0 else "shorter"
-    return f"{found.sentence} It makes real stops {100.0 * abs(found.worth.distance_share):.1f} % {sides} than simulated ones."
+    return (
+        f"{found.sentence} By this, real stops are {100.0 * abs(found.worth.distance_share):.1f} % {sides} than simulated ones."
+    )
 
 
 def worth_said(found: Diagnosis) -> str:
@@ -82,7 +85,7 @@ def confidence_said(found: Diagnosis) -> str:
         f"{one.name.replace('_', ' ')}: {_at_most_one(one.confidence)} of 1{_others(one)}{doubt(one)}"
         for one in found.mechanisms
     ]
-    parts += [f"{one.equation}: has no name, was tried on held-out runs{doubt(one)}" for one in found.discovered]
+    parts += [f"{one.equation}: accepted on held-out runs{doubt(one)}" for one in found.discovered]
     return "; ".join(parts)
 
 

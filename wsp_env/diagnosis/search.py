@@ -125,7 +125,7 @@ def candidate(replica: Replica, model: Model, base: np.ndarray, law: _Law, varia
 
 def screen(
     replica: Replica, model: Model, tried: Sequence[Variant], pool: Executor, accepted: Sequence[Variant] = (),
-    forms: Sequence[Group] = (), start: Sizes | None = None,
+    forms: Sequence[Group] = (),
 ) -> Screen:  # fmt: skip
     """Say of every candidate what the recordings say about a model.
 
@@ -134,7 +134,6 @@ def screen(
     tried : mechanisms that are off
     accepted : those that are on
     forms : what the mechanisms that are on may leave of nature's form
-    start : sizes to start from
 
     """
     base, whitening = replica.raw(model), replica.whitening(replica.baseline)
@@ -146,16 +145,14 @@ def screen(
     named = [one for one in listed if not one.variant.family]
     unnamed = [one for one in listed if one.variant.family]
     nothing = np.zeros((len(base), 0))
-    small = Group(
-        "small mechanisms", law.net(np.column_stack([nothing, *(one.columns / one.scale for one in named)]))[0], SMALL, True
-    )
+    # A mechanism is small in all its variants together.
+    shares = _shares(named)
+    every = [one.columns / one.scale * share for one, share in zip(named, shares, strict=True)]
+    small = Group("small mechanisms", law.net(np.column_stack([nothing, *every]))[0], SMALL, True)
     terms = law.net(np.column_stack([nothing, *(one.columns / one.scale for one in unnamed)]))[0]
     free = Group("accepted mechanisms", np.column_stack([nothing, *on]), np.inf, True)
     evidence = Evidence(replica, whitening, [*groups, free, small], base, terms)
-    begin = evidence.start()
-    if start is not None:
-        begin = Sizes(np.concatenate([start.groups, np.ones(len(begin.groups) - len(start.groups))]), start.noise)
-    solved = evidence.solve(np.zeros(0, dtype=int), begin, np.zeros(0))
+    solved = evidence.solve(np.zeros(0, dtype=int), evidence.start(), np.zeros(0))
     found = _judged(evidence, solved.sizes, named, unnamed)
     pulled = {name: float(np.abs(solved.pulled[evidence.group == i]).max(initial=0.0)) for i, name in enumerate(evidence.names)}
     sizes = Sizes(solved.sizes.groups[: len(groups)], solved.sizes.noise)
@@ -213,10 +210,11 @@ def _judged(evidence: Evidence, sizes: Sizes, named: Sequence[Candidate], unname
     for one in (*named, *unnamed):
         counts[one.variant.name] = counts.get(one.variant.name, 0) + 1
     found = []
-    for one in named:
+    for one, share in zip(named, _shares(named), strict=True):
         mine = slice(first, first + len(one.scale))
         first += len(one.scale)
-        found.append(_one(one, *_freed(mean[mine], covariance[mine, mine]), counts[one.variant.name]))
+        small = SMALL * share
+        found.append(_one(one, *_freed(mean[mine], covariance[mine, mine], small), counts[one.variant.name], small))
     last = 0
     for one in unnamed:
         mine = slice(last, last + len(one.scale))
@@ -252,19 +250,25 @@ def _posterior(
     return mean, linalg.cho_solve(factor, np.eye(p), check_finite=False), alone
 
 
-def _freed(mean: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return what the recordings say of sizes (k,), and its covariance, from the same with the sizes small, in `SMALL`."""
-    mean, covariance = SMALL * mean, SMALL**2 * covariance
-    precision = np.linalg.inv(covariance) - np.eye(len(mean)) / SMALL**2
+def _shares(named: Sequence[Candidate]) -> list[float]:
+    """Return the share of the small size that one variant of a mechanism has."""
+    names = [one.variant.name for one in named]
+    return [1.0 / float(np.sqrt(names.count(name))) for name in names]
+
+
+def _freed(mean: np.ndarray, covariance: np.ndarray, small: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return what the recordings say of sizes (k,), and its covariance, from the same with the sizes small, in units of it."""
+    mean, covariance = small * mean, small**2 * covariance
+    precision = np.linalg.inv(covariance) - np.eye(len(mean)) / small**2
     values, vectors = np.linalg.eigh(0.5 * (precision + precision.T))
     spread = (vectors / np.maximum(values, 1e-9)) @ vectors.T
     return spread @ np.linalg.solve(covariance, mean), spread
 
 
-def _one(one: Candidate, centre: np.ndarray, spread: np.ndarray, variants: int) -> Found:
+def _one(one: Candidate, centre: np.ndarray, spread: np.ndarray, variants: int, least: float = SMALL) -> Found:
     """Judge one candidate by what the recordings say of its size: centre (k,) and covariance."""
     k = len(centre)
-    small, large = np.eye(k) * SMALL**2, np.eye(k) * LARGE**2
+    small, large = np.eye(k) * least**2, np.eye(k) * LARGE**2
 
     def log_density(prior: np.ndarray) -> float:
         whole = spread + prior
