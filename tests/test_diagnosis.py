@@ -159,7 +159,7 @@ def test_one_run_alone_and_no_run_to_validate(tmp_path):
     one = write_campaign(tmp_path / "one", {"A1": stop(2e-4, 0.06, noise=1.0)})
     found = diagnose(campaign_of(one))
     assert found.verdict == "adequate"
-    assert "validate" not in found.fit.baseline
+    assert found.fit.removed_validate is None  # stretches of the run are held out, and nothing can be removed of them
 
 
 @pytest.mark.slow
