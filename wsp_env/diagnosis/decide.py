@@ -35,6 +35,8 @@ SURE = float(np.log(99.0))
 #: Smallest effects of interest from which on a size matters: one, less what its form may err by at 95 %,
 #: 1 / (1 + 1.645 FORM), rounded.
 MATTERS = 0.75
+#: Evidence within which another name is as good, if its share of the best one's is what a form may miss: a factor of e^10.
+INDISTINCT = 10.0
 #: Factor by which a mechanism may grow beside a further one: twice what its own form may err by, at 90 % (assumption).
 GROWN = 1.7
 #: Share of a mechanism's effect that nature's form may differ by, over slip, speed, work, axles and runs: assumption.
@@ -115,7 +117,7 @@ def select(
         if best is None:
             break
         accepted.append(Accepted(best, *belief(best, trials, seen.found)))
-        replica = Replica(replica.recorded, best.fitted.model)
+        replica = Replica(replica.recorded, _with_sensors_as_read(best.fitted.model))
         fitted = refit(replica, best.fitted.model, best.fitted.variants, _weights(replica, seen))
         accepted = [one.sized(net_effect(replica, fitted.model, one.trial.variant, seen.whitening)) for one in accepted]
         left = [one for one in tried if one.name not in fitted.model.choice]
@@ -123,6 +125,12 @@ def select(
         bent = forms(replica, fitted.model, fitted.variants)
         seen = screen(replica, fitted.model, left, pool, fitted.variants, bent)
     return Outcome(replica, fitted, tuple(accepted), first, seen)
+
+
+def _with_sensors_as_read(model: Model) -> Model:
+    """Return a model without mechanisms on sensors: a replica holds what sensors read."""
+    true = {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on != "sensor"}
+    return dataclasses.replace(model, choice=true)
 
 
 def _weights(replica: Replica, seen: Screen) -> Weights:
@@ -192,6 +200,7 @@ def belief(best: Trial, trials: Sequence[Trial], found: Sequence[Found]) -> tupl
     top = best.evidence
     scale = max(1.0, FORM**2 * top)
     others = {name: value for name, value in evidence.items() if name != best.listed.title}
-    near = sorted((name for name, value in others.items() if value > top - 3.0 * scale), key=lambda name: -others[name])
+    least = top - min((1.0 - (1.0 - FORM) ** 2) * top, INDISTINCT)
+    near = sorted((name for name, value in others.items() if value > least), key=lambda name: -others[name])
     total = 1.0 + sum(float(np.exp((min(value, top) - top) / scale)) for value in others.values())
     return (best.listed.title, *near), 1.0 / total

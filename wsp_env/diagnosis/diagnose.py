@@ -31,6 +31,8 @@ _DAMAGED = 5.0
 #: Deviation of a balance's rows over the channels' own noise, beside all that varies, from which on no model holds: assumption.
 #: Sound recordings of the development campaigns reach 1.3.
 _SCATTERS = 2.0
+#: Mean squares of the extended model over the baseline's, from which on it fits worse, beyond what rounding makes.
+_WORSE = 1.01
 _Z90 = 1.645
 _LOG10 = float(np.log(10.0))
 _EVIDENCE_REPORTED = 30
@@ -101,7 +103,9 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     found = quality(replica, outcome)
     # What leaves more scatter than sound recordings do, or does not hold on runs that it was not fitted to, is no finding.
     scatters = float(outcome.last.noise.max()) > _SCATTERS
-    holds = not scatters and (not missing or found.fit.removed_validate is None or found.fit.removed_validate > 0.0)
+    worse = max(found.fit.extended[group] / found.fit.baseline[group] for group in found.fit.baseline) > _WORSE
+    removed = found.fit.removed_validate
+    holds = not scatters and not (missing and (worse or (removed is not None and removed <= 0.0)))
     named = tuple(_named(replica, outcome, one, found) for one in missing if not one.trial.listed.family) if holds else ()
     terms = tuple(_discovered(replica, outcome, one, found) for one in missing if one.trial.listed.family) if holds else ()
     verdict = _verdict(named, terms, bool(missing) or scatters, bool(sliding(replica).any()))

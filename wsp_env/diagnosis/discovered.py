@@ -26,7 +26,8 @@ _BUMP_M = 300.0  # width of a bump along the track
 
 _ONE = ((1.0, 1.0),)
 #: Features tried in each slot with their scales: on all axles together, and on each axle alone; those that have a name in the
-#: library are left to it, and what wheels' treads differ by, an axle's friction or recovery as a whole, to normal variation. Friction by the rate of the
+#: library are left to it, and what wheels' treads differ by, an axle's friction or recovery as a whole, to normal variation.
+#: Friction by the rate of the
 #: slip is not tried: whatever moves the friction moves the wheel, so that in a closed loop any noise of friction looks like it.
 _TOGETHER: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
     Slot.BRAKE_TORQUE: {

@@ -131,7 +131,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         brake = brakes.nominal[:, None]
         groups += [
             Group("nominal gain of the brakes", brake, np.inf, True),
-            Group("gain of a brake", brake * own, _EXPECTED["gain"]),
+            Group("gain of a brake", brake * own, _EXPECTED["gain"], True),
             Group("gain of a brake in a run", each(brake * own), _EXPECTED["gain"]),
         ]
     return Nuisances(tuple(_present(group) for group in groups), friction)
