@@ -112,7 +112,7 @@ class Balances:
         return np.concatenate([part.residuals(one) for part, one in zip(self.parts, self.evaluate(model), strict=True)])
 
     def like(self, stops: Sequence[PreparedStop]) -> "Balances":
-        """Return the balances of null recordings of the same stops, cut into the same rows."""
+        """Return the balances of replicas of the same stops, cut into the same rows."""
         other = Balances(self.campaign, stops)
         for mine, its in zip(self.parts, other.parts, strict=True):
             its.used, its.segments = mine.used, mine.segments

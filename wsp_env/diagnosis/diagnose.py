@@ -110,7 +110,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     terms = tuple(_discovered(replica, outcome, one, found) for one in missing if one.trial.listed.family) if holds else ()
     verdict = _verdict(named, terms, bool(missing) or scatters, bool(sliding(replica).any()))
     extended = outcome.fitted.model if holds else replica.baseline
-    where = locate(replica, replica.baseline, extended, found.weights)
+    where = locate(replica, replica.baseline, extended, found.weights if holds else found.expected)
     reasons = unavailable(replica)
     small = [
         f"seen, but too small to matter in a stop: {one.words} "

@@ -25,6 +25,7 @@ class Quality:
     after: Model
     held_out: tuple[float, ...]  # by how much each accepted mechanism reduces chi-square of the runs to validate
     weights: Weights  # of all rows
+    expected: Weights  # the same with the sizes and the noise that are expected of sound recordings
 
 
 def quality(replica: Replica, outcome: Outcome) -> Quality:
@@ -55,4 +56,11 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
         gains = tuple(score(without(fitted.model, one.trial.variant)) - own for one in outcome.accepted)
         if base["validate"] > 1.0 + _BEYOND * float(np.sqrt(2.0 / rows)):
             removed = (base["validate"] - extended["validate"]) / (base["validate"] - 1.0)
-    return Quality(FitQuality(1.0, base, extended, removed), before, fitted.model, gains, weights(None))
+    return Quality(
+        FitQuality(1.0, base, extended, removed),
+        before,
+        fitted.model,
+        gains,
+        weights(None),
+        weigh(replica, outcome.first.whitening, groups),
+    )

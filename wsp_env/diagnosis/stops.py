@@ -243,6 +243,8 @@ def _predicted(campaign: Campaign, run: Recording) -> _Course:
     vehicle, step = campaign.vehicle, _step(run)
     wheel, rate, jerk, torque = smooth_wheels(run.wheel_speed_radps, run.brake_torque_nm, step)
     turning = vehicle.wheel_radius_m * wheel > LOCKED_MPS
+    if run.suspect is not None and run.suspect.any():  # a channel that jumps is no acceleration
+        rate = np.where(maximum_filter1d(run.suspect, 2 * _length(WHEEL_WINDOW_S, step) + 1, axis=0), 0.0, rate)
     moment = np.where(turning, torque + vehicle.wheelset_inertia_kgm2 * rate, 0.0)
     predicted_rate = -moment.sum(axis=-1) / (vehicle.wheel_radius_m * run.mass_kg)
     predicted = (np.cumsum(predicted_rate) - 0.5 * predicted_rate) * step  # the trapezoidal sum

@@ -33,7 +33,7 @@ _EXPECTED = {
     "radius": 0.0005 * _UNIFORM,  # of an axle's wheels
     "stiffness": 0.03 * _UNIFORM,  # of the creep curve
     "track": 0.02 * _UNIFORM,  # of mu_cd along the track
-    "friction": 0.01 * _UNIFORM,  # of an axle's friction: from run to run, in time
+    "friction": 0.008,  # of an axle's friction: from run to run, in time
     "law": 0.002,  # of friction over slip, speed and work: the law's own form
     "torque": 0.003 * _UNIFORM,  # of a brake's torque in time
     "force": 0.0005,  # of the vehicle in time, over its weight
@@ -98,8 +98,11 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
     turning = _turning(balances, model)
     slides = (friction * ((rows.balance == ADHESION) & (rows.slip > 0.01 * rows.speed)))[:, None]
 
-    def each(columns: np.ndarray, by: np.ndarray = by_run) -> np.ndarray:
-        return np.column_stack([columns[:, [k]] * by for k in range(columns.shape[1])])
+    between = by_run @ _contrasts(by_run.shape[1])
+
+    def each(columns: np.ndarray) -> np.ndarray:
+        """Return what differs between runs; what is common to them is a column of its own."""
+        return np.column_stack([np.zeros((len(rows), 0)), *(columns[:, [k]] * between for k in range(columns.shape[1]))])
 
     segments = (rows.segment[:, None] == np.arange(rows.segment.max(initial=-1) + 1)).astype(float)
     clock = _hats(rows.time, _COURSE_NODE_S)
@@ -146,6 +149,11 @@ def shapes(balances: Balances | Replica) -> np.ndarray:
     own = (rows.axle[:, None] == np.arange(balances.axles)).astype(float)
     by_run = (rows.run[:, None] == np.arange(len(balances.stops))).astype(float)
     return np.column_stack([*over, _interpolation(rows.speed, rows.speed > 0.0), own, by_run])
+
+
+def _contrasts(runs: int) -> np.ndarray:
+    """Return an orthonormal basis (runs, runs - 1) of what sums to zero over the runs."""
+    return np.linalg.svd(np.eye(runs) - 1.0 / runs)[0][:, : runs - 1]
 
 
 def _in_time(column: np.ndarray, by_run: np.ndarray, own: np.ndarray, clock: np.ndarray) -> np.ndarray:
