@@ -98,9 +98,9 @@ def test_the_page_tells_where_what_and_what_remains(found, tmp_path):
     ):
         assert words in body, words
     assert "<td>-</td>" not in body  # a lone dash reads as minus
-    table = body.partition("Null band</th>")[2]
+    table = body.partition("log10 of evidence</th>")[2]
     gained = [
-        table.index(f"<td>{name}") for name in ("force on the vehicle over time (closure)", "track gradient", "vehicle mass")
+        table.index(f"<td>{name}") for name in ("force on the vehicle over time (term)", "track gradient", "vehicle mass")
     ]
     assert gained == sorted(gained)  # by gain
 

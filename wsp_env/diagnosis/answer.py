@@ -100,7 +100,7 @@ class Named:
     parameters: dict[str, Estimate]
     multiple: float  # size over the smallest effect of interest
     gain: float  # reduction of chi-square
-    null_gain: float  # largest one of the same name in null recordings
+    null_gain: float  # what noise alone gives: of stops one for each size, of creep curves the largest in null recordings
     held_out_gain: float
     curve: Curve | None = None  # none for creep curves, which are drawn themselves
 
@@ -139,8 +139,8 @@ class Evidence:
 
     name: str
     gain: float  # reduction of chi-square
-    null: tuple[float, ...]  # the same in null recordings
-    surprise: float  # minus log10 of the probability in a null recording
+    null: tuple[float, ...]  # the same in null recordings of creep curves; none of stops
+    surprise: float  # log10 of the likelihood ratio; of creep curves minus log10 of the probability in a null recording
     held_out: float
     multiple: float  # size over the smallest effect of interest; 0 where not computed
 
@@ -156,7 +156,7 @@ class Pair:
 
 @dataclasses.dataclass(frozen=True)
 class FitQuality:
-    """Mean squares of the residuals, relative to those of null recordings: the noise floor is 1."""
+    """Mean squares of the residuals, relative to what noise and variation leave: the noise floor is 1."""
 
     noise_floor: float
     baseline: dict[str, float]

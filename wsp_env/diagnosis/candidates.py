@@ -1,7 +1,7 @@
 """What is searched: every mechanism of the library in its variants.
 
 A candidate is a set of columns, the change of the residuals per unit of its amplitudes. A mechanism with an axle, or a place
-or band of speed, has a variant for each; where several fit, the search takes the best, in the null recordings as well.
+or band of speed, has a variant for each; where several fit, the search takes the best.
 """
 
 import dataclasses

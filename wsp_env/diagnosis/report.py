@@ -110,7 +110,7 @@ def _fitted(found: Diagnosis) -> list[Section]:
         text = [
             f"{_capital(said(one.name, one.parameters))}. What it leaves: {ALL[one.name].signature.trace}.",
             f"Confidence {one.confidence:.2f}{doubt(one)}; {one.multiple:.1f} times the smallest effect of interest; reduces "
-            f"chi-square by {one.gain:.0f}, against at most {one.null_gain:.0f} in null recordings; held out, by "
+            f"chi-square by {one.gain:.0f}, where noise alone gives {one.null_gain:.0f}; held out, by "
             f"{one.held_out_gain:.0f}.",
             f"These data cannot tell it from: {others}." if others else "No other mechanism of the library comes near.",
         ]
