@@ -21,10 +21,12 @@ def evidence(found: Diagnosis) -> Section | None:
     ]  # fmt: skip
     header = ("Candidate", "Reduction", "log10 of evidence", "Size / smallest of interest")
     text = [
-        "What every candidate, alone, explains in the recordings about the tuned law, beside all else at sizes too small to matter.",
-        "Reduction: by how much the sum of squared residuals, in deviations of noise, falls when the candidate may be as large as "
-        "the recordings say. Evidence: how much likelier the recordings are with it than with it too small to matter, less what "
-        "its variants cost; 3.7 is 99 % at a prior of one in fifty. A candidate that is not in the library is a term without a name.",
+        "What every candidate, alone, explains in the recordings about the tuned law, beside all else at sizes too small to "
+        "matter.",
+        "Reduction: by how much the sum of squared residuals, in deviations of noise, falls when the candidate may be as "
+        "large as the recordings say. Evidence: how much likelier the recordings are with it than with it too small to "
+        "matter, less what its variants cost; 3.7 is 99 % at a prior of one in fifty. A candidate that is not in the library "
+        "is a term without a name.",
     ]
     shows: list[Any] = [_picture(shown), Table(header, rows)]
     pairs = Table(
