@@ -200,9 +200,9 @@ class Doing(NamedTuple):
     """What one axle is doing at a moment; causal, from the last substep and the present speeds.
 
     Slot "before_contact" is told at every sample, with the time since the last one as `duration_s`: what mechanisms remember is
-    brought up to date there, or in the slots `after_contact` and `after_passage`. Slot "torque" remembers nothing: the plant's step asks it at the start
-    of a substep (`duration_s` 0) and for its end (`duration_s` the substep), with the speeds as at its start; along a recording
-    at the sample alone (`duration_s` 0).
+    brought up to date there, or in the slots `after_contact` and `after_passage`. Slot "torque" remembers nothing: the plant's
+    step asks it at the start of a substep (`duration_s` 0) and for its end (`duration_s` the substep), with the speeds as at
+    its start; along a recording at the sample alone (`duration_s` 0).
     """
 
     time_s: float  # since the start of the stop
