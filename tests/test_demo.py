@@ -18,7 +18,7 @@ def test_demo_writes_one_page_that_needs_no_network(tmp_path, capsys):
     assert "tau =" in printed
     assert all(law in printed for law in ("recovering", "classic"))
     text = page.read_text(encoding="utf-8")
-    assert text.count("plotly-graph-div") == 3
+    assert text.count('class="plotly-graph-div"') == 3
     assert not re.search(r'<(script|link|img)[^>]+(src|href)="?http', text)
     assert list(page.parent.iterdir()) == [page]  # nothing half-written is left beside it
 
