@@ -69,6 +69,7 @@ def test_every_mechanism_has_a_trace_of_its_own(name, cosines):
 
 def test_what_rails_and_brakes_do_alike_looks_alike(cosines):
     """Gradient and drag retard without any wheel, cleaning and load transfer favour later or leading axles."""
-    assert cosines["track_gradient"]["aerodynamic_drag"] > 0.5
-    assert cosines["leading_axle_cleaning"]["load_transfer"] > 0.5
-    assert cosines["track_gradient"]["leading_axle_cleaning"] < 0.3
+    kin, strangers = ("leading_axle_cleaning", "load_transfer"), ("track_gradient", "aerodynamic_drag")
+    for name, other in (kin, strangers):
+        alike = cosines[name][other]
+        assert alike > 2.0 * max(cosines[a][b] for a in kin for b in strangers)

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import multivariate_normal, norm
+from scipy.stats import norm
 
 from wsp_env.diagnosis import decide
 from wsp_env.diagnosis.balances import BALANCES, Whitening
 from wsp_env.diagnosis.candidates import Candidate, Variant, refined, switched, values_in, without
-from wsp_env.diagnosis.covariance import Evidence
+from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.decide import FORM, MATTERS, PRIOR, PRIOR_TERM, SURE, Trial, belief, odds
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.interest import StopChange
-from wsp_env.diagnosis.search import LARGE, SEEN, SMALL, Found, _freed, _one, can_be
+from wsp_env.diagnosis.search import LARGE, SEEN, SMALL, Found, _freed, _one, _posterior, can_be
 from wsp_env.diagnosis.speed import SpeedNoise, estimate, estimate_noise
-from wsp_env.diagnosis.variation import Group
+from wsp_env.diagnosis.variation import Group, _contrasts
 
 GRADIENT = Variant("track_gradient", ("rise",), {})
 GAIN = Variant("brake_gain_imbalance", ("gain",), {"axle": 2.0})
@@ -118,26 +118,26 @@ def test_sizes_are_learned_from_disagreement_and_fixed_ones_stay(seed):
     evidence = evidence_of(
         np.zeros((len(y), 0)), y, [common, Group("run", level, 1.0), Group("fixed", level[:, :1], 0.5, True)]
     )
-    solved = evidence.solve(np.zeros(0, dtype=int), evidence.start(), np.zeros(0), 30)
-    assert solved.sizes.groups[1] == pytest.approx(3.0, rel=0.35)
-    assert solved.sizes.groups[2] == 1.0
-    assert solved.sizes.noise[0] == pytest.approx(1.0, rel=0.1)
+    sizes = evidence.solve(30)
+    assert sizes.groups[1] == pytest.approx(3.0, rel=0.35)
+    assert sizes.groups[2] == 1.0
+    assert sizes.noise[0] == pytest.approx(1.0, rel=0.1)
 
 
-def test_the_likelihood_is_that_of_the_whole_covariance():
+def test_what_is_said_of_a_column_alone_is_generalised_least_squares():
     rng = np.random.default_rng(1)
-    z, y = rng.standard_normal((30, 4)), rng.standard_normal(30)
-    group = Group("g", z, 0.7, True)
-    evidence = evidence_of(np.zeros((30, 0)), y, [group])
-    one = evidence.solve(np.zeros(0, dtype=int), evidence.start(), np.zeros(0), 0).log_likelihood
-    other = evidence_of(np.zeros((30, 0)), 2.0 * y, [group])
-    two = other.solve(np.zeros(0, dtype=int), other.start(), np.zeros(0), 0).log_likelihood
-    whole = multivariate_normal(np.zeros(30), np.eye(30) + 0.49 * z @ z.T)
-    assert one - two == pytest.approx(whole.logpdf(y) - whole.logpdf(2.0 * y))
+    z, x, y = rng.standard_normal((30, 4)), rng.standard_normal((30, 2)), rng.standard_normal(30)
+    mean, covariance, alone = _posterior(evidence_of(x, y, [Group("g", z, 0.7, True)]), Sizes(np.ones(1), np.ones(4)))
+    weight = np.linalg.inv(np.eye(30) + 0.49 * z @ z.T)
+    centre, spread = alone(slice(0, 2))
+    assert spread == pytest.approx(np.linalg.inv(x.T @ weight @ x), rel=1e-6)
+    assert centre == pytest.approx(spread @ x.T @ weight @ y, rel=1e-6)
+    assert covariance == pytest.approx(np.linalg.inv(np.eye(4) + 0.49 * z.T @ z))
+    assert mean == pytest.approx(0.7 * covariance @ z.T @ y)
 
 
 def test_a_common_slope_gains_only_what_runs_that_scatter_leave_it():
-    """The same mean slope: with runs that agree it is evidence, with runs that scatter it is none."""
+    """The same mean slope, common or a mechanism's: with runs that agree it is evidence, with runs that scatter it is none."""
     rng = np.random.default_rng(2)
     runs, each = 8, 50
     x = np.tile(np.linspace(0.0, 1.0, each), runs)
@@ -147,10 +147,11 @@ def test_a_common_slope_gains_only_what_runs_that_scatter_leave_it():
         slopes = rng.standard_normal(runs)
         slopes = 1.0 + scatter * (slopes - slopes.mean())
         y = of_run @ slopes + 0.3 * rng.standard_normal(runs * each)
-        evidence = evidence_of(x[:, None], y, [Group("run", of_run, 0.3)])
-        begin = evidence.solve(np.zeros(0, dtype=int), evidence.start(), np.zeros(0))
-        with_it = evidence.solve(np.array([0]), begin.sizes, np.array([5.0]))
-        gains.append(with_it.log_likelihood - begin.log_likelihood)
+        differs = of_run @ _contrasts(runs)
+        groups = [Group("slope", x[:, None], 0.1, True, "slope of a run"), Group("slope of a run", differs, 0.1)]
+        evidence = evidence_of(x[:, None], y, groups)
+        _, _, alone = _posterior(evidence, evidence.solve())
+        gains.append(_one(candidate(), *alone(slice(0, 1)), 1).evidence)
     assert gains[0] > 5.0
     assert gains[1] < 2.0
 
@@ -240,4 +241,4 @@ def test_only_what_matters_is_missing():
 
 def test_there_is_a_noise_for_every_balance():
     evidence = evidence_of(np.zeros((10, 0)), np.ones(10), [Group("g", np.ones((10, 1)), 1.0)])
-    assert len(evidence.start().noise) == len(BALANCES)
+    assert len(evidence.solve(1).noise) == len(BALANCES)

@@ -135,7 +135,7 @@ def test_vehicles_of_one_and_two_axles_torque_by_pressure_or_measured(axles, mea
     found = diagnose(campaign_of(tmp_path / "case"))
     assert found.verdict == "adequate"
     # Stops need no null recordings: the answer depends on nothing but the recordings.
-    assert diagnose(campaign_of(tmp_path / "case"), effort=0.4, seed=1, workers=1).to_json() == found.to_json()
+    assert diagnose(campaign_of(tmp_path / "case"), workers=1).to_json() == found.to_json()
     assert any("leading_axle_cleaning" in note for note in found.notes) == (axles == 1)
     assert any("the torque itself is measured" in note for note in found.notes) == measured
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wsp_env.diagnosis.answer import Closure, ClosureKind, Discovered, Estimate, Location, Named
-from wsp_env.diagnosis.words import described, next_test, parameter_said, parameter_words, said, sentence, unit_words
+from wsp_env.diagnosis.answer import Discovered, Estimate, Location, Named
+from wsp_env.diagnosis.words import next_test, parameter_said, parameter_words, said, sentence, unit_words
 from wsp_env.plant.mechanisms import ALL, leading_axle_cleaning
 
 
@@ -75,12 +75,12 @@ def test_the_layer_taken_away_is_the_plant_s():
 
 
 def test_the_sentence_claims_no_more_than_there_is():
-    sure = sentence("named", [named("brake_gain_imbalance", WEAKER)], None, ())
+    sure = sentence("named", [named("brake_gain_imbalance", WEAKER)], ())
     assert sure == "What the simulation lacks: axle 2's brake is 3.9 % weaker than believed (2.7 to 5.1 %)."
-    small = sentence("named", [named("brake_gain_imbalance", WEAKER, multiple=0.7)], None, ())
+    small = sentence("named", [named("brake_gain_imbalance", WEAKER, multiple=0.7)], ())
     assert "perhaps axle 2's brake" in small
-    assert "too little to matter" in small
-    torn = sentence("named", [named("brake_gain_imbalance", WEAKER, others=("load_transfer",))], None, ())
+    assert "at the limit of what matters in a stop" in small
+    torn = sentence("named", [named("brake_gain_imbalance", WEAKER, others=("load_transfer",))], ())
     assert "probably axle 2's brake" in torn
     assert "(or it is load transfer: these recordings cannot tell)" in torn
 
@@ -90,45 +90,28 @@ def test_a_term_without_a_name_is_said_with_its_equation_and_what_it_looks_like(
         "brake torque", (), (3,), "650 N m on axle 3 while braking", ("braking",),
         {"coefficient_1": Estimate(650.0, "-", (600.0, 700.0))}, ("dragging brake",), 0.8, 3.0, 100.0, 50.0,
     )  # fmt: skip
-    words = sentence("discovered", (), None, (), (term,))
+    words = sentence("discovered", (), (), (term,))
     assert words.startswith("What the simulation lacks: something without a name in the library, 650 N m on axle 3")
     assert "looks like: dragging brake" in words
-    both = sentence("named", [named("brake_gain_imbalance", WEAKER)], None, (), (term,))
+    both = sentence("named", [named("brake_gain_imbalance", WEAKER)], (), (term,))
     assert both.index("axle 2's brake") < both.index("something without a name")
-    test = next_test("discovered", (), {}, None, (term,))
+    test = next_test("discovered", (), {}, (), (term,))
     assert "braking" in test
     assert "brake torque on axle 3" in test
 
 
 def test_an_unknown_cause_is_said_with_the_balance_that_is_off():
     place = Location("actuator", (3,), ("A1",), "everywhere", 0.9)
-    assert "the actuator balance is off" in sentence("unknown", (), None, (place,))
+    assert "the actuator balance is off" in sentence("unknown", (), (place,))
     assert next_test("unknown", (), {})
 
 
 @pytest.mark.parametrize(
-    ("kind", "wanted"),
-    [
-        (ClosureKind("adhesion", "slip"), "controlled slip"),
-        (ClosureKind("adhesion", "time"), "controlled slip"),
-        (ClosureKind("torque", "axle"), "torque measured"),
-        (ClosureKind("force", "frequency", 0.5), "couplers"),
-        (ClosureKind("rolling slip", "axle"), "diameters"),
-        (ClosureKind("recorded speed", "deceleration"), "one clock"),
-    ],
+    ("balance", "wanted"),
+    [("adhesion", "controlled slip"), ("actuator", "torque measured"), ("vehicle", "couplers"), ("kinematics", "diameters")],
 )
-def test_the_next_test_of_an_unknown_cause_follows_what_it_depends_on(kind, wanted):
-    assert wanted in next_test("unknown", (), {}, Closure(kind, "whatever it is called", 100.0, 50.0))
-
-
-def test_closures_are_told_apart_by_their_fields_and_said_by_their_words():
-    assert described(ClosureKind("force", "frequency", 0.5)).name == "force on the vehicle swinging at 0.5 Hz"
-    assert described(ClosureKind("adhesion", "time")).name == "adhesion over time"
-    kinds = [ClosureKind("adhesion", "slip"), ClosureKind("force", "time"), ClosureKind("force", "frequency", 0.5)]
-    assert [kind.by_run for kind in kinds] == [False, True, True]
-    assert [kind.own_fault for kind in kinds] == [False, False, True]
-    assert ClosureKind("torque", "pressure").own_fault
-    assert ClosureKind("recorded speed", "deceleration").own_fault
+def test_the_next_test_of_an_unknown_cause_follows_the_balance_that_is_off(balance, wanted):
+    assert wanted in next_test("unknown", (), {}, (Location(balance, (), ("A1",), "everywhere", 0.9),))
 
 
 @pytest.mark.parametrize(

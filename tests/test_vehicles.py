@@ -345,7 +345,7 @@ def test_a_model_must_say_what_it_describes(tmp_path):
 @pytest.mark.slow
 def test_a_campaign_of_three_axles_is_diagnosed_and_its_model_brakes(tmp_path, monkeypatch):
     campaign = campaign_of(tmp_path / "c", 3, monkeypatch, "axle_positions_m = [1.0, 2.8, 4.6]")
-    found = diagnose(campaign, effort=0.4)
+    found = diagnose(campaign)
     assert found.verdict in ("adequate", "insufficient")
     path = tmp_path / "model.json"
     path.write_text(json.dumps(found.model), encoding="utf-8")

@@ -80,7 +80,7 @@ def main(
     else:
         recorded = read_campaign(campaign)
         with _progress() as report:
-            found = signed(diagnose(recorded, effort, seed, report, workers), campaign)
+            found = signed(diagnose(recorded, report, workers), campaign)
     text = json.dumps(found.to_json(), indent=1, allow_nan=False)
     write_text(out / "diagnosis.json", text + "\n")
     write_text(out / "model.json", json.dumps(found.model, indent=1) + "\n")

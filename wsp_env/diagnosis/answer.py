@@ -8,10 +8,6 @@ from wsp_env.recordings.suspect import SuspectChannel
 #: What a diagnosis may say.
 Verdict = Literal["adequate", "named", "ambiguous", "discovered", "unknown", "insufficient", "data"]
 
-#: What a closure leaves free, and over what.
-Quantity = Literal["adhesion", "rolling slip", "recorded speed", "torque", "force"]
-ClosureOver = Literal["slip", "speed", "work", "axle", "time", "deceleration", "pressure", "frequency", "creepage"]
-
 
 @dataclasses.dataclass(frozen=True)
 class Estimate:
@@ -146,15 +142,6 @@ class Evidence:
 
 
 @dataclasses.dataclass(frozen=True)
-class Pair:
-    """Two mechanisms searched together; reductions of chi-square as in `Evidence`, linear, of the better variant of each."""
-
-    names: tuple[str, str]
-    gain: float
-    null_gain: float  # mean in null recordings
-
-
-@dataclasses.dataclass(frozen=True)
 class FitQuality:
     """Mean squares of the residuals, relative to what noise and variation leave: the noise floor is 1."""
 
@@ -162,38 +149,6 @@ class FitQuality:
     baseline: dict[str, float]
     extended: dict[str, float]
     removed_validate: float | None
-
-
-@dataclasses.dataclass(frozen=True)
-class ClosureKind:
-    """What a closure is: a quantity left free over something measured."""
-
-    quantity: Quantity
-    over: ClosureOver
-    frequency_hz: float = 0.0  # of a force that swings
-
-    @property
-    def by_run(self) -> bool:
-        """Whether every run has columns of its own, which no other run can hold out."""
-        return self.over in ("time", "frequency")
-
-    @property
-    def own_fault(self) -> bool:
-        """Whether it stands for a fault of its own: what a mechanism's form leaves hardly looks like it."""
-        return self.quantity in ("torque", "recorded speed") or self.over == "frequency"
-
-
-@dataclasses.dataclass(frozen=True)
-class Closure:
-    """A data-driven description of what no mechanism explains."""
-
-    kind: ClosureKind
-    depends_on: str  # the kind in words
-    gain: float  # reduction of chi-square
-    held_out_gain: float
-    over: str = ""  # what its shape is drawn over, with its unit
-    unit: str = ""  # of its values
-    shape: tuple[tuple[float, float, float], ...] = ()  # (place, value, deviation) at its nodes; none of creep curves
 
 
 @dataclasses.dataclass(frozen=True)
@@ -208,10 +163,7 @@ class Diagnosis:
     fit: FitQuality
     detectable: dict[str, dict[str, float]]
     next_test: str
-    closure: Closure | None
     evidence: tuple[Evidence, ...]
-    pairs: tuple[Pair, ...]  # those that gain most, best first
-    confounding: dict[str, dict[str, float]]  # cosines between projected sensitivities
     model: dict[str, Any]  # what model.json holds
     residuals: dict[str, Any]  # for the report: mean squares by balance, run, axle, before and after
     runs: tuple[RunFigures, ...]

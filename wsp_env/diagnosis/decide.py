@@ -26,6 +26,8 @@ from wsp_env.plant.mechanisms import ALL
 MOST = 3
 #: Mechanisms that are refitted in every round.
 TRIED = 4
+#: Replicas that are made after an acceptance, each about the fit to the one before: the first may be far from the recordings.
+_REPLICAS = 2
 #: Log odds that a name of the library is missing in a campaign before it is seen: one in fifty (assumption).
 PRIOR = -float(np.log(50.0))
 #: The same of a term without a name: the library holds what practice meets (assumption: three in four).
@@ -117,8 +119,10 @@ def select(
         if best is None:
             break
         accepted.append(Accepted(best, *belief(best, trials, seen.found)))
-        replica = Replica(replica.recorded, _with_sensors_as_read(best.fitted.model))
-        fitted = refit(replica, best.fitted.model, best.fitted.variants, _weights(replica, seen))
+        fitted = best.fitted
+        for _ in range(_REPLICAS):
+            replica = Replica(replica.recorded, _with_sensors_as_read(fitted.model))
+            fitted = refit(replica, fitted.model, fitted.variants, _weights(replica, seen))
         accepted = [one.sized(net_effect(replica, fitted.model, one.trial.variant, seen.whitening)) for one in accepted]
         left = [one for one in tried if one.name not in fitted.model.choice]
         left += terms(replica, 1 + sum(len(one.trial.listed.sizes) for one in accepted if one.trial.listed.family))

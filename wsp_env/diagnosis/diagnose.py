@@ -40,14 +40,11 @@ _EVIDENCE_REPORTED = 30
 Progress = Callable[[str], None]
 
 
-def diagnose(
-    campaign: Campaign, effort: float = 1.0, seed: int = 0, progress: Progress = lambda step: None, workers: int = 2
-) -> Diagnosis:
+def diagnose(campaign: Campaign, progress: Progress = lambda step: None, workers: int = 2) -> Diagnosis:
     """Say which physics a campaign's simulation lacks.
 
     Parameters
     ----------
-    effort, seed : of null recordings; stops need none, and their answer depends on neither
     progress : is called with what is done next
     workers : threads that evaluate candidates side by side; the answer does not depend on them
 
@@ -102,7 +99,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     missing = outcome.missing
     found = quality(replica, outcome)
     # What leaves more scatter than sound recordings do, or does not hold on runs that it was not fitted to, is no finding.
-    scatters = float(outcome.last.noise.max()) > _SCATTERS
+    scatters = float(outcome.last.sizes.noise.max()) > _SCATTERS
     worse = max(found.fit.extended[group] / found.fit.baseline[group] for group in found.fit.baseline) > _WORSE
     removed = found.fit.removed_validate
     holds = not scatters and not (missing and (worse or (removed is not None and removed <= 0.0)))
@@ -121,19 +118,16 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     return Diagnosis(
         campaign=replica.campaign.name,
         verdict=verdict,
-        sentence=sentence(verdict, named, None, where, terms),
+        sentence=sentence(verdict, named, where, terms),
         mechanisms=named,
         location=() if verdict in ("adequate", "insufficient") else where,
         fit=found.fit,
         detectable=detectable(outcome.first),
-        next_test=next_test(verdict, named, reasons, None, terms),
-        closure=None,
+        next_test=next_test(verdict, named, reasons, where, terms),
         evidence=tuple(
             Evidence(one.name, one.reduction, (), one.evidence / _LOG10, 0.0, float(np.abs(one.multiple).max()))
             for one in outcome.first.found[:_EVIDENCE_REPORTED]
         ),
-        pairs=(),
-        confounding={},
         model=model_json(replica, extended),
         residuals=residual_map(replica, replica.baseline, extended, found.weights),
         runs=held_out(replica.recorded, found.before, found.after),

@@ -4,12 +4,11 @@ The first screen says it all: sentence, worth, confidence, place, share removed,
 it rests on lies behind folds.
 """
 
-from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from wsp_env.diagnosis.answer import Closure, Curve, Diagnosis, Estimate
+from wsp_env.diagnosis.answer import Curve, Diagnosis, Estimate
 from wsp_env.diagnosis.report_evidence import evidence
 from wsp_env.diagnosis.report_facts import axles_said, doubt, facts, lead, removed_said
 from wsp_env.diagnosis.report_runs import course_plot, figures, heat_maps, still_high
@@ -43,8 +42,6 @@ def _first(found: Diagnosis) -> Section:
         shows.append(course_plot(found.course, found.course.shows, _extended(found)))
     if found.verdict == "data":
         shows.append(_suspicions(found))
-    if found.verdict == "unknown" and found.closure and found.closure.shape:
-        shows.append(_shape(found.closure))
     return Section("", (), shows)
 
 
@@ -192,13 +189,6 @@ def _before_after(found: Diagnosis) -> Section | None:
 def _remains(found: Diagnosis) -> Section | None:
     text: list[str] = []
     shows: list[Any] = []
-    if found.closure:
-        text.append(
-            f"Still structured: {found.closure.depends_on}, reduction of chi-square {found.closure.gain:.0f} "
-            f"(held out: {found.closure.held_out_gain:.0f})."
-        )
-        if found.closure.shape and found.verdict != "unknown":
-            shows.append(_shape(found.closure))
     text += [f"{_capital(note)}." for note in found.notes]
     units = {(name, one.name): one.unit for name, mechanism in ALL.items() for one in mechanism.parameters}
     rows = [
@@ -209,27 +199,6 @@ def _remains(found: Diagnosis) -> Section | None:
     header = ("Mechanism", "Parameter", "Smallest change that would have been seen", "Unit")
     shows += [Table(header, rows)] if rows else []
     return Section("What remains, and what could have been seen", text, shows, fold=True) if text or shows else None
-
-
-def _shape(closure: Closure) -> Any:
-    """Draw a closure's values at its nodes; where nodes come again, another axle's, run's or part's curve goes on."""
-    objects, _ = plotly()
-    figure, seen = objects.Figure(), Counter[float]()
-    curves: dict[int, list[tuple[float, float, float]]] = {}
-    for point in closure.shape:
-        seen[point[0]] += 1
-        curves.setdefault(seen[point[0]], []).append(point)
-    for i, points in curves.items():
-        x, values, deviations = zip(*points, strict=True)
-        figure.add_scatter(
-            x=x, y=values, mode="lines+markers", name=str(i), marker_color=COLOURS[(i - 1) % len(COLOURS)],
-            error_y={"array": deviations}, showlegend=len(curves) > 1,
-        )  # fmt: skip
-    title = f"What remains: {closure.depends_on}, with its standard deviation"
-    figure.update_layout(title=title, height=420, legend_title="run" if closure.kind.over == "time" else "part")
-    if closure.kind.over in ("axle", "frequency"):
-        figure.update_xaxes(dtick=1)
-    return axes(figure, closure.over, closure.unit)
 
 
 def _capital(text: str) -> str:

@@ -1,4 +1,4 @@
-"""The evidence of a diagnosis, for its page: every candidate alone, pairs, and what cannot be told apart."""
+"""The evidence of a diagnosis, for its page: every candidate alone."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -29,13 +29,6 @@ def evidence(found: Diagnosis) -> Section | None:
         "is a term without a name.",
     ]
     shows: list[Any] = [_picture(shown), Table(header, rows)]
-    pairs = Table(
-        ("Two together", "Reduction", "In null recordings"),
-        [(" and ".join(pair.names).replace("_", " "), f"{pair.gain:.0f}", f"{pair.null_gain:.0f}") for pair in found.pairs],
-        "The pairs of mechanisms that reduce chi-square most.",
-    )
-    shows += [pairs] if found.pairs else []
-    shows += [_confounding(found)] if found.confounding else []
     return Section("Evidence: every candidate alone", text, shows, fold=True)
 
 
@@ -47,28 +40,10 @@ def _picture(shown: Sequence[Evidence]) -> Any:
     objects, _ = plotly()
     names = [_called(one) for one in shown]
     figure = objects.Figure()
-    figure.add_bar(x=[max(one.gain, 0.1) for one in shown], y=names, orientation="h", name="data", marker_color=COLOURS[0])
-    bands = [(max(min(one.null), 0.1), max(max(one.null), 0.1), None) for one in shown if one.null]
-    banded = [name for name, one in zip(names, shown, strict=True) if one.null]
-    figure.add_scatter(
-        x=[x for band in bands for x in band], y=[y for name in banded for y in (name, name, None)], mode="lines",
-        name="null band", line={"color": COLOURS[1], "width": 6},
-    )  # fmt: skip
+    figure.add_bar(x=[max(one.gain, 0.1) for one in shown], y=names, orientation="h", marker_color=COLOURS[0])
     figure.update_layout(title="Reduction of chi-square by each candidate, alone", height=140 + 26 * len(shown))
     figure.update_xaxes(type="log")
     figure.update_yaxes(autorange="reversed")
-    axes(figure, "reduction of chi-square [-]", "", legend={"orientation": "h", "y": 1.08, "x": 0.5})
+    axes(figure, "reduction of chi-square [-]", "")
     figure.update_layout(margin={"l": 290})
-    return figure
-
-
-def _confounding(found: Diagnosis) -> Any:
-    objects, _ = plotly()
-    names = list(found.confounding)
-    z = [[found.confounding[a][b] for b in names] for a in names]
-    labels = [name.replace("_", " ") for name in names]
-    figure = objects.Figure(objects.Heatmap(z=z, x=labels, y=labels, colorscale="Blues", zmin=0.0, zmax=1.0))
-    figure.update_layout(title="Cosines between what mechanisms can do to these residuals", height=620)
-    axes(figure, "", "")
-    figure.update_layout(margin={"l": 190, "b": 170})
     return figure

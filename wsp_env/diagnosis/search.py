@@ -19,7 +19,7 @@ from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Evaluation, Model
 from wsp_env.diagnosis.interest import StopChange, change, only_sensors
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.variation import Group, Nuisances, nuisances
+from wsp_env.diagnosis.variation import Group, Net, Nuisances, nuisances
 
 #: Deviation of a mechanism that does not matter, and of one that does, in smallest effects of interest. The first is the
 #: assumption that many such together move a stop by less than one interest; the second is one too: what conceals itself from a
@@ -58,22 +58,16 @@ class Screen:
     groups: tuple[Group, ...]  # nuisances
     small: Group  # mechanisms at sizes that do not matter
     sizes: Sizes  # of the nuisances
-    log_likelihood: float
-    noise: np.ndarray  # (4,) of the balances
     found: tuple[Found, ...]  # best first
-    pulled: dict[str, float]  # largest nuisance of every group over the group's size
 
 
 class _Law:
     """How the law's parameters move the residuals and the adhesion of a model."""
 
     def __init__(self, replica: Replica, model: Model, base: np.ndarray, nuisance: Nuisances, whitening: Whitening) -> None:
-        self.columns, self.free = nuisance.law, nuisance.groups[0].columns.shape[1]
+        self._free = nuisance.groups[0].columns.shape[1]
         self.before = replica.evaluate(model)
-        white = whitening(self.columns)
-        self._scale = np.maximum(np.linalg.norm(white, axis=0), 1e-12)
-        self._inverse = np.linalg.pinv(white / self._scale, rcond=1e-6)
-        self._whitening = whitening
+        self._net, self._whitening = Net(whitening, nuisance.law), whitening
         self._rest = whitening(self.net(base[:, None])[0])[:, 0]
         little = 1e-3
         tau = replica.evaluate(dataclasses.replace(model, tau=model.tau * float(np.exp(little))))
@@ -89,8 +83,8 @@ class _Law:
 
     def net(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return columns (n, k) less what the law does as well, and the logs (1 + runs, k) that do so."""
-        amplitudes = (self._inverse @ self._whitening(columns)) / self._scale[:, None]
-        return columns - self.columns @ amplitudes, amplitudes[self.free :]
+        left, amplitudes = self._net(columns)
+        return left, amplitudes[self._free :]
 
     def without(self, after: Sequence[Evaluation], logs: np.ndarray) -> list[Evaluation]:
         """Return evaluations with changes of the law's logs (1 + runs,) taken away."""
@@ -152,11 +146,10 @@ def screen(
     terms = law.net(np.column_stack([nothing, *(one.columns / one.scale for one in unnamed)]))[0]
     free = Group("accepted mechanisms", np.column_stack([nothing, *on]), np.inf, True)
     evidence = Evidence(replica, whitening, [*groups, free, small], base, terms)
-    solved = evidence.solve(np.zeros(0, dtype=int), evidence.start(), np.zeros(0))
-    found = _judged(evidence, solved.sizes, named, unnamed)
-    pulled = {name: float(np.abs(solved.pulled[evidence.group == i]).max(initial=0.0)) for i, name in enumerate(evidence.names)}
-    sizes = Sizes(solved.sizes.groups[: len(groups)], solved.sizes.noise)
-    return Screen(model, base, whitening, groups, small, sizes, solved.log_likelihood, solved.sizes.noise, tuple(found), pulled)
+    sizes = evidence.solve()
+    found = _judged(evidence, sizes, named, unnamed)
+    kept = Sizes(sizes.groups[: len(groups)], sizes.noise)
+    return Screen(model, base, whitening, groups, small, kept, tuple(found))
 
 
 def net_effect(replica: Replica, model: Model, variant: Variant, whitening: Whitening) -> StopChange:

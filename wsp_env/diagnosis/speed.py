@@ -52,6 +52,20 @@ class SpeedEstimate:
     gain: np.ndarray  # (n, n) of the nodes' means, that the course is
 
 
+@dataclasses.dataclass(frozen=True)
+class SpeedEstimator:
+    """How the estimated speed follows from the recorded one."""
+
+    time: np.ndarray  # (n,) of its nodes [s]
+    gain: np.ndarray  # (n, n)
+
+    def __call__(self, time: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """Return the change (T,) of the estimated speed by a change (T,) of the recorded one [m/s]."""
+        nodes = np.interp(self.time, time, change)
+        result: np.ndarray = np.interp(time, self.time, self.gain @ nodes)
+        return result
+
+
 def nodes(rest: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Return times (n,) [s] and means (n,) [m/s] of the nodes of a rest (T,) sampled every `step` [s]."""
     length = max(round(NODE_S / step), 1)

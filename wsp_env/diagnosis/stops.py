@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from wsp_env.diagnosis.speed import SpeedNoise, estimate, estimate_noise, nodes
+from wsp_env.diagnosis.speed import SpeedEstimator, SpeedNoise, estimate, estimate_noise, nodes
 from wsp_env.recordings import Campaign, Recording
 from wsp_env.recordings.quality import describe
 
@@ -58,20 +58,6 @@ class Noise:
     def block_torque(self) -> float:
         """Deviation of the measured torque less that by the cylinder pressure over a block [N m]."""
         return float(np.hypot(self.torque, self.pressed)) * _kept(WHEEL_WINDOW_S, BLOCK_S, self.step_s, 0)
-
-
-@dataclasses.dataclass(frozen=True)
-class SpeedEstimator:
-    """How the estimated speed follows from the recorded one."""
-
-    time: np.ndarray  # (n,) of its nodes [s]
-    gain: np.ndarray  # (n, n)
-
-    def __call__(self, time: np.ndarray, change: np.ndarray) -> np.ndarray:
-        """Return the change (T,) of the estimated speed by a change (T,) of the recorded one [m/s]."""
-        nodes = np.interp(self.time, time, change)
-        result: np.ndarray = np.interp(time, self.time, self.gain @ nodes)
-        return result
 
 
 @dataclasses.dataclass(frozen=True)

@@ -47,6 +47,7 @@ class Group(NamedTuple):
     columns: np.ndarray  # (n, p) change of the residuals by a deviation of 1
     expected: float  # deviation; inf: free
     fixed: bool = False  # whether the size is known and not estimated
+    like: str = ""  # the group whose disagreement between runs or in time tells by how much the expected size is too small
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,18 +73,25 @@ def law_columns(balances: Balances | Replica, model: Model, base: np.ndarray) ->
     return np.column_stack([tau, friction[:, None] * runs])
 
 
-def net(whitening: Whitening, law: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return columns (n, k) less what the law's parameters do as well, and the parameters' amplitudes (l, k) that do so.
+class Net:
+    """Takes from columns what the law's parameters do as well.
 
     Parameters
     ----------
-    law : (n, l) columns of tau, mu_cd and of what is free
+    law : (n, l) columns of what is free, of tau and of mu_cd
 
     """
-    white = whitening(law)
-    scale = np.maximum(np.linalg.norm(white, axis=0), 1e-12)
-    amplitudes = (np.linalg.pinv(white / scale, rcond=1e-6) @ whitening(columns)) / scale[:, None]
-    return columns - law @ amplitudes, amplitudes
+
+    def __init__(self, whitening: Whitening, law: np.ndarray) -> None:
+        self._whitening, self._law = whitening, law
+        white = whitening(law)
+        self._scale = np.maximum(np.linalg.norm(white, axis=0), 1e-12)
+        self._inverse = np.linalg.pinv(white / self._scale, rcond=1e-6)
+
+    def __call__(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what is left of columns (n, k), and the parameters' amplitudes (l, k) that do the rest."""
+        amplitudes = (self._inverse @ self._whitening(columns)) / self._scale[:, None]
+        return columns - self._law @ amplitudes, amplitudes
 
 
 def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whitening: Whitening) -> Nuisances:
@@ -113,28 +121,29 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("tau", law[:, :1], LOG_TAU, True),
         Group("mu_cd", law[:, 1:], MU_CD, True),
         Group("speed", uncertain, 1.0, True),
-        Group("gain", brakes.gain, gain, True),
+        Group("gain", brakes.gain, gain, True, "gain of a run"),
         Group("gain of a run", each(brakes.gain), gain),
         Group("torque in time", brakes.courses(), _EXPECTED["torque"]),
         Group("inertia", np.column_stack([turning, turning.sum(axis=1)]), _EXPECTED["inertia"], True),
-        Group("radius", radius[:, None] * own, _EXPECTED["radius"], True),
+        Group("radius", radius[:, None] * own, _EXPECTED["radius"], True, "radius of a run"),
         Group("radius of a run", each(radius[:, None] * own), _EXPECTED["radius"]),
-        Group("stiffness", np.column_stack([steepness[:, None] * own, steepness]), _EXPECTED["stiffness"], True),
+        Group("stiffness", np.column_stack([steepness[:, None] * own, steepness]), _EXPECTED["stiffness"], True,
+              "stiffness of a run"),
         Group("stiffness of a run", each(steepness[:, None] * own), _EXPECTED["stiffness"]),
         Group("track", friction[:, None] * _track(rows.place, rows.wheels), _EXPECTED["track"]),
-        Group("friction of an axle", slides * own, _EXPECTED["friction"], True),
+        Group("friction of an axle", slides * own, _EXPECTED["friction"], True, "friction of an axle in a run"),
         Group("friction of an axle in a run", each(slides * own), _EXPECTED["friction"]),
         Group("friction in time", _in_time(slides, by_run, own, clock), _EXPECTED["friction"]),
         # Net: what tau and mu_cd do is no discrepancy of the law.
-        Group("law", net(whitening, np.column_stack([segments, law]), np.column_stack([slides * s for s in shapes]))[0],
-              _EXPECTED["law"], True),
+        Group("law", Net(whitening, np.column_stack([segments, law]))(np.column_stack([slides * s for s in shapes]))[0],
+              _EXPECTED["law"], True, "friction in time"),
         Group("force in time", brakes.forces(), _EXPECTED["force"]),
     ]  # fmt: skip
     if (rows.balance == ACTUATOR).any():
         brake = brakes.nominal[:, None]
         groups += [
             Group("nominal gain of the brakes", brake, np.inf, True),
-            Group("gain of a brake", brake * own, _EXPECTED["gain"], True),
+            Group("gain of a brake", brake * own, _EXPECTED["gain"], True, "gain of a brake in a run"),
             Group("gain of a brake in a run", each(brake * own), _EXPECTED["gain"]),
         ]
     return Nuisances(tuple(_present(group) for group in groups), friction)

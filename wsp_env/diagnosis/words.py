@@ -2,54 +2,9 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
-from wsp_env.diagnosis.answer import Closure, ClosureKind, ClosureOver, Discovered, Estimate, Location, Named, Quantity, Verdict
+from wsp_env.diagnosis.answer import Discovered, Estimate, Location, Named, Verdict
 from wsp_env.plant.mechanisms import ALL
-
-
-class Described(NamedTuple):
-    """A closure in words."""
-
-    name: str
-    over: str  # what its nodes are, with its unit
-    unit: str  # of its values
-
-
-_RELATIVE = "relative change of friction [-]"
-_LOST = "speed lost [m/s]"
-_BY_RUN = "time in each run [s]"
-
-#: Every closure in words.
-_CLOSURES: dict[tuple[Quantity, ClosureOver], Described] = {
-    ("adhesion", "slip"): Described("adhesion over slip speed", "slip speed [m/s]", _RELATIVE),
-    ("adhesion", "speed"): Described("adhesion over speed", "speed [m/s]", _RELATIVE),
-    ("adhesion", "work"): Described("adhesion over friction work", "friction work W_sp [J/m]", _RELATIVE),
-    ("adhesion", "axle"): Described("adhesion of each axle", "axle", _RELATIVE),
-    ("adhesion", "time"): Described("adhesion over time", _BY_RUN, _RELATIVE),
-    ("adhesion", "creepage"): Described("function of creepage", "", ""),
-    ("rolling slip", "axle"): Described(
-        "slip while rolling freely", "axle: offset, then per speed", "recorded less true slip [m/s], [-]"
-    ),
-    ("recorded speed", "deceleration"): Described(
-        "recorded speed over deceleration", "deceleration times speed", "true less recorded speed [s2/m]"
-    ),
-    ("torque", "axle"): Described(
-        "torque of each axle", "axle: offset, then drift", "true less believed torque [N m], [N m/s]"
-    ),
-    ("torque", "pressure"): Described(
-        "torque over cylinder pressure", "torque by the nominal gain [N m]", "measured less believed torque [N m]"
-    ),
-    ("force", "speed"): Described("force on the vehicle over speed", "speed [m/s]", "resisting force [N]"),
-    ("force", "frequency"): Described("force on the vehicle swinging at {:.2g} Hz", "run: sine, cosine", _LOST),
-    ("force", "time"): Described("force on the vehicle over time", _BY_RUN, _LOST),
-}
-
-
-def described(kind: ClosureKind) -> Described:
-    """Return a closure in words."""
-    words = _CLOSURES[kind.quantity, kind.over]
-    return words._replace(name=words.name.format(kind.frequency_hz))
 
 
 def said(name: str, parameters: Mapping[str, Estimate]) -> str:
@@ -135,22 +90,21 @@ def _numbers(*values: float) -> list[str]:
     return [f"{value:.{digits}f}" for value in values]
 
 
-#: The test that shows on what an unknown cause depends, by the quantity that its closure leaves free.
-_UNKNOWN_TESTS: dict[Quantity, str] = {
+#: The test that shows on what an unknown cause depends, by the balance that is off.
+_UNKNOWN_TESTS = {
     "adhesion": (
         "stops from several speeds at controlled slip, up and down the creep curve: that parts slip, speed, work and time"
     ),
-    "rolling slip": "measuring the wheels' diameters, and coasting at constant speed for some 20 s",
-    "recorded speed": "the same stops with a second, independent reading of the vehicle's speed, on one clock with the wheels'",
-    "torque": "the same stops with the brake torque measured at the calipers instead of computed from the pressure",
-    "force": (
+    "kinematics": "measuring the wheels' diameters, and coasting at constant speed for some 20 s",
+    "actuator": "the same stops with the brake torque measured at the calipers instead of computed from the pressure",
+    "vehicle": (
         "the same stops on level track, with the vehicle's acceleration and the couplers' forces recorded beside the speeds"
     ),
 }
 
 
 def next_test(
-    verdict: Verdict, named: Sequence[Named], reasons: Mapping[str, str], closure: Closure | None = None,
+    verdict: Verdict, named: Sequence[Named], reasons: Mapping[str, str], where: Sequence[Location] = (),
     terms: Sequence[Discovered] = (),
 ) -> str:  # fmt: skip
     """Return the test that would tell most next."""
@@ -159,7 +113,7 @@ def next_test(
     if verdict == "insufficient":
         return f"stops that slide: {'; '.join(sorted(set(reasons.values()))) or 'these recordings show too little'}"
     if verdict == "unknown":
-        return _UNKNOWN_TESTS[closure.kind.quantity if closure else "force"]
+        return _UNKNOWN_TESTS[where[0].equation if where else "vehicle"]
     tests = [ALL[name].signature.next_test for one in named for name in one.alternatives[:2] if name in ALL]
     tests += [_term_test(one) for one in terms]
     return "; ".join(dict.fromkeys(tests))
@@ -172,8 +126,7 @@ def _term_test(term: Discovered) -> str:
 
 
 def sentence(
-    verdict: Verdict, named: Sequence[Named], closure: Closure | None, where: Sequence[Location],
-    terms: Sequence[Discovered] = (),
+    verdict: Verdict, named: Sequence[Named], where: Sequence[Location], terms: Sequence[Discovered] = ()
 ) -> str:  # fmt: skip
     """Return the verdict in one sentence."""
     if verdict == "adequate":
@@ -182,8 +135,7 @@ def sentence(
         return "The recordings are insufficient: no wheel slides in them, so they say nothing on adhesion."
     if verdict == "unknown":
         place = where[0].equation if where else "vehicle"
-        best = f"best described by an unknown {closure.depends_on}" if closure else "and neither a name nor a term explains it"
-        return f"Something is missing that no mechanism of the library explains: the {place} balance is off, {best}."
+        return f"Something is missing that neither a name nor a term explains: the {place} balance is off."
     return f"What the simulation lacks: {'; and '.join([*map(_claim, named), *map(_term, terms)])}."
 
 
@@ -198,7 +150,7 @@ def _claim(one: Named) -> str:
     others = " or ".join(name.replace("_", " ") for name in one.alternatives[1:])
     words = said(one.name, one.parameters)
     if one.multiple < 1.0:
-        words = f"perhaps {words}, which is too little to matter in a stop"
+        words = f"perhaps {words}, at the limit of what matters in a stop"
     elif others:
         words = f"probably {words}"
     return f"{words} (or it is {others}: these recordings cannot tell)" if others else words

@@ -3,7 +3,7 @@
 import dataclasses
 from typing import Any
 
-from wsp_env.diagnosis.answer import Closure, Estimate, Evidence, FitQuality, Location, Verdict
+from wsp_env.diagnosis.answer import Estimate, Evidence, FitQuality, Location, Verdict
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,6 +55,15 @@ class CrossValidation:
     held_out: dict[str, float]
     creepage: list[tuple[float, float]]  # of each block
     held_out_by_block: dict[str, list[float]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Closure:
+    """A smooth function of creepage that explains what no mechanism does."""
+
+    depends_on: str
+    gain: float  # reduction of chi-square
+    held_out_gain: float
 
 
 @dataclasses.dataclass(frozen=True)

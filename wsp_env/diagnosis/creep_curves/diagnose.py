@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.diagnosis.answer import Closure, Estimate, Evidence, FitQuality, Location, Verdict
-from wsp_env.diagnosis.creep_curves.answer import CreepDiagnosis, CrossValidation, NamedOnCurve, ShownCurve
+from wsp_env.diagnosis.answer import Estimate, Evidence, FitQuality, Location, Verdict
+from wsp_env.diagnosis.creep_curves.answer import Closure, CreepDiagnosis, CrossValidation, NamedOnCurve, ShownCurve
 from wsp_env.diagnosis.creep_curves.model import CreepModel, CurveFit
-from wsp_env.diagnosis.creep_curves.search import CLOSURE, CLOSURE_KIND, FOLDS, NULLS, RARE, CreepSearch, Reductions
+from wsp_env.diagnosis.creep_curves.search import CLOSURE, FOLDS, NULLS, RARE, CreepSearch, Reductions
 from wsp_env.diagnosis.creep_curves.separation import Spread, correlations, estimates, inseparable
 from wsp_env.diagnosis.creep_curves.words import next_test, notes, sentence
 from wsp_env.recordings.creep_curves import CreepCurves
@@ -113,7 +113,7 @@ def _closure(search: CreepSearch, fit: CurveFit, last: Reductions) -> Closure | 
     """Return what a smooth function of creepage still explains, if it explains as much of no null recording."""
     if last.probability(len(last.names) - 1) > RARE:
         return None
-    return Closure(CLOSURE_KIND, CLOSURE, float(last.data[-1]), search.closure_held_out(fit))
+    return Closure(CLOSURE, float(last.data[-1]), search.closure_held_out(fit))
 
 
 def _location(search: CreepSearch, fit: CurveFit, runs: Sequence[str]) -> tuple[Location, ...]:

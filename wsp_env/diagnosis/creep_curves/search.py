@@ -12,15 +12,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
-from wsp_env.diagnosis.answer import ClosureKind
 from wsp_env.diagnosis.creep_curves.model import CreepModel, CurveFit
-from wsp_env.diagnosis.words import described
 
 NULLS = 99  # null recordings at effort 1: the rarest probability that they can show is 1 in 100
 RARE = 0.01  # probability in a null recording below which a candidate counts; forward search is stopped by the same
 FOLDS = 20  # blocks of neighbouring creepages, each held out once: at 10 and fewer the outer ones are extrapolated far
-CLOSURE_KIND = ClosureKind("adhesion", "creepage")
-CLOSURE = described(CLOSURE_KIND).name
+CLOSURE = "function of creepage"
 _DEGREE = 5  # of the closure, polynomials of the logarithm of the creepage: as many bends as points of 10 % scatter could show
 _BLOCK = 5  # neighbouring points whose scatter changes sign together in a null recording
 _LEAST_BLOCKS = 20  # fewer would leave too few different null recordings

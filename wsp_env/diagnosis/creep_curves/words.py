@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.diagnosis.answer import Closure, Verdict
-from wsp_env.diagnosis.creep_curves.answer import Inseparable, NamedOnCurve
+from wsp_env.diagnosis.answer import Verdict
+from wsp_env.diagnosis.creep_curves.answer import Closure, Inseparable, NamedOnCurve
 from wsp_env.diagnosis.creep_curves.model import CreepModel, CurveFit, creep_mechanisms
 from wsp_env.diagnosis.creep_curves.search import CreepSearch
 from wsp_env.diagnosis.creep_curves.separation import mechanism_of, radius_note
