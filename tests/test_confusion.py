@@ -49,7 +49,7 @@ def cosines():
     model = replica.baseline
     base, whitening = replica.raw(model), replica.whitening(model)
     # Under other names, as weights leave tau and mu_cd to the fit.
-    groups = [one._replace(name=f"known: {one.name}") for one in nuisances(replica, model, base, whitening).groups]
+    groups = [one._replace(name=f"known: {one.name}") for one in nuisances(replica, model, base, whitening)]
     weights = weigh(replica, whitening, groups)
     found, members, first = [], {name: [] for name in LIBRARY}, 0
     for variant in variants(replica):

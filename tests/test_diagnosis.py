@@ -278,7 +278,7 @@ def test_the_course_of_a_held_out_run_is_what_the_law_predicts(replica):
 def test_the_law_is_found_from_wherever_it_is_sought(replica):
     """Far from it the residuals are no straight lines in tau and mu_cd: the fit must go there, not look from afar."""
     model, whitening = replica.baseline, replica.whitening(replica.baseline)
-    weights = weigh(replica, whitening, nuisances(replica, model, replica.raw(model), whitening).groups)
+    weights = weigh(replica, whitening, nuisances(replica, model, replica.raw(model), whitening))
     near = refit(replica, model, (), weights)
     far = dataclasses.replace(model, tau=0.4 * model.tau, mu_cd=tuple(1.4 * mu for mu in model.mu_cd))
     found = refit(replica, far, (), weights)

@@ -184,7 +184,7 @@ def weighing(replica: Replica) -> Callable[[np.ndarray | None], Weights]:
     """
     model, whitening = replica.baseline, replica.whitening(replica.baseline)
     # `weigh` leaves out what is named as the law's parameters are.
-    groups = [one._replace(name=f"any {one.name}") for one in nuisances(replica, model, replica.raw(model), whitening).groups]
+    groups = [one._replace(name=f"any {one.name}") for one in nuisances(replica, model, replica.raw(model), whitening)]
     return lambda keep: weigh(replica, whitening, groups, keep=keep)
 
 

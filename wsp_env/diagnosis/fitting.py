@@ -80,7 +80,7 @@ def baseline(recorded: Balances) -> Replica:
 
 def _law_fitted(balances: Balances | Replica, model: Model) -> Model:
     whitening = balances.whitening(model)
-    groups = nuisances(balances, model, balances.raw(model), whitening).groups
+    groups = nuisances(balances, model, balances.raw(model), whitening)
     return refit(balances, model, (), weigh(balances, whitening, groups)).model
 
 

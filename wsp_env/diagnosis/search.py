@@ -19,7 +19,7 @@ from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Evaluation, Model
 from wsp_env.diagnosis.interest import StopChange, change, only_sensors
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.variation import Group, Net, Nuisances, nuisances
+from wsp_env.diagnosis.variation import Group, Net, law_columns, nuisances, segment_columns
 
 #: Deviation of a mechanism that does not matter, and of one that does, in smallest effects of interest. The first is the
 #: assumption that many such together move a stop by less than one interest; the second is one too: what conceals itself from a
@@ -64,10 +64,11 @@ class Screen:
 class _Law:
     """How the law's parameters move the residuals and the adhesion of a model."""
 
-    def __init__(self, replica: Replica, model: Model, base: np.ndarray, nuisance: Nuisances, whitening: Whitening) -> None:
-        self._free = nuisance.groups[0].columns.shape[1]
+    def __init__(self, replica: Replica, model: Model, base: np.ndarray, whitening: Whitening) -> None:
+        segments = segment_columns(replica)
+        self._segments = segments.shape[1]
         self.before = replica.evaluate(model)
-        self._net, self._whitening = Net(whitening, nuisance.law), whitening
+        self._net, self._whitening = Net(whitening, np.column_stack([segments, law_columns(replica, model, base)])), whitening
         self._rest = whitening(self.net(base[:, None])[0])[:, 0]
         little = 1e-3
         tau = replica.evaluate(dataclasses.replace(model, tau=model.tau * float(np.exp(little))))
@@ -84,7 +85,7 @@ class _Law:
     def net(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return columns (n, k) less what the law does as well, and the logs (1 + runs, k) that do so."""
         left, amplitudes = self._net(columns)
-        return left, amplitudes[self._free :]
+        return left, amplitudes[self._segments :]
 
     def without(self, after: Sequence[Evaluation], logs: np.ndarray) -> list[Evaluation]:
         """Return evaluations with changes of the law's logs (1 + runs,) taken away."""
@@ -131,10 +132,9 @@ def screen(
 
     """
     base, whitening = replica.raw(model), replica.whitening(replica.baseline)
-    nuisance = nuisances(replica, model, base, whitening)
-    law = _Law(replica, model, base, nuisance, whitening)
+    law = _Law(replica, model, base, whitening)
     listed = list(pool.map(lambda one: candidate(replica, model, base, law, one), tried))
-    groups = (*nuisance.groups, *forms)
+    groups = (*nuisances(replica, model, base, whitening), *forms)
     on = [columns(replica, model, base, one) for one in accepted]
     named = [one for one in listed if not one.variant.family]
     unnamed = [one for one in listed if one.variant.family]
@@ -160,7 +160,7 @@ def net_effect(replica: Replica, model: Model, variant: Variant, whitening: Whit
 def net_change(replica: Replica, model: Model, off: Model, whitening: Whitening, sensor: bool = False) -> StopChange:
     """Return what a model changes against the law of another, tuned anew."""
     after, base = replica.evaluate(model), replica.raw(off)
-    law = _Law(replica, off, base, nuisances(replica, off, base, whitening), whitening)
+    law = _Law(replica, off, base, whitening)
     if sensor:
         return change(replica, law.before, after, True)
     logs = law.net((replica.raw(model) - base)[:, None])[1][:, 0]

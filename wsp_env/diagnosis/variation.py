@@ -50,19 +50,6 @@ class Group(NamedTuple):
     like: str = ""  # the group whose disagreement between runs or in time tells by how much the expected size is too small
 
 
-@dataclasses.dataclass(frozen=True)
-class Nuisances:
-    """All groups of a model."""
-
-    groups: tuple[Group, ...]
-    friction: np.ndarray  # (n,) derivative of the residuals by log mu_cd of their own run
-
-    @property
-    def law(self) -> np.ndarray:
-        """Columns (n, l) of what is free and of the law's parameters."""
-        return np.column_stack([group.columns for group in self.groups if group.name in ("offset", "tau", "mu_cd")])
-
-
 def law_columns(balances: Balances | Replica, model: Model, base: np.ndarray) -> np.ndarray:
     """Columns (n, 1 + runs): derivative of the residuals by log tau, and by log mu_cd of each run."""
     step = 1e-3
@@ -71,6 +58,13 @@ def law_columns(balances: Balances | Replica, model: Model, base: np.ndarray) ->
     friction = (balances.raw(moved) - base) / step
     runs = balances.rows.run[:, None] == np.arange(len(balances.stops))
     return np.column_stack([tau, friction[:, None] * runs])
+
+
+def segment_columns(balances: Balances | Replica) -> np.ndarray:
+    """Columns (n, segments): 1 in the rows of a stretch, whose speed has an offset of its own."""
+    segment = balances.rows.segment
+    result: np.ndarray = (segment[:, None] == np.arange(segment.max(initial=-1) + 1)).astype(float)
+    return result
 
 
 class Net:
@@ -94,7 +88,7 @@ class Net:
         return columns - self._law @ amplitudes, amplitudes
 
 
-def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whitening: Whitening) -> Nuisances:
+def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whitening: Whitening) -> tuple[Group, ...]:
     """Return all nuisances of a model whose residuals are `base` (n,)."""
     rows, axles = balances.rows, balances.axles
     law = law_columns(balances, model, base)
@@ -112,7 +106,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         """Return what differs between runs; what is common to them is a column of its own."""
         return np.column_stack([np.zeros((len(rows), 0)), *(columns[:, [k]] * between for k in range(columns.shape[1]))])
 
-    segments = (rows.segment[:, None] == np.arange(rows.segment.max(initial=-1) + 1)).astype(float)
+    segments = segment_columns(balances)
     clock = _hats(rows.time, _COURSE_NODE_S)
     shapes = [_interpolation(values, slides[:, 0] != 0.0) for values in (rows.slip, rows.speed, rows.work)]
     gain = _EXPECTED["measured gain" if balances.campaign.vehicle.torque_is_measured else "gain"]
@@ -146,7 +140,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
             Group("gain of a brake", brake * own, _EXPECTED["gain"], True, "gain of a brake in a run"),
             Group("gain of a brake in a run", each(brake * own), _EXPECTED["gain"]),
         ]
-    return Nuisances(tuple(_present(group) for group in groups), friction)
+    return tuple(_present(group) for group in groups)
 
 
 def shapes(balances: Balances | Replica) -> np.ndarray:
