@@ -97,7 +97,7 @@ class Balances:
         self.vehicle = vehicle = self._evaluator.vehicle
         self.axles, self.radius, self.inertia = vehicle.axles, vehicle.wheel_radius_m, vehicle.wheelset_inertia_kgm2
         self.offsets = np.array(vehicle.axle_positions_m)
-        self.parts = [_Blocks(stop, self) for stop in self.stops]
+        self.parts = [Blocks(stop, self) for stop in self.stops]
         self.rows = _joined([part.rows(i) for i, part in enumerate(self.parts)])
 
     def evaluate(self, model: Model) -> list[Evaluation]:
@@ -132,7 +132,7 @@ class Balances:
         return Whitening(deviation, tuple(roots))
 
 
-class _Blocks:
+class Blocks:
     """One stop cut into blocks."""
 
     def __init__(self, stop: PreparedStop, owner: Balances) -> None:
@@ -160,6 +160,7 @@ class _Blocks:
         return self._mean_mask(values, self.length)
 
     def rows(self, index: int) -> Rows:
+        """Return what every row of this stop, the `index`-th, is."""
         stop, owner = self.stop, self.owner
         b, a = np.nonzero(self.used)
         slip = stop.speed[:, None] - owner.radius * stop.wheel

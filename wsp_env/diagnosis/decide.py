@@ -165,6 +165,9 @@ def _trials(replica: Replica, seen: Screen, fitted: Fitted, pool: Executor) -> l
     promising = [one for one in promising if odds(one.candidate.variant, one.evidence) > 0.0]
     if not promising:
         return []
+    # A refit moves where a mechanism acts only from near: its next best place or band may be the better one to begin with.
+    seconds = [seen.second[one.name] for one in promising if one.name in seen.second]
+    promising += [one for one in seconds if len(refined(one.candidate.variant).sizes) > len(one.candidate.variant.sizes)]
     weights = _weights(replica, seen)
     start = refit(replica, fitted.model, fitted.variants, weights)
 
@@ -185,7 +188,10 @@ def _trials(replica: Replica, seen: Screen, fitted: Fitted, pool: Executor) -> l
             one, listed, free, best, evidence, start.cost - best.cost, net_effect(replica, best.model, free, seen.whitening)
         )
 
-    return sorted(pool.map(trial, promising), key=lambda one: -odds(one.listed, one.evidence))
+    best: dict[str, Trial] = {}
+    for one in sorted(pool.map(trial, promising), key=lambda one: -odds(one.listed, one.evidence)):
+        best.setdefault(one.listed.title, one)
+    return list(best.values())
 
 
 def forms(replica: Replica, model: Model, variants: Sequence[Variant]) -> list[Group]:
@@ -194,7 +200,6 @@ def forms(replica: Replica, model: Model, variants: Sequence[Variant]) -> list[G
     return [
         Group(f"form of {one.title}", (replica.raw(without(model, one)) - base)[:, None] * bent, FORM, True)
         for one in variants
-        if not ALL[one.name].signature.exact
     ]
 
 

@@ -18,7 +18,7 @@ from wsp_env.diagnosis.effects import course, curve, held_out
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import baseline, sliding
 from wsp_env.diagnosis.locate import locate, residual_map
-from wsp_env.diagnosis.quality import Quality, quality
+from wsp_env.diagnosis.quality import Quality, quality, structured
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import detectable, net_change
 from wsp_env.diagnosis.stops import PreparedStop, prepare
@@ -28,9 +28,9 @@ from wsp_env.recordings import Campaign, CampaignError
 
 #: A run whose residuals are so many times the others' is left out as damaged.
 _DAMAGED = 5.0
-#: Deviation of a balance's rows over the channels' own noise, beside all that varies, from which on no model holds: assumption.
-#: Sound recordings of the development campaigns reach 1.3.
-_SCATTERS = 2.0
+#: What goes on from row to row over the channels' own noise, beside all that varies, from which on no model holds: what is as
+#: large as the noise is seen in any plot.
+_STRUCTURED = 1.0
 #: Mean squares of the extended model over the baseline's, from which on it fits worse, beyond what rounding makes.
 _WORSE = 1.01
 _Z90 = 1.645
@@ -98,14 +98,14 @@ def _sound(campaign: Campaign, stops: list[PreparedStop]) -> tuple[Replica, list
 def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor) -> Diagnosis:
     missing = outcome.missing
     found = quality(replica, outcome)
-    # What leaves more scatter than sound recordings do, or does not hold on runs that it was not fitted to, is no finding.
-    scatters = float(outcome.last.sizes.noise.max()) > _SCATTERS
+    # What leaves as much again as noise does, or does not hold on runs that it was not fitted to, is no finding.
+    unexplained = structured(outcome) > _STRUCTURED
     worse = max(found.fit.extended[group] / found.fit.baseline[group] for group in found.fit.baseline) > _WORSE
     removed = found.fit.removed_validate
-    holds = not scatters and not (missing and (worse or (removed is not None and removed <= 0.0)))
+    holds = not unexplained and not (missing and (worse or (removed is not None and removed <= 0.0)))
     named = tuple(_named(replica, outcome, one, found) for one in missing if not one.trial.listed.family) if holds else ()
     terms = tuple(_discovered(replica, outcome, one, found) for one in missing if one.trial.listed.family) if holds else ()
-    verdict = _verdict(named, terms, bool(missing) or scatters, bool(sliding(replica).any()))
+    verdict = _verdict(named, terms, bool(missing) or unexplained, bool(sliding(replica).any()))
     extended = outcome.fitted.model if holds else replica.baseline
     where = locate(replica, replica.baseline, extended, found.weights if holds else found.expected)
     reasons = unavailable(replica)

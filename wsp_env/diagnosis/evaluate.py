@@ -30,6 +30,7 @@ class Model:
 class Evaluation:
     """A model along one stop; (T, A) unless said otherwise."""
 
+    speed: np.ndarray  # (T,) of the vehicle, as the model's forces and the recorded speed give it [m/s]
     adhesion: np.ndarray  # [-]
     slope: np.ndarray  # its derivative by the slip speed [s/m]
     load: np.ndarray  # of one wheel [N]
@@ -71,6 +72,7 @@ class Evaluator:
             )
             for s in self.stops
         ]
+        self._bare: list[np.ndarray | None] = [None] * len(self.stops)
 
     def __call__(self, model: Model) -> list[Evaluation]:
         """Return what the model says of every stop."""
@@ -84,12 +86,16 @@ class Evaluator:
         belief = along.Belief(model.mu_cd[i], model.tau, stop.mass, self.vehicle.wheel_radius_m, stop.gradient)
         p = along.along(self._trajectories[i], belief, constants)
         shift = p.speed_mps - stop.speed
-        if shift.any():  # the estimated speed follows a change of the recorded one only as far as it is slow
-            held = stop.speed + stop.estimator(stop.time, shift) - shift
-            p = along.along(dataclasses.replace(self._trajectories[i], speed_mps=held), belief, constants)
+        # What forces predict of the speed is believed, the recorded speed only as far as it is slow.
+        moved = self._predicted(stop, p, constants) - self._believed(i)
+        held = moved - stop.estimator(stop.time, moved - shift)
+        if held.any():
+            again = dataclasses.replace(self._trajectories[i], speed_mps=stop.speed + held - shift)
+            p = along.along(again, belief, constants)
         rate = along.true_wheel_acceleration(constants, stop.wheel_rate, stop.wheel_jerk)
         torque = p.torque_nm if stop.pressed is None else stop.torque
         return Evaluation(
+            speed=p.speed_mps,
             adhesion=p.adhesion,
             slope=p.adhesion_slope,
             load=p.wheel_load_n,
@@ -103,3 +109,20 @@ class Evaluator:
             resistance=p.resistance_n,
             mass=p.mass_kg,
         )
+
+    def _predicted(self, stop: PreparedStop, p: along.Prediction, constants: Any) -> np.ndarray:
+        """Return the change of speed (T,) that wheels and resistance predict from the start on [m/s]."""
+        rate = along.true_wheel_acceleration(constants, stop.wheel_rate, stop.wheel_jerk)
+        torque = p.torque_nm if stop.pressed is None else stop.torque
+        force = ((torque + p.inertia_kgm2 * rate) / p.radius_m).sum(axis=1) + p.resistance_n
+        result: np.ndarray = -(np.cumsum(force) - 0.5 * force) * stop.step_s / p.mass_kg
+        return result
+
+    def _believed(self, i: int) -> np.ndarray:
+        """Return the same without mechanisms: what the estimated speed of a stop rests on."""
+        bare = self._bare[i]
+        if bare is None:
+            stop, constants = self.stops[i], along.model(self.vehicle, {})
+            belief = along.Belief(stop.believed_mu_cd, 0.0, stop.mass, self.vehicle.wheel_radius_m, stop.gradient)
+            bare = self._bare[i] = self._predicted(stop, along.along(self._trajectories[i], belief, constants), constants)
+        return bare

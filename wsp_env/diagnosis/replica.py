@@ -108,13 +108,13 @@ def _rolling(recorded: Balances, one: Evaluation, model: Model, index: int) -> P
     stop, radius = recorded.sources[index], recorded.radius
     length = 2 * round(0.5 * _WINDOW_S / stop.step_s) + 1
     smooth = savgol_filter(_creepage(recorded, one, model, index), length, 3, axis=0)
-    wheel = (1.0 - smooth) * stop.speed[:, None] / radius
+    wheel = (one.speed[:, None] - smooth * stop.speed[:, None]) / radius
     return dataclasses.replace(stop, wheel=wheel, wheel_rate=np.gradient(wheel, stop.step_s, axis=0))
 
 
 def _braked(recorded: Balances, stop: PreparedStop, one: Evaluation) -> PreparedStop:
-    """Return the stop with the torques that balance its wheels, smoothed as recordings are."""
-    torque = 2.0 * one.load * one.adhesion * recorded.radius - recorded.inertia * stop.wheel_rate
+    """Return the stop with the torques that balance its wheels as the baseline's brakes and wheelsets are, smoothed."""
+    torque = stop.torque + (2.0 * one.load * one.adhesion - one.force) * recorded.radius
     wheel, rate, jerk, smooth = smooth_wheels(stop.wheel, torque, stop.step_s)
     return dataclasses.replace(stop, wheel=wheel, wheel_rate=rate, wheel_jerk=jerk, torque=smooth)
 

@@ -7,7 +7,7 @@ free up to `LARGE` and with its size small (a spike and a slab, George and McCul
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 
 import numpy as np
@@ -25,6 +25,9 @@ from wsp_env.diagnosis.variation import Group, Net, law_columns, nuisances, segm
 #: assumption that many such together move a stop by less than one interest; the second is one too: what conceals itself from a
 #: validation is hardly larger.
 SMALL, LARGE = 0.15, 5.0
+#: Samples that the smallest effect of interest has at least where a size is a time. Its small size is then 0.6 of a sample:
+#: channels of one logger are read within a sample of each other.
+_SAMPLES = 4.0
 #: Evidence from which on a mechanism counts as seen: 95 % at a prior of one in fifty.
 SEEN = float(np.log(19.0 * 50.0))
 #: Stretches of a single run that are held out in turn [s]: some slides long.
@@ -59,6 +62,7 @@ class Screen:
     small: Group  # mechanisms at sizes that do not matter
     sizes: Sizes  # of the nuisances
     found: tuple[Found, ...]  # best first
+    second: Mapping[str, Found]  # the next best variant of a name
 
 
 class _Law:
@@ -99,6 +103,7 @@ def candidate(replica: Replica, model: Model, base: np.ndarray, law: _Law, varia
     """Return a mechanism that is off, with its columns about a model and their size in smallest effects of interest, net."""
     found, scale, moves = [], [], variant.moves()
     sensor = only_sensors({variant.name: {}})
+    least = _SAMPLES * max(source.step_s for source in replica.sources)
 
     def step_by(i: int, move: float) -> tuple[np.ndarray, np.ndarray, Sequence[Evaluation]]:
         values = variant.null()
@@ -114,7 +119,8 @@ def candidate(replica: Replica, model: Model, base: np.ndarray, law: _Law, varia
             moves[i] = -move
             column, logs, after = step_by(i, -move)
         found.append(column)
-        scale.append(change(replica, law.before, after if sensor else law.without(after, logs), sensor).multiple)
+        multiple = change(replica, law.before, after if sensor else law.without(after, logs), sensor).multiple
+        scale.append(min(multiple, abs(moves[i]) / least) if size.unit == "s" else multiple)
     return Candidate(dataclasses.replace(variant, steps=tuple(moves)), np.column_stack(found), np.array(scale))
 
 
@@ -147,9 +153,9 @@ def screen(
     free = Group("accepted mechanisms", np.column_stack([nothing, *on]), np.inf, True)
     evidence = Evidence(replica, whitening, [*groups, free, small], base, terms)
     sizes = evidence.solve()
-    found = _judged(evidence, sizes, named, unnamed)
+    found, second = _judged(evidence, sizes, named, unnamed)
     kept = Sizes(sizes.groups[: len(groups)], sizes.noise)
-    return Screen(model, base, whitening, groups, small, kept, tuple(found))
+    return Screen(model, base, whitening, groups, small, kept, tuple(found), second)
 
 
 def net_effect(replica: Replica, model: Model, variant: Variant, whitening: Whitening) -> StopChange:
@@ -192,8 +198,10 @@ def detectable(seen: Screen) -> dict[str, dict[str, float]]:
     return found
 
 
-def _judged(evidence: Evidence, sizes: Sizes, named: Sequence[Candidate], unnamed: Sequence[Candidate]) -> list[Found]:
-    """Return the best variant of every name, best first.
+def _judged(
+    evidence: Evidence, sizes: Sizes, named: Sequence[Candidate], unnamed: Sequence[Candidate]
+) -> tuple[list[Found], dict[str, Found]]:
+    """Return the best variant of every name, best first, and the next best of each.
 
     Names are judged beside all others at small sizes; terms without a name, which are many and alike, one by one.
     """
@@ -214,10 +222,12 @@ def _judged(evidence: Evidence, sizes: Sizes, named: Sequence[Candidate], unname
         last += len(one.scale)
         found.append(_one(one, *alone(mine), counts[one.variant.name]))
     best: dict[str, Found] = {}
-    for each in found:
-        if each.name not in best or each.evidence > best[each.name].evidence:
-            best[each.name] = each
-    return sorted(best.values(), key=lambda one: -one.evidence)
+    second: dict[str, Found] = {}
+    for each in sorted(found, key=lambda one: -one.evidence):
+        if each.name in best:
+            second.setdefault(each.name, each)
+        best.setdefault(each.name, each)
+    return list(best.values()), second
 
 
 def _posterior(

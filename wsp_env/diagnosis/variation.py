@@ -6,13 +6,13 @@ times is only begun with: how large it is the recordings at hand say themselves,
 """
 
 import dataclasses
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, Balances, Whitening
 from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.forces import Forces
 from wsp_env.diagnosis.replica import Replica
 
 TRACK_NODE_M = 1.5  # apart
@@ -95,9 +95,9 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
     friction: np.ndarray = law[:, 1:].sum(axis=1)
     by_run = (rows.run[:, None] == np.arange(len(balances.stops))).astype(float)
     own = (rows.axle[:, None] == np.arange(axles)).astype(float)
-    brakes = _Brakes(balances, model)
+    forces = Forces(balances, model)
     steepness, radius, uncertain = _slips(balances, model)
-    turning = _turning(balances, model)
+    turning = forces.turning()
     slides = (friction * ((rows.balance == ADHESION) & (rows.slip > 0.01 * rows.speed)))[:, None]
 
     between = by_run @ _contrasts(by_run.shape[1])
@@ -115,14 +115,13 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("tau", law[:, :1], LOG_TAU, True),
         Group("mu_cd", law[:, 1:], MU_CD, True),
         Group("speed", uncertain, 1.0, True),
-        Group("gain", brakes.gain, gain, True, "gain of a run"),
-        Group("gain of a run", each(brakes.gain), gain),
-        Group("torque in time", brakes.courses(), _EXPECTED["torque"]),
+        Group("gain", forces.gain, gain, True),
+        Group("gain of a run", each(forces.gain), gain),
+        Group("torque in time", forces.courses(_COURSE_NODE_S), _EXPECTED["torque"]),
         Group("inertia", np.column_stack([turning, turning.sum(axis=1)]), _EXPECTED["inertia"], True),
-        Group("radius", radius[:, None] * own, _EXPECTED["radius"], True, "radius of a run"),
+        Group("radius", radius[:, None] * own, _EXPECTED["radius"], True),
         Group("radius of a run", each(radius[:, None] * own), _EXPECTED["radius"]),
-        Group("stiffness", np.column_stack([steepness[:, None] * own, steepness]), _EXPECTED["stiffness"], True,
-              "stiffness of a run"),
+        Group("stiffness", np.column_stack([steepness[:, None] * own, steepness]), _EXPECTED["stiffness"], True),
         Group("stiffness of a run", each(steepness[:, None] * own), _EXPECTED["stiffness"]),
         Group("track", friction[:, None] * _track(rows.place, rows.wheels), _EXPECTED["track"]),
         Group("friction of an axle", slides * own, _EXPECTED["friction"], True, "friction of an axle in a run"),
@@ -131,13 +130,13 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         # Net: what tau and mu_cd do is no discrepancy of the law.
         Group("law", Net(whitening, np.column_stack([segments, law]))(np.column_stack([slides * s for s in shapes]))[0],
               _EXPECTED["law"], True, "friction in time"),
-        Group("force in time", brakes.forces(), _EXPECTED["force"]),
+        Group("force in time", forces.on_vehicle(_COURSE_NODE_S), _EXPECTED["force"]),
     ]  # fmt: skip
     if (rows.balance == ACTUATOR).any():
-        brake = brakes.nominal[:, None]
+        brake = forces.nominal[:, None]
         groups += [
             Group("nominal gain of the brakes", brake, np.inf, True),
-            Group("gain of a brake", brake * own, _EXPECTED["gain"], True, "gain of a brake in a run"),
+            Group("gain of a brake", brake * own, _EXPECTED["gain"], True),
             Group("gain of a brake in a run", each(brake * own), _EXPECTED["gain"]),
         ]
     return tuple(_present(group) for group in groups)
@@ -183,69 +182,6 @@ def _slips(balances: Balances | Replica, model: Model) -> tuple[np.ndarray, np.n
             wide[:, sum(sizes[:i]) : sum(sizes[: i + 1])] = np.column_stack(mine)
         uncertain.append(wide)
     return np.concatenate(steepness), np.concatenate(radius), np.vstack(uncertain)
-
-
-def _turning(balances: Balances | Replica, model: Model) -> np.ndarray:
-    """Return the change of the residuals (n, A) by a relative change of each wheelset's inertia."""
-    found = []
-    for part, one in zip(balances.parts, balances.evaluate(model), strict=True):
-        turned = balances.inertia * part.stop.wheel_rate / balances.radius
-        mask = np.nonzero(part.used)[1][:, None] == np.arange(balances.axles)
-        spun = balances.inertia * part.stop.wheel / (balances.radius * one.mass)
-        vehicle = np.column_stack([part.vehicle_rows(x) for x in spun.T])
-        found.append(part.joined(part.wheel_rows(turned / (2.0 * one.load))[:, None] * mask, vehicle))
-    return np.vstack(found)
-
-
-class _Brakes:
-    """How brakes and forces on the vehicle move the residuals."""
-
-    def __init__(self, balances: Balances | Replica, model: Model) -> None:
-        self._balances = balances
-        self._parts = list(zip(balances.parts, balances.evaluate(model), strict=True))
-        nominal = [part.joined(brakes=part.wheel_rows(one.braking)) for part, one in self._parts]
-        self.nominal = np.concatenate(nominal)
-        self.gain = self._torque(lambda time: np.ones((len(time), 1)))[0]
-
-    def _torque(self, over: Callable[[np.ndarray], np.ndarray]) -> list[np.ndarray]:
-        """Columns (n, A) by a relative change of each axle's torque, for every weight of `over` (T, K)."""
-        balances, found = self._balances, []
-        weights = [over(part.stop.time) for part, _ in self._parts]
-        for k in range(weights[0].shape[1]):
-            pieces = []
-            for (part, one), weight in zip(self._parts, weights, strict=True):
-                w = weight[:, [k]]
-                share = w * one.torque / (2.0 * balances.radius * one.load)
-                lost = w * one.torque / (balances.radius * one.mass)
-                mask = np.nonzero(part.used)[1][:, None] == np.arange(balances.axles)
-                vehicle = np.column_stack([part.vehicle_rows(part.summed(x)) for x in lost.T])
-                brakes = part.wheel_rows(w * one.torque)[:, None] * mask
-                pieces.append(part.joined(part.wheel_rows(share)[:, None] * mask, vehicle, brakes))
-            found.append(np.vstack(pieces))
-        return found
-
-    def courses(self) -> np.ndarray:
-        """Columns by the torque of each axle in time, in each run."""
-        end = max(float(part.stop.time[-1]) for part, _ in self._parts)
-        nodes = np.arange(0.0, end + _COURSE_NODE_S, _COURSE_NODE_S)
-        rows = self._balances.rows
-        found = self._torque(lambda time: np.column_stack([np.interp(time, nodes, unit) for unit in np.eye(len(nodes))]))
-        return np.column_stack([columns * (rows.run == i)[:, None] for columns in found for i in range(len(self._parts))])
-
-    def forces(self) -> np.ndarray:
-        """Columns by a force on the vehicle in time, as a share of its weight times the mean adhesion of its stops."""
-        end = max(float(part.stop.time[-1]) for part, _ in self._parts)
-        nodes = np.arange(0.0, end + _COURSE_NODE_S, _COURSE_NODE_S)
-        found = []
-        for i, (part, one) in enumerate(self._parts):
-            weight = one.mass * self._balances.vehicle.gravity_mps2
-            columns = np.column_stack(
-                [part.vehicle_rows(part.summed(np.interp(part.stop.time, nodes, unit) * weight)) for unit in np.eye(len(nodes))]
-            )
-            wide = np.zeros((part.momenta, len(nodes) * len(self._parts)))
-            wide[:, i * len(nodes) : (i + 1) * len(nodes)] = columns / one.mass
-            found.append(part.joined(vehicle=wide))
-        return np.vstack(found)
 
 
 def _track(place: np.ndarray, used: np.ndarray) -> np.ndarray:

@@ -165,7 +165,7 @@ class Signature(NamedTuple):
     next_test: str  # the test that would confirm it
     said: tuple[Said, ...]  # its fitted sizes in words
     over: Over = "slip"  # what its curve is drawn over
-    exact: bool = False  # it has one form only, so that next to nothing of it is left once it was fitted
+    exact: bool = False  # it has one form only: the interval of its size needs no more than noise and nuisances give
     least_axles: int = 1  # that a vehicle must have to show it
     least_stops: int = 1  # that a campaign must have to show it
     normal: Mapping[str, float] = {}  # size -> change from its null up to which it is normal variation of sound vehicles

@@ -16,8 +16,9 @@ from wsp_env.plant.card import Card, Moment, Parameter, Passage, Recorded, Said,
 #: Width of the band's edges [m/s] (assumption).
 EDGE_MPS = 0.5
 
-#: Bands of speed that are tried in recordings [m/s]: at every speed, or lifted below one (assumption).
-_BANDS_MPS = ((-10.0, 200.0), (8.0, 200.0), (15.0, 200.0), (22.0, 200.0))
+#: Speeds below which it may be lifted that are tried in recordings [m/s]; the first: at none. A speed signal that is good to
+#: some cm/s tells them to well below 2 m/s.
+_LIFTED_MPS = (-10.0, *range(6, 25, 2))
 
 
 class Parameters(NamedTuple):
@@ -58,7 +59,7 @@ def force(p: Parameters, applied: Applied, i: int, speed_mps: float, believed_n:
 
 def bands(recorded: Recorded) -> list[dict[str, float]]:
     """Return the bands of speed that are tried."""
-    return [{"lowest_mps": low, "highest_mps": high} for low, high in _BANDS_MPS]
+    return [{"lowest_mps": float(low), "highest_mps": 200.0} for low in _LIFTED_MPS]
 
 
 def band(values: Mapping[str, float]) -> dict[str, str]:

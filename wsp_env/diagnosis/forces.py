@@ -1,0 +1,87 @@
+"""How small changes of forces move the residuals: of their wheels, of the vehicle, and of all wheels by the estimated speed."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from wsp_env.diagnosis.balances import Balances, Blocks
+from wsp_env.diagnosis.evaluate import Evaluation, Model
+from wsp_env.diagnosis.replica import Replica
+
+
+class Forces:
+    """Columns of the residuals by forces, about a model."""
+
+    def __init__(self, balances: Balances | Replica, model: Model) -> None:
+        self._balances = balances
+        self._parts: list[tuple[Blocks, Evaluation]] = list(zip(balances.parts, balances.evaluate(model), strict=True))
+        nominal = [part.joined(brakes=part.wheel_rows(one.braking)) for part, one in self._parts]
+        self.nominal = np.concatenate(nominal)
+        self.gain = self._torque(lambda time: np.ones((len(time), 1)))[0]
+
+    def turning(self) -> np.ndarray:
+        """Columns (n, A) by a relative change of each wheelset's inertia."""
+        balances, found = self._balances, []
+        for part, one in self._parts:
+            moment = balances.inertia * part.stop.wheel_rate
+            lost = balances.inertia * part.stop.wheel / (balances.radius * one.mass)
+            found.append(self._rows(part, one, moment, lost))
+        return np.vstack(found)
+
+    def courses(self, apart_s: float) -> np.ndarray:
+        """Columns by a relative change of each axle's torque in time, between nodes, in each run."""
+        nodes, rows = self._nodes(apart_s), self._balances.rows
+        found = self._torque(lambda time: np.column_stack([np.interp(time, nodes, unit) for unit in np.eye(len(nodes))]))
+        return np.column_stack([columns * (rows.run == i)[:, None] for columns in found for i in range(len(self._parts))])
+
+    def on_vehicle(self, apart_s: float) -> np.ndarray:
+        """Columns by a force on the vehicle in time, between nodes, in each run, as a share of its weight."""
+        nodes, found = self._nodes(apart_s), []
+        for i, (part, one) in enumerate(self._parts):
+            hats = np.column_stack([np.interp(part.stop.time, nodes, unit) for unit in np.eye(len(nodes))])
+            lost = np.column_stack([part.summed(hat) for hat in hats.T]) * self._balances.vehicle.gravity_mps2
+            wheels, vehicle = self._slower(part, one, lost)
+            columns = part.joined(wheels, vehicle)
+            wide = np.zeros((len(columns), len(nodes) * len(self._parts)))
+            wide[:, i * len(nodes) : (i + 1) * len(nodes)] = columns
+            found.append(wide)
+        return np.vstack(found)
+
+    def _nodes(self, apart_s: float) -> np.ndarray:
+        end = max(float(part.stop.time[-1]) for part, _ in self._parts)
+        return np.arange(0.0, end + apart_s, apart_s)
+
+    def _torque(self, over: Callable[[np.ndarray], np.ndarray]) -> list[np.ndarray]:
+        """Columns (n, A) by a relative change of each axle's torque, for every weight of `over` (T, K)."""
+        found = []
+        weights = [over(part.stop.time) for part, _ in self._parts]
+        for k in range(weights[0].shape[1]):
+            pieces = []
+            for (part, one), weight in zip(self._parts, weights, strict=True):
+                moment = weight[:, [k]] * one.torque
+                force = moment / (self._balances.radius * one.mass)
+                lost = np.column_stack([part.summed(x) for x in force.T])
+                pieces.append(self._rows(part, one, moment, lost, moment))
+            found.append(np.vstack(pieces))
+        return found
+
+    def _rows(
+        self, part: Blocks, one: Evaluation, moment: np.ndarray, lost: np.ndarray, braking: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Rows (n, A) of one stop by each wheelset's moment (T, A) [N m] and the speed that the vehicle loses by it [m/s]."""
+        mine = np.nonzero(part.used)[1][:, None] == np.arange(self._balances.axles)
+        share = part.wheel_rows(moment / (2.0 * self._balances.radius * one.load))[:, None] * mine
+        wheels, vehicle = self._slower(part, one, lost)
+        brakes = None if braking is None else part.wheel_rows(braking)[:, None] * mine
+        return part.joined(share + wheels, vehicle, brakes)
+
+    @staticmethod
+    def _slower(part: Blocks, one: Evaluation, lost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (w, K) of the wheels and (m, K) of the vehicle by speeds (T, K) [m/s] that forces predict to be lost.
+
+        The estimated speed believes what forces predict where it is fast, and the recorded speed where it is slow.
+        """
+        stop = part.stop
+        slower = lost - np.column_stack([stop.estimator(stop.time, x) for x in lost.T])
+        wheels = np.column_stack([part.wheel_rows(one.slope * x[:, None]) for x in slower.T])
+        return wheels, np.column_stack([part.vehicle_rows(x) for x in lost.T])
