@@ -198,8 +198,7 @@ def forms(replica: Replica, model: Model, variants: Sequence[Variant]) -> list[G
     """Return for every mechanism that is on what it may leave of nature's form: its own effect, bent over what was measured."""
     base, bent = replica.raw(model), shapes(replica)
     return [
-        Group(f"form of {one.title}", (replica.raw(without(model, one)) - base)[:, None] * bent, FORM, True)
-        for one in variants
+        Group(f"form of {one.title}", (replica.raw(without(model, one)) - base)[:, None] * bent, FORM, True) for one in variants
     ]
 
 

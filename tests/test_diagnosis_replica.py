@@ -1,0 +1,107 @@
+"""What a model's forces do to the estimated speed, and replicas about models with mechanisms on."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from synthetic_stops import AXLES, MASS_KG, SAMPLE_S, stops, write_campaign
+
+from wsp_env.diagnosis import quality
+from wsp_env.diagnosis.balances import ADHESION, VEHICLE, Balances, Whitening
+from wsp_env.diagnosis.candidates import variants
+from wsp_env.diagnosis.covariance import Sizes
+from wsp_env.diagnosis.evaluate import Evaluator, Model
+from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.search import _Law, candidate
+from wsp_env.diagnosis.stops import prepare
+from wsp_env.diagnosis.variation import Group
+from wsp_env.recordings import Campaign, read_campaign
+
+DRAG = {"dragging_brake": {"torque_nm": 600.0, "axle": 2.0}}
+LAW = Model(2e-4, (0.06, 0.07))
+
+
+def campaign_of(folder) -> Campaign:
+    """Two stops, as good sensors record them."""
+    a, b = stops(LAW.tau, LAW.mu_cd, seeds=(1, 2), noise=1.0)
+    write_campaign(folder, {"A1": a, "B1": b}, ["A1"], ["B1"])
+    file = folder / "campaign.toml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace('source = "measured"', 'source = "pressure times the nominal gain"'), encoding="utf-8")
+    return read_campaign(folder)
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    campaign = campaign_of(tmp_path_factory.mktemp("sound") / "c")
+    return Balances(campaign, prepare(campaign)[0])
+
+
+def test_a_force_that_the_wheels_do_not_feel_is_in_the_estimated_speed(sound):
+    """A recording that lost d by a force is estimated as E d; with the force in the model all of d is there again."""
+    drag = {"aerodynamic_drag": {"c_ns2_per_m2": 0.5}}
+    for stop in sound.stops:
+        force = 0.5 * stop.speed**2
+        lost = -(np.cumsum(force) - 0.5 * force) * stop.step_s / MASS_KG
+        slow = dataclasses.replace(stop, speed=stop.speed + stop.estimator(stop.time, lost))
+        (found,) = Evaluator(sound.campaign, [slow])(Model(LAW.tau, LAW.mu_cd, drag))
+        (bare,) = Evaluator(sound.campaign, [slow])(LAW)
+        assert np.abs(found.speed - stop.speed - lost).max() < 0.02 * np.abs(bare.speed - stop.speed - lost).max()
+
+
+def test_a_force_that_is_always_there_is_left_to_the_recorded_speed(sound):
+    """A gradient over the whole stop bends no speed: its offset and slope are read from the recording."""
+    bare, uphill = (Evaluator(sound.campaign, sound.stops)(Model(2e-4, LAW.mu_cd, choice))
+                    for choice in ({}, {"track_gradient": {"rise": 0.002}}))  # fmt: skip
+    for one, other in zip(bare, uphill, strict=True):
+        assert np.abs(other.speed - one.speed).max() < 0.02 * 0.002 * 9.81 * SAMPLE_S * len(one.speed)
+
+
+def test_a_replica_about_a_brake_s_mechanism_has_its_torque_once(sound):
+    """Its residuals are those of the recordings, and the mechanism's change is what it was about the bare law."""
+    model = Model(LAW.tau, LAW.mu_cd, DRAG)
+    bare, about = Replica(sound, LAW), Replica(sound, model)
+    rows = sound.rows
+    slides = (rows.balance == ADHESION) & (rows.slip > 0.02 * rows.speed)
+    for used in (slides, rows.balance == VEHICLE):
+        recorded, copied = sound.raw(model)[used], about.raw(model)[used]
+        noise = float(np.std(sound.raw(LAW)[used]))
+        assert np.sqrt(np.mean((recorded - copied) ** 2)) < noise
+        before, after = (one.raw(model)[used] - one.raw(LAW)[used] for one in (bare, about))
+        assert before @ after == pytest.approx(before @ before, rel=0.05)
+
+
+def test_times_below_some_samples_are_no_effects(sound):
+    """Channels of one logger are read within a sample of each other: the small size is 0.6 of a sample at least."""
+    replica = Replica(sound, LAW)
+    base, whitening = replica.raw(LAW), replica.whitening(LAW)
+    law = _Law(replica, LAW, base, whitening)
+    for name in ("wheel_speed_lag", "clock_offset", "brake_delay"):
+        variant = next(one for one in variants(replica) if one.name == name)
+        found = candidate(replica, LAW, base, law, variant)
+        assert abs(found.variant.moves()[0]) / found.scale[0] >= 4.0 * SAMPLE_S * (1.0 - 1e-9)
+
+
+@pytest.mark.parametrize(("correlation", "expected"), [(0.0, 0.0), (0.9, 3.0 * np.sqrt(0.9))])
+def test_only_what_goes_on_from_row_to_row_is_structure(correlation, expected):
+    """Noise of three times the channels' own is none of it; the same as an autoregressive course is."""
+    runs, each = 8, 200
+    rng = np.random.default_rng(4)
+    n = runs * AXLES * each
+    y = rng.standard_normal((runs * AXLES, each))
+    for i in range(1, each):
+        y[:, i] = correlation * y[:, i - 1] + np.sqrt(1.0 - correlation**2) * y[:, i]
+    which = np.repeat(np.arange(runs * AXLES), each)
+    rows = SimpleNamespace(
+        balance=np.zeros(n, dtype=int), run=which // AXLES, axle=which % AXLES, time=np.tile(np.arange(each), runs * AXLES)
+    )
+    base = 3.0 * y.ravel()
+    order = rng.permutation(n)  # rows come in any order
+    for name in ("run", "axle", "time"):
+        setattr(rows, name, getattr(rows, name)[order])
+    group = Group("g", 1e-6 * rng.standard_normal((n, 1)), 1.0)
+    sizes = Sizes(np.ones(1), np.array([3.0, 1.0, 1.0, 1.0]))
+    last = SimpleNamespace(sizes=sizes, groups=[group], small=group, whitening=Whitening(np.ones(n), ()), base=base[order])
+    found = quality.structured(SimpleNamespace(replica=SimpleNamespace(rows=rows), last=last))
+    assert found == pytest.approx(expected, abs=0.35)
