@@ -31,6 +31,8 @@ _DAMAGED = 5.0
 #: What goes on from row to row over the channels' own noise, beside all that varies, from which on no model holds: what is as
 #: large as the noise is seen in any plot.
 _STRUCTURED = 1.0
+#: Share of the held-out residual from which on what was found stands, whatever is left beside it: half.
+_MOST_REMOVED = 0.5
 #: Mean squares of the extended model over the baseline's, from which on it fits worse, beyond what rounding makes.
 _WORSE = 1.01
 _Z90 = 1.645
@@ -98,8 +100,9 @@ def _sound(campaign: Campaign, stops: list[PreparedStop]) -> tuple[Replica, list
 def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor) -> Diagnosis:
     missing = outcome.missing
     found = quality(replica, outcome)
-    # What leaves as much again as noise does, or does not hold on runs that it was not fitted to, is no finding.
-    unexplained = structured(outcome) > _STRUCTURED
+    # What leaves most of what can be removed, or does not hold on runs that it was not fitted to, is no finding.
+    left = structured(outcome)
+    unexplained = left > _STRUCTURED and (found.fit.removed_validate or 0.0) < _MOST_REMOVED
     worse = max(found.fit.extended[group] / found.fit.baseline[group] for group in found.fit.baseline) > _WORSE
     removed = found.fit.removed_validate
     holds = not unexplained and not (missing and (worse or (removed is not None and removed <= 0.0)))
@@ -115,6 +118,8 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         for one in outcome.accepted
         if one not in missing
     ]
+    if holds and missing and left > _STRUCTURED:
+        small.append(f"what is left still goes on from row to row, {left:.1f} times as large as the channels' noise")
     return Diagnosis(
         campaign=replica.campaign.name,
         verdict=verdict,
