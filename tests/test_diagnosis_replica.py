@@ -103,5 +103,5 @@ def test_only_what_goes_on_from_row_to_row_is_structure(correlation, expected):
     group = Group("g", 1e-6 * rng.standard_normal((n, 1)), 1.0)
     sizes = Sizes(np.ones(1), np.array([3.0, 1.0, 1.0, 1.0]))
     last = SimpleNamespace(sizes=sizes, groups=[group], small=group, whitening=Whitening(np.ones(n), ()), base=base[order])
-    found = quality.structured(SimpleNamespace(replica=SimpleNamespace(rows=rows), last=last))
+    found = quality.structured(SimpleNamespace(rows=rows), last)
     assert found == pytest.approx(expected, abs=0.35)

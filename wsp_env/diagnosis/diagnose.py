@@ -100,15 +100,18 @@ def _sound(campaign: Campaign, stops: list[PreparedStop]) -> tuple[Replica, list
 def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor) -> Diagnosis:
     missing = outcome.missing
     found = quality(replica, outcome)
-    # What leaves most of what can be removed, or does not hold on runs that it was not fitted to, is no finding.
-    left = structured(outcome)
-    unexplained = left > _STRUCTURED and (found.fit.removed_validate or 0.0) < _MOST_REMOVED
     worse = max(found.fit.extended[group] / found.fit.baseline[group] for group in found.fit.baseline) > _WORSE
     removed = found.fit.removed_validate
-    holds = not unexplained and not (missing and (worse or (removed is not None and removed <= 0.0)))
+    left = structured(outcome.replica, outcome.last)
+    # What is worth nothing on runs that it was not fitted to is no finding, nor what leaves most of what could be removed.
+    worthless = bool(missing) and (worse or (removed is not None and removed <= 0.0))
+    unexplained = left > _STRUCTURED and (removed or 0.0) < _MOST_REMOVED
+    holds = not worthless and not unexplained
+    if worthless:
+        unexplained = structured(replica, outcome.first) > _STRUCTURED
     named = tuple(_named(replica, outcome, one, found) for one in missing if not one.trial.listed.family) if holds else ()
     terms = tuple(_discovered(replica, outcome, one, found) for one in missing if one.trial.listed.family) if holds else ()
-    verdict = _verdict(named, terms, bool(missing) or unexplained, bool(sliding(replica).any()))
+    verdict = _verdict(named, terms, bool(named or terms) or unexplained, bool(sliding(replica).any()))
     extended = outcome.fitted.model if holds else replica.baseline
     where = locate(replica, replica.baseline, extended, found.weights if holds else found.expected)
     reasons = unavailable(replica)
@@ -118,6 +121,8 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         for one in outcome.accepted
         if one not in missing
     ]
+    if worthless:
+        small += [f"seen in the runs to tune on, but worth nothing on those held out: {one.words}" for one in missing]
     if holds and missing and left > _STRUCTURED:
         small.append(f"what is left still goes on from row to row, {left:.1f} times as large as the channels' noise")
     return Diagnosis(

@@ -11,7 +11,7 @@ from wsp_env.diagnosis.decide import Outcome
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights, refit, weigh
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.search import held_out_rows
+from wsp_env.diagnosis.search import Screen, held_out_rows
 
 _LEAST_PAIRS = 20  # neighbouring rows of a balance that say whether one follows the other
 _BEYOND = 2.0  # deviations of chi-square by which the baseline must misfit, that a share of it can be removed: assumption
@@ -67,17 +67,16 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
     )
 
 
-def structured(outcome: Outcome) -> float:
-    """Return how large, over the channels' noise, what goes on from row to row is in what the extended model leaves.
+def structured(replica: Replica, seen: Screen) -> float:
+    """Return how large, over the channels' noise, what goes on from row to row is in what the model of a search leaves.
 
     Noise of any size says that channels are noisy; what a row shares with the next one of the same axle and run is physics that
     neither model nor nuisances describe. The largest root of the rows' autocovariance, over the balances.
     """
-    replica, last = outcome.replica, outcome.last
-    sizes = Sizes(np.append(last.sizes.groups, 1.0), last.sizes.noise)
-    weights = weigh(replica, last.whitening, [*last.groups, last.small], sizes)
+    sizes = Sizes(np.append(seen.sizes.groups, 1.0), seen.sizes.noise)
+    weights = weigh(replica, seen.whitening, [*seen.groups, seen.small], sizes)
     rows = replica.rows
-    left = weights.projector.rest(weights(last.base)) * last.sizes.noise[rows.balance]
+    left = weights.projector.rest(weights(seen.base)) * seen.sizes.noise[rows.balance]
     order = np.lexsort((rows.time, rows.axle, rows.run, rows.balance))
     one, two = order[:-1], order[1:]
     follows = (rows.balance[one] == rows.balance[two]) & (rows.run[one] == rows.run[two]) & (rows.axle[one] == rows.axle[two])

@@ -15,10 +15,10 @@ from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.forces import Forces
 from wsp_env.diagnosis.replica import Replica
 
-TRACK_NODE_M = 1.5  # apart
-_TRACK_LENGTH_M = (
-    3.0  # over which mu_cd is alike: of those tried, the likeliest on a campaign of 2 % over 5 to 20 m (assumption)
-)
+#: Lengths over which mu_cd is alike along the track [m]. The short one is, of those tried, the likeliest on a campaign of 2 %
+#: over 5 to 20 m; how large it is the recordings say, as a wheel passes many such lengths. The long one is that of rails of
+#: different history; what is as long as that and large is a finding, so its size is the expected one (assumption).
+_SHORT_M, _LONG_M = 3.0, 30.0
 _COURSE_NODE_S = 4.0  # of what varies in time
 _SHAPE_NODES = 6  # of what varies over slip, speed or work, at quantiles
 MU_CD = 0.15  # [-] of a run's, about the believed one: assumption
@@ -123,7 +123,8 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("radius of a run", each(radius[:, None] * own), _EXPECTED["radius"]),
         Group("stiffness", np.column_stack([steepness[:, None] * own, steepness]), _EXPECTED["stiffness"], True),
         Group("stiffness of a run", each(steepness[:, None] * own), _EXPECTED["stiffness"]),
-        Group("track", friction[:, None] * _track(rows.place, rows.wheels), _EXPECTED["track"]),
+        Group("track", friction[:, None] * _track(rows.place, rows.wheels, _SHORT_M), _EXPECTED["track"]),
+        Group("track over long", friction[:, None] * _track(rows.place, rows.wheels, _LONG_M), _EXPECTED["track"], True),
         Group("friction of an axle", slides * own, _EXPECTED["friction"], True, "friction of an axle in a run"),
         Group("friction of an axle in a run", each(slides * own), _EXPECTED["friction"]),
         Group("friction in time", _in_time(slides, by_run, own, clock), _EXPECTED["friction"]),
@@ -184,11 +185,11 @@ def _slips(balances: Balances | Replica, model: Model) -> tuple[np.ndarray, np.n
     return np.concatenate(steepness), np.concatenate(radius), np.vstack(uncertain)
 
 
-def _track(place: np.ndarray, used: np.ndarray) -> np.ndarray:
-    """Weights (n, m) of the directions in which friction varies along the track, alike over `_TRACK_LENGTH_M`."""
-    hats = _hats(place, TRACK_NODE_M, used)
-    apart = TRACK_NODE_M * np.abs(np.subtract.outer(np.arange(hats.shape[1]), np.arange(hats.shape[1]))) / _TRACK_LENGTH_M
-    values, vectors = np.linalg.eigh(np.exp(-0.5 * apart**2))
+def _track(place: np.ndarray, used: np.ndarray, length_m: float) -> np.ndarray:
+    """Weights (n, m) of the directions in which friction varies along the track, alike over a length."""
+    hats = _hats(place, 0.5 * length_m, used)
+    node = np.arange(hats.shape[1])
+    values, vectors = np.linalg.eigh(np.exp(-0.5 * (0.5 * np.subtract.outer(node, node)) ** 2))
     kept = values > 0.01 * values[-1]
     result: np.ndarray = hats @ (vectors[:, kept] * np.sqrt(values[kept]))
     return result
