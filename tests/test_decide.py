@@ -32,10 +32,10 @@ class FakeRows:
 
 
 class FakeBalances:
-    """Balances of which only the rows are asked."""
+    """Balances of which only rows and the number of stops are asked."""
 
     def __init__(self, n: int) -> None:
-        self.rows = FakeRows(n)
+        self.rows, self.stops = FakeRows(n), range(8)
 
 
 def candidate(variant: Variant = GRADIENT, k: int = 1) -> Candidate:

@@ -54,8 +54,12 @@ class Evidence:
     ) -> None:
         self.names = [group.name for group in groups]
         self.fixed = np.array([group.fixed for group in groups])
-        # (G,) the group that a size follows; itself where it follows none.
-        self.leader = np.array([self.names.index(one.like if one.like in self.names else one.name) for one in groups])
+        # (G,) which group's differences between runs a common one's mean is of, and what they add to its variance.
+        self.differences = np.array([self.names.index(one.mean_of or one.name) for one in groups])
+        sizes = np.array([group.expected for group in groups])
+        ratio = np.where(np.isfinite(sizes), sizes[self.differences], 0.0) / np.where(np.isfinite(sizes), sizes, 1.0)
+        of_mean = np.array([bool(group.mean_of) for group in groups])
+        self.adds = of_mean * ratio**2 / len(balances.stops)
         counts = [group.columns.shape[1] for group in groups]
         self.group = np.repeat(np.arange(len(groups)), counts)  # (p,)
         white = whitening(np.column_stack([group.columns for group in groups]))
@@ -93,8 +97,7 @@ class Evidence:
             second = (unit**2 + np.diag(inverse)) * deviation**2
             total = np.bincount(self.group, weights=second, minlength=len(self.names))
             new = np.sqrt((total + _PRIOR_WEIGHT) / (counts + _PRIOR_WEIGHT))
-            scale = np.where(self.fixed, 1.0, new)
-            scale = np.where(self.fixed, np.maximum(1.0, scale[self.leader]), scale)
+            scale = np.where(self.fixed, np.sqrt(1.0 + self.adds * new[self.differences] ** 2), new)
             amplitude, covariance = deviation * unit, inverse * np.outer(deviation, deviation)
             for k in map(int, np.flatnonzero(self.rows)):
                 g = gram[k]

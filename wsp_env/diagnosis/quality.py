@@ -33,8 +33,9 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
     """Return mean squares relative to what noise and nuisances of their sizes leave, of tuned and of held-out runs."""
     held = held_out_rows(replica.rows)
     last = outcome.last
-    groups = [*outcome.first.groups]
-    sizes = Sizes(last.sizes.groups[: len(groups)], last.sizes.noise)
+    nuisances = outcome.first.groups
+    groups = [*nuisances, last.small]
+    sizes = Sizes(np.append(last.sizes.groups[: len(nuisances)], 1.0), last.sizes.noise)
 
     def weights(keep: np.ndarray | None) -> Weights:
         return weigh(replica, outcome.first.whitening, groups, sizes, keep)

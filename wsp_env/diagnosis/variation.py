@@ -47,7 +47,7 @@ class Group(NamedTuple):
     columns: np.ndarray  # (n, p) change of the residuals by a deviation of 1
     expected: float  # deviation; inf: free
     fixed: bool = False  # whether the size is known and not estimated
-    like: str = ""  # the group whose disagreement between runs or in time tells by how much the expected size is too small
+    mean_of: str = ""  # the group of the same thing's differences between runs: their mean adds to what is common
 
 
 def law_columns(balances: Balances | Replica, model: Model, base: np.ndarray) -> np.ndarray:
@@ -115,13 +115,14 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("tau", law[:, :1], LOG_TAU, True),
         Group("mu_cd", law[:, 1:], MU_CD, True),
         Group("speed", uncertain, 1.0, True),
-        Group("gain", forces.gain, gain, True),
+        Group("gain", forces.gain, gain, True, "gain of a run"),
         Group("gain of a run", each(forces.gain), gain),
         Group("torque in time", forces.courses(_COURSE_NODE_S), _EXPECTED["torque"]),
         Group("inertia", np.column_stack([turning, turning.sum(axis=1)]), _EXPECTED["inertia"], True),
-        Group("radius", radius[:, None] * own, _EXPECTED["radius"], True),
+        Group("radius", radius[:, None] * own, _EXPECTED["radius"], True, "radius of a run"),
         Group("radius of a run", each(radius[:, None] * own), _EXPECTED["radius"]),
-        Group("stiffness", np.column_stack([steepness[:, None] * own, steepness]), _EXPECTED["stiffness"], True),
+        Group("stiffness", np.column_stack([steepness[:, None] * own, steepness]), _EXPECTED["stiffness"], True,
+              "stiffness of a run"),
         Group("stiffness of a run", each(steepness[:, None] * own), _EXPECTED["stiffness"]),
         Group("track", friction[:, None] * _track(rows.place, rows.wheels, _SHORT_M), _EXPECTED["track"]),
         Group("track over long", friction[:, None] * _track(rows.place, rows.wheels, _LONG_M), _EXPECTED["track"], True),
@@ -130,14 +131,14 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("friction in time", _in_time(slides, by_run, own, clock), _EXPECTED["friction"]),
         # Net: what tau and mu_cd do is no discrepancy of the law.
         Group("law", Net(whitening, np.column_stack([segments, law]))(np.column_stack([slides * s for s in shapes]))[0],
-              _EXPECTED["law"], True, "friction in time"),
+              _EXPECTED["law"], True),
         Group("force in time", forces.on_vehicle(_COURSE_NODE_S), _EXPECTED["force"]),
     ]  # fmt: skip
     if (rows.balance == ACTUATOR).any():
         brake = forces.nominal[:, None]
         groups += [
             Group("nominal gain of the brakes", brake, np.inf, True),
-            Group("gain of a brake", brake * own, _EXPECTED["gain"], True),
+            Group("gain of a brake", brake * own, _EXPECTED["gain"], True, "gain of a brake in a run"),
             Group("gain of a brake in a run", each(brake * own), _EXPECTED["gain"]),
         ]
     return tuple(_present(group) for group in groups)
