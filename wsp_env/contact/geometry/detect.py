@@ -1,7 +1,7 @@
 """Contact points: the places along the contact locus where wheel and rail come nearest to each other.
 
-At a local extremum of the gap the two surfaces have one direction; as the locus is the wheel's outline seen along the track, two
-angles are compared. `scan` looks along the whole profile, `follow` goes on from the last contacts.
+At a local extremum of the gap the two surfaces have one direction; as the locus is the wheel's outline seen along the track,
+two angles are compared. `scan` looks along the whole profile, `follow` goes on from the last contacts.
 """
 
 import math

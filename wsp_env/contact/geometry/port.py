@@ -5,8 +5,10 @@ the centre of the wheelset; its x axis is the tangent of the track there. `side`
 
 A pose is (y, z, roll, yaw) of the wheelset in this frame, in metres and radians: the shift of its centre to the left and up
 from the centred position with the taping points at the height of the rails' tops, roll (left side up), and yaw (left side
-backwards), rotations about x and then z. Irregularities of a rail are subtracted from the pose that its wheel is given; superelevation tilts the frame and
-with it gravity, not the contact.
+backwards), rotations about x and then z.
+
+Irregularities of a rail are subtracted from the pose that its wheel is given. Superelevation tilts the frame and with it
+gravity, not the contact.
 
 A plant keeps one array (CONTACTS, len(Contact._fields)) for every wheel, makes it with `empty_contacts()`, and calls
 
@@ -14,10 +16,11 @@ A plant keeps one array (CONTACTS, len(Contact._fields)) for every wheel, makes 
     scan(pose, side, pair, rows)      # looks everywhere, 8 us or so; at the start, every few ms, beyond 4 mm of lateral shift
     follow(pose, side, pair, rows)    # goes on from the contacts in `rows`, 1 us or so
 
-Both fill in `rows` and return the number of candidates, 0 to CONTACTS, deepest first after a scan. A candidate is a place where
-the gap has a local minimum; it touches if its `penetration` is positive. Those that nearly touch are kept, so that `follow`
-sees them close. Rows beyond the number have a penetration of -inf. 0 candidates: the wheel is not above its rail, or the pose is not
-a number; a plant then ends with `ContactLostError`. From `follow`, 0 may also mean that the contacts moved on: scan, then judge.
+Both fill in `rows` and return the number of candidates, 0 to CONTACTS, deepest first after a scan. A candidate is a place
+where the gap has a local minimum; it touches if its `penetration` is positive. Those that nearly touch are kept, so that
+`follow` sees them close. Rows beyond the number have a penetration of -inf. 0 candidates after a scan: the wheel is far above
+its rail, or beside it, or the pose is not a number; see `ContactLostError`. From `follow`, 0 may also mean that the contacts
+moved on: scan, then judge.
 """
 
 from typing import NamedTuple
