@@ -34,8 +34,8 @@ Array = NDArray[np.float64]
 _WIDTH = 1e-9
 #: A candidate is dropped by `follow` when it moved further than this in one step [m]; a scan then finds where it went.
 _REACH = 2e-3
-#: Candidates farther apart from the rail than this [m] are left out: what touches in the next milliseconds is nearer.
-FAR = 1e-3
+#: Vertical gaps are longer than those along the normal, by no more than this [-] at the steepest place of a profile.
+_STEEP = 20.0
 
 
 @loop
@@ -131,7 +131,7 @@ def _clear(count: int, rows: Array) -> None:
 def _insert(count: int, s: float, wheel: Wheel, side: float, pair: Pair, rows: Array) -> int:
     """Keep a candidate among the deepest; return their number."""
     _, _, overlap = mismatch(s, wheel, pair)
-    if overlap < -2.0 * FAR:  # the penetration along the normal is less; looked at below
+    if overlap < -_STEEP * pair.far:
         return count
     last = CONTACTS - 1
     if count == CONTACTS:
@@ -144,7 +144,7 @@ def _insert(count: int, s: float, wheel: Wheel, side: float, pair: Pair, rows: A
         count = last
     else:
         write(count, s, wheel, side, pair, rows)
-    if rows[count, PENETRATION] < -FAR:
+    if rows[count, PENETRATION] < -pair.far:
         return count
     row = count
     while row > 0 and rows[row, PENETRATION] > rows[row - 1, PENETRATION]:
@@ -158,7 +158,7 @@ def _insert(count: int, s: float, wheel: Wheel, side: float, pair: Pair, rows: A
 def scan(pose: Pose, side: float, pair: Pair, rows: Array) -> int:
     """Look for contacts along the whole profile; fill in `rows` (CONTACTS, fields), deepest first, return their number.
 
-    `side` is +1.0 for the left wheel, -1.0 for the right one. The gap of each candidate is below `FAR`.
+    `side` is +1.0 for the left wheel, -1.0 for the right one. The gap of each candidate is below `pair.far`.
     """
     wheel = placed(pose, side, pair)
     count = 0

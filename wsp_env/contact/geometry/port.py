@@ -62,6 +62,7 @@ class Pair(NamedTuple):
     first: float  # the wheel's profile is searched from here [m]
     last: float  # to here [m]
     step: float  # of a scan [m]
+    far: float  # a candidate's gap is no wider [m]
 
 
 class Contact(NamedTuple):
