@@ -122,6 +122,18 @@ def curvatures(row: int, at: Place, n_y: float, side: float, wheel: Wheel, pair:
 
 
 @loop
+def over_rail(wheel: Wheel, pair: Pair) -> tuple[float, float]:
+    """Return the part of the wheel's profile that may lie over the rail [m]; the first is above the last where none does."""
+    margin = 2.0 * pair.step
+    off = wheel.y + (pair.taping * wheel.cos_yaw - pair.rail_y)  # of the taping line from the rail's origin
+    ends = pair.rail.breaks
+    # Roll, inclination and yaw move a point by its height times their sine; heights are below the width of a profile.
+    reach = (ends[ends.shape[0] - 1] - ends[0]) * (abs(pair.sine) + abs(wheel.sin_roll) + abs(wheel.sin_yaw)) + margin
+    reach += pair.radius * abs(wheel.sin_roll)
+    return max(pair.first, ends[0] - off - reach), min(pair.last, ends[ends.shape[0] - 1] - off + reach)
+
+
+@loop
 def _clear(count: int, rows: Array) -> None:
     for row in range(count, CONTACTS):
         rows[row, PENETRATION] = -math.inf
@@ -162,10 +174,11 @@ def scan(pose: Pose, side: float, pair: Pair, rows: Array) -> int:
     """
     wheel = placed(pose, side, pair)
     count = 0
-    uphill, low = False, pair.first
-    steps = math.ceil((pair.last - pair.first) / pair.step)
+    first, last = over_rail(wheel, pair)
+    uphill, low = False, first
+    steps = math.ceil((last - first) / pair.step)
     for i in range(steps + 1):
-        s = min(pair.first + i * pair.step, pair.last)
+        s = min(first + i * pair.step, last)
         rises = _rises(s, wheel, pair)
         if uphill and not rises:
             count = _insert(count, between(low, s, wheel, pair), wheel, side, pair, rows)
@@ -186,7 +199,9 @@ def follow(pose: Pose, side: float, pair: Pair, rows: Array) -> int:
         if not rows[row, PENETRATION] > -math.inf:
             continue
         s, found = _followed(rows[row, AT_WHEEL], wheel, pair)
-        if found and (count == 0 or abs(s - rows[count - 1, AT_WHEEL]) > 1e3 * _WIDTH):
+        for other in range(count):  # two that have grown together
+            found = found and abs(s - rows[other, AT_WHEEL]) > 1e3 * _WIDTH
+        if found:
             write(count, s, wheel, side, pair, rows)
             count += 1
     _clear(count, rows)

@@ -1,7 +1,7 @@
 """A wheelset at rest on its rails at a given lateral shift and yaw: where it touches, and with which forces.
 
-`settled` lets the rigid wheelset down until each wheel touches. `loaded` presses each wheel with a vertical load and lets it roll
-freely: height, roll and rolling speed follow from the balance of vertical forces and of the torque about the axle.
+`settled` lets the rigid wheelset down until each wheel touches. `loaded` presses each wheel with a vertical load and lets it
+roll freely: height, roll and rolling speed follow from the balance of vertical forces and of the torque about the axle.
 """
 
 import math

@@ -1,8 +1,8 @@
 """Forces of one contact: slip from the wheelset's motion, the adhesion law on the resultant, and Polach's spin.
 
-Sources: eqs. (13) to (18) of the seed paper. The contact's frame is t1 = x (along the track), t2 across in the tangent plane, to
-the left, and n from the rail into the wheel. Slip and spin are the wheel's motion against the rail; the force on the **wheel** is
--t_x t1 - t_y t2 + N n, so that a positive slip gives a positive, retarding force as everywhere in this package.
+Sources: eqs. (13) to (18) of the seed paper. The contact's frame is t1 = x (along the track), t2 across in the tangent plane,
+to the left, and n from the rail into the wheel. Slip and spin are the wheel's motion against the rail; the force on the wheel
+is -t_x t1 - t_y t2 + N n, so that a positive slip gives a positive, retarding force as everywhere in this package.
 """
 
 import math

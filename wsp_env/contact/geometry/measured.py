@@ -46,8 +46,8 @@ class MeasuredProfile(NamedTuple):
 
     def __str__(self) -> str:
         return (
-            f"{self.points} points, {len(self.profile.pieces)} pieces; smoothing moved the profile by {self.rms_m * 1e6:.2g} um "
-            f"(rms), {self.largest_m * 1e6:.2g} um at most, at y = {self.largest_at_m * 1e3:.2f} mm"
+            f"{self.points} points, {len(self.profile.pieces)} pieces; smoothing moved the profile by {self.rms_m * 1e6:.2g} um"
+            f" (rms), {self.largest_m * 1e6:.2g} um at most, at y = {self.largest_at_m * 1e3:.2f} mm"
         )
 
 
@@ -59,8 +59,8 @@ def read_wheel(file: Path, reading: Reading | None = None) -> MeasuredProfile:
         raise ProfileError(f"{file}: a wheel's y must be 0 at the taping line; it runs from {y[0]:.4g} to {y[-1]:.4g} m")
     if y[int(np.argmax(z))] >= 0.0:
         raise ProfileError(
-            f"{file}: the highest point, the flange, must have a negative y, it has {y[int(np.argmax(z))] * 1e3:.4g} mm: y counts "
-            "from the taping line to the field side, z is what the radius has beyond the nominal one; see mirror_y, mirror_z"
+            f"{file}: the highest point, the flange, must have a negative y, it has {y[int(np.argmax(z))] * 1e3:.4g} mm: y "
+            "counts from the taping line to the field side, z is the radius less the nominal one; see mirror_y, mirror_z"
         )
     return _smoothed(y, z - (0.0 if reading.keep_origin else float(np.interp(0.0, y, z))), reading)
 
@@ -116,8 +116,8 @@ def _points(file: Path, reading: Reading) -> tuple[Array, Array]:
     if back.size:
         at = table[back[0]]
         raise ProfileError(
-            f"{file}: the profile folds back at y = {at[0] * 1e3:.4g} mm, z = {at[1] * 1e3:.4g} mm ({back.size} places): y must "
-            "rise from point to point. Cut off the back of the flange or the sides of the rail's head, and check for loops"
+            f"{file}: the profile folds back at y = {at[0] * 1e3:.4g} mm, z = {at[1] * 1e3:.4g} mm ({back.size} places): y "
+            "must rise from point to point. Cut off the back of the flange or the sides of the rail's head, and check for loops"
         )
     if not 0.01 < table[-1, 0] - table[0, 0] < 0.3:
         raise ProfileError(f"{file}: a width of {table[-1, 0] - table[0, 0]:.4g} m is no wheel's or rail's; see the unit")
