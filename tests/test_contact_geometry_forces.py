@@ -11,7 +11,7 @@ from wsp_env.contact.geometry.detect import scan
 from wsp_env.contact.geometry.equilibrium import settled
 from wsp_env.contact.geometry.forces import Motion, Slip, slip_at, tangential
 from wsp_env.contact.geometry.patch import damping_of, make_patch_table, normal_force, patch_at, stiffness_at
-from wsp_env.contact.geometry.port import ANGLE, ROLLING_RADIUS, Pose, empty_contacts
+from wsp_env.contact.geometry.port import ANGLE, ROLLING_RADIUS, Pose, Y, empty_contacts
 from wsp_env.contact.geometry.standard import s1002, uic60
 from wsp_env.contact.geometry.track import Track, Wheelset, make_pair
 from wsp_env.contact.hertz import hertz
@@ -79,9 +79,10 @@ def test_a_wheel_that_rolls_has_spin_only():
     pose = settled(2e-3, 0.0, PAIR)
     for side in (1.0, -1.0):
         radius = rolling(pose, side, Motion(0, 0, 0, 0, 0, 0))[1][ROLLING_RADIUS]
-        slip, row = rolling(pose, side, Motion(SPEED, 0.0, 0.0, 0.0, SPEED / radius, 0.0))
-        assert_allclose([slip.x, slip.y, slip.approach], 0.0, atol=3e-4)  # roll shortens the arm by its square
-        assert slip.spin == pytest.approx(-SPEED / radius * math.sin(row[ANGLE]), rel=1e-9)
+        turn = SPEED / radius  # about the axle, which is rolled
+        slip, row = rolling(pose, side, Motion(SPEED, 0.0, 0.0, 0.0, turn * math.cos(pose.roll), turn * math.sin(pose.roll)))
+        assert_allclose([slip.x, slip.y, slip.approach], 0.0, atol=1e-9)
+        assert slip.spin == pytest.approx(-turn * math.sin(row[ANGLE] - pose.roll), rel=1e-9)
 
 
 def test_slip_of_braking_yaw_and_fall():
@@ -90,8 +91,8 @@ def test_slip_of_braking_yaw_and_fall():
     assert slip.x == SPEED
     c, s = math.cos(row[ANGLE]), math.sin(row[ANGLE])
     assert_allclose([slip.y, slip.approach], [0.3 * c - 0.1 * s, 0.1 * c + 0.3 * s], rtol=1e-12)
-    turned, _ = rolling(pose, 1.0, Motion(0, 0, 0, 0, 0, 0.02))  # left wheel goes back as the wheelset yaws to the left
-    assert turned.x == pytest.approx(-0.02 * 0.753, rel=2e-3)
+    turned, row = rolling(pose, 1.0, Motion(0, 0, 0, 0, 0, 0.02))  # left wheel goes back as the wheelset yaws to the left
+    assert turned.x == pytest.approx(-0.02 * row[Y], rel=1e-9)
 
 
 @pytest.mark.parametrize("law", ["degraded", "classic"])
