@@ -1,6 +1,7 @@
 """Where S1002 touches UIC60: contact points, rolling radius difference, conicity, and 42 reference cases.
 
-`python -m experiments.contact_geometry [FILE]` writes a page with the figures and the table; `--table` prints the table.
+`python -m experiments.contact_geometry [FILE]` writes a page with the figures and the table. `--table` prints the
+table, `--pictures` draws the pictures of the documentation.
 """
 
 import csv
@@ -26,6 +27,8 @@ from wsp_env.report import COLOURS, Section, Table, axes, plotly, write_page
 
 #: Limits within which a case agrees: position [mm], normal force and peak pressure [-].
 POSITION_MM, SHARE = 0.2, 0.03
+#: In the pictures: lateral shifts, how far the wheel is lifted, and the gap of a second contact that is drawn.
+SHIFTS_MM, LIMIT_MM, LIFT_M, NEARLY_M = np.arange(-8.0, 8.01, 0.5), 8.0, 12e-3, 2e-5
 
 
 class Case(NamedTuple):
@@ -115,70 +118,118 @@ def table_rows(cases: Iterable[Case]) -> list[list[str]]:
 HEADER = ("wheel", "shift [mm]", "y [mm]", "reference", "N [kN]", "reference", "p0 [MPa]", "reference", "contacts", "verdict")
 
 
+class Joined(NamedTuple):
+    """A point of the wheel and the point of the rail that it touches, in the picture of the centred, lifted wheel [mm]."""
+
+    shift: float
+    y: tuple[float, float]
+    z: tuple[float, float]
+    first: bool  # the deepest contact of its wheel
+
+
+def outlines(pair: Pair) -> tuple[np.ndarray, np.ndarray]:
+    """Return the right-hand wheel, lifted, and rail in the track's frame, y outwards and z up, shapes (2, 800) [mm]."""
+    s = np.linspace(pair.first, pair.last, 800)
+    y = np.linspace(pair.rail.breaks[0], pair.rail.breaks[-1], 800)
+    z = evaluate(pair.rail, y)[0]
+    across, up = y * pair.cosine - z * pair.sine, y * pair.sine + z * pair.cosine
+    wheel = np.array([s + pair.taping, LIFT_M - evaluate(pair.wheel, s)[0]])
+    return wheel * 1e3, np.array([pair.rail_y + across, pair.rail_z + up]) * 1e3
+
+
+def joined_points(pair: Pair, shifts_mm: np.ndarray) -> list[Joined]:
+    """Return the contacts of the right-hand wheel at lateral shifts to the right."""
+    found = []
+    for shift in shifts_mm:
+        touching = contacts(settled(-shift * 1e-3, 0.0, pair), "right", pair)
+        for i, one in enumerate(c for c in touching if c.penetration > -NEARLY_M):
+            wheel_z = LIFT_M - float(evaluate(pair.wheel, one.at_wheel)[0])
+            y = ((one.at_wheel + pair.taping) * 1e3, abs(one.y) * 1e3)
+            found.append(Joined(float(shift), y, (wheel_z * 1e3, one.z * 1e3), i == 0))
+    return found
+
+
 def contact_figure(pair: Pair, shifts_mm: np.ndarray) -> Any:
     """Draw both right-hand profiles, wheel lifted, with lines between the points that touch."""
     objects, _ = plotly()
     figure = objects.Figure()
-    wheel, rail = pair.wheel, pair.rail
-    s = np.linspace(pair.first, pair.last, 800)
-    lift = 12.0  # [mm], to keep the profiles apart
-    figure.add_scatter(x=(s + pair.taping) * 1e3, y=lift - evaluate(wheel, s)[0] * 1e3, name="wheel S1002, lifted",
-                       line={"color": COLOURS[0]})  # fmt: skip
-    across, up = _rail_outline(rail, pair)
-    figure.add_scatter(x=across, y=up, name="rail UIC60", line={"color": "black"})
-    for shift in shifts_mm:
-        pose = settled(-shift * 1e-3, 0.0, pair)
-        for i, contact in enumerate(one for one in contacts(pose, "right", pair) if one.penetration > -2e-5):
-            at = [(contact.at_wheel + pair.taping) * 1e3, abs(contact.y) * 1e3]
-            wheel_z = lift - float(evaluate(wheel, contact.at_wheel)[0]) * 1e3
-            figure.add_scatter(
-                x=at, y=[wheel_z, contact.z * 1e3], mode="lines+markers", showlegend=False, marker={"size": 4},
-                line={"color": COLOURS[2 if i == 0 else 1], "width": 1}, hovertext=f"shift {shift:g} mm, contact {i + 1}",
-            )  # fmt: skip
+    wheel, rail = outlines(pair)
+    figure.add_scatter(x=wheel[0], y=wheel[1], name="wheel S1002, lifted", line={"color": COLOURS[0]})
+    figure.add_scatter(x=rail[0], y=rail[1], name="rail UIC60", line={"color": "black"})
+    for one in joined_points(pair, shifts_mm):
+        figure.add_scatter(
+            x=one.y, y=one.z, mode="lines+markers", showlegend=False, marker={"size": 4},
+            line={"color": COLOURS[2 if one.first else 1], "width": 1}, hovertext=f"shift {one.shift:g} mm",
+        )  # fmt: skip
     figure.update_yaxes(scaleanchor="x")
     return axes(figure, "lateral position from the middle of the track [mm]", "height over the rails' tops [mm]", height=520)
 
 
-def _rail_outline(rail: Any, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
-    y = np.linspace(rail.breaks[0], rail.breaks[-1], 800)
-    z = evaluate(rail, y)[0]
-    return (
-        (pair.rail_y + y * pair.cosine - z * pair.sine) * 1e3,
-        (pair.rail_z + y * pair.sine + z * pair.cosine) * 1e3,
-    )
+def conicities(pair: Pair) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return shifts and rolling radius differences [mm], amplitudes [mm] and equivalent conicities [-]."""
+    shifts = np.linspace(-LIMIT_MM, LIMIT_MM, 161) * 1e-3
+    amplitudes = np.linspace(1.0, LIMIT_MM - 0.5, 27) * 1e-3
+    differences = rolling_radius_difference(shifts, pair)
+    return shifts * 1e3, differences * 1e3, amplitudes * 1e3, equivalent_conicity(amplitudes, shifts, differences)
 
 
-def conicity_figure(pairs: dict[str, Pair], limit_mm: float = 8.0) -> Any:
+def conicity_figure(pairs: dict[str, Pair]) -> Any:
     """Draw the rolling radius difference and the equivalent conicity of each pair."""
     _, subplots = plotly()
     figure = subplots.make_subplots(1, 2, horizontal_spacing=0.12)
-    shifts = np.linspace(-limit_mm, limit_mm, 161) * 1e-3
-    amplitudes = np.linspace(0.5, limit_mm - 0.5, 31) * 1e-3
     for colour, (name, pair) in zip(COLOURS, pairs.items(), strict=False):
-        differences = rolling_radius_difference(shifts, pair)
-        conicity = equivalent_conicity(amplitudes, shifts, differences)
+        shifts, differences, amplitudes, conicity = conicities(pair)
         line = {"color": colour}
-        figure.add_scatter(x=shifts * 1e3, y=differences * 1e3, name=name, line=line, row=1, col=1)
-        figure.add_scatter(x=amplitudes * 1e3, y=conicity, name=name, line=line, showlegend=False, row=1, col=2)
-    axes(figure, "lateral shift to the left [mm]", "rolling radius difference, left less right [mm]", height=420)
+        figure.add_scatter(x=shifts, y=differences, name=name, line=line, row=1, col=1)
+        figure.add_scatter(x=amplitudes, y=conicity, name=name, line=line, showlegend=False, row=1, col=2)
+    axes(figure, "lateral shift to the left [mm]", "radius left less right [mm]", height=420)
     figure.update_xaxes(title_text="amplitude [mm]", row=1, col=2)
     figure.update_yaxes(title_text="equivalent conicity [-]", row=1, col=2)
     return figure
+
+
+def draw(pairs: dict[str, Pair]) -> tuple[Any, Any]:
+    """Return the same two figures for the documentation, as matplotlib draws them."""
+    from matplotlib.figure import Figure
+
+    points = Figure(figsize=(10, 4.2), dpi=100, layout="constrained")
+    for axis, (name, pair) in zip(points.subplots(1, len(pairs), sharey=True), pairs.items(), strict=True):
+        for outline, colour in zip(outlines(pair), ("C0", "black"), strict=True):
+            axis.plot(*outline, color=colour)
+        for one in joined_points(pair, SHIFTS_MM):
+            axis.plot(one.y, one.z, color="C2" if one.first else "C1", linewidth=0.7, marker=".", markersize=3)
+        axis.set(title=f"right wheel (lifted), rail {name}", xlabel="lateral position [mm]", aspect="equal")
+    points.axes[0].set_ylabel("height [mm]")
+    rolling = Figure(figsize=(10, 3.6), dpi=100, layout="constrained")
+    left, right = rolling.subplots(1, 2)
+    for name, pair in pairs.items():
+        shifts, differences, amplitudes, conicity = conicities(pair)
+        left.plot(shifts, differences, label=f"rail {name}")
+        right.plot(amplitudes, conicity, label=f"rail {name}")
+    left.set(xlabel="lateral shift to the left [mm]", ylabel="radius left less right [mm]")
+    right.set(xlabel="amplitude [mm]", ylabel="equivalent conicity [-]", ylim=(0.0, 1.0))
+    left.legend()
+    for axis in (left, right):
+        axis.grid(alpha=0.3)
+    return points, rolling
+
+
+def coach_pairs() -> dict[str, Pair]:
+    """Return the coach's wheels, r 445 mm, on rails 1:20 and 1:40."""
+    return {f"1:{n}": make_pair(s1002(), uic60(), Wheelset(), Track(inclination=1.0 / n)) for n in (20, 40)}
 
 
 def write(target: Path) -> None:
     """Write the page."""
     cases = compare()
     agree = sum(not case.misses for case in cases)
-    wheelset = Wheelset()
-    pairs = {f"1:{n}": make_pair(s1002(), uic60(), wheelset, Track(inclination=1.0 / n)) for n in (20, 40)}
-    shifts = np.arange(-8.0, 8.01, 0.5)
+    pairs = coach_pairs()
     sections = [
         Section(
             f"Contact points of the right wheel, rail {name}",
             ["Each line joins a point of the wheel and the point of the rail it touches, for lateral shifts of -8 to 8 mm. "
              "Orange lines: a second contact within 20 um."],
-            [contact_figure(pair, shifts)],
+            [contact_figure(pair, SHIFTS_MM)],
         )
         for name, pair in pairs.items()
     ]  # fmt: skip
@@ -195,6 +246,9 @@ def write(target: Path) -> None:
 if __name__ == "__main__":
     if "--table" in sys.argv[1:]:
         print("\n".join("| " + " | ".join(cells) + " |" for cells in [list(HEADER), *table_rows(compare())]))
+    elif "--pictures" in sys.argv[1:]:
+        for name, figure in zip(("points", "rolling"), draw(coach_pairs()), strict=True):
+            figure.savefig(f"docs/contact_{name}.png")
     else:
         page = Path(sys.argv[1] if len(sys.argv) > 1 else "out/contact_geometry.html")
         write(page)

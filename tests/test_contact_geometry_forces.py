@@ -21,6 +21,8 @@ from wsp_env.contact.port import LAWS
 from wsp_env.contact.traction import Surface
 from wsp_env.parameters.contact import ContactParameters
 
+pytestmark = pytest.mark.plain
+
 YOUNG, POISSON = 2.0 * 82e9 * 1.28, 0.28
 TABLE = make_patch_table(YOUNG, POISSON)
 PAIR = make_pair(s1002(), uic60(), Wheelset(), Track())
