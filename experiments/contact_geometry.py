@@ -192,7 +192,7 @@ def draw(pairs: dict[str, Pair]) -> tuple[Any, Any]:
     """Return the same two figures for the documentation, as matplotlib draws them."""
     from matplotlib.figure import Figure
 
-    points = Figure(figsize=(10, 4.2), dpi=100, layout="constrained")
+    points = Figure(figsize=(10, 3.0), dpi=100, layout="constrained")
     for axis, (name, pair) in zip(points.subplots(1, len(pairs), sharey=True), pairs.items(), strict=True):
         for outline, colour in zip(outlines(pair), ("C0", "black"), strict=True):
             axis.plot(*outline, color=colour)
