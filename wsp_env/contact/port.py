@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wsp_env.compiled import by_type, kernel, record_reader
+from wsp_env.compiled import by_type, generated, kernel, record_reader
 from wsp_env.contact.degraded import DegradedLaw, degraded_adhesion
 from wsp_env.contact.traction import Adhesion, Surface, TractionLaw
 
@@ -40,9 +40,20 @@ def law_at(like: Any, rows: np.ndarray, i: int) -> Any:
     return _READ[type(like)](rows, i)
 
 
+def stiffened(law: Any, stiffness: float) -> Any:
+    """Return a law's record with the contact stiffness pi G a b c / 4 [N] of another ellipse or direction."""
+    return law._replace(stiffness=stiffness)
+
+
+def _stiffener(record: Any) -> Any:
+    values = ", ".join("stiffness" if field == "stiffness" else f"law.{field}" for field in record._fields)
+    return generated("stiffen", f"def stiffen(law, stiffness):\n    return record({values})\n", {"record": record})
+
+
 _EVALUATE = {law.record: law.evaluate for law in LAWS.values()}
 _READ = {law.record: record_reader(law.record) for law in LAWS.values()}
 by_type(traction, "law", _EVALUATE)
+by_type(stiffened, "law", {law.record: _stiffener(law.record) for law in LAWS.values()})
 by_type(law_at, "like", _READ, passed=("rows", "i"))
 
 
