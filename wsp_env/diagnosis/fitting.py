@@ -18,7 +18,6 @@ TAU = 2e-4  # [m/J] believed, within a factor e^LOG_TAU; the seed paper's measur
 _ITERATIONS = 8
 _LARGEST_STEP = 0.7  # [-] change of log tau or log mu_cd in one iteration
 _HALVINGS = 4
-_SLIDES = 0.02  # creepage that tells sliding from rolling also where the recorded speed is off by 1 % (assumption)
 _LEAST_ROWS = 20  # blocks of sliding that say something on a run's friction
 _FREE = 1e3  # deviations of a free column: as good as infinite
 
@@ -88,7 +87,7 @@ def _law_fitted(balances: Balances | Replica, model: Model) -> Model:
 def sliding(balances: Balances | Replica) -> np.ndarray:
     """Which runs (runs,) slide enough to show their friction."""
     rows = balances.rows
-    slides = (rows.balance == ADHESION) & (rows.slip > _SLIDES * rows.speed)
+    slides = (rows.balance == ADHESION) & (rows.slip > 0.01 * rows.speed)
     return np.bincount(rows.run[slides], minlength=len(balances.stops)) >= _LEAST_ROWS
 
 

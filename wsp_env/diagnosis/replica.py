@@ -23,10 +23,7 @@ from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
 from wsp_env.diagnosis.stops import PreparedStop, smooth_wheels
 from wsp_env.plant.mechanisms import ALL
 
-_SLIDES, _SLIDES_MPS = (
-    0.01,
-    0.2,
-)  # creepage and slip from which on the measured ones are kept: below, sensors may err by as much
+_SLIDES = 0.01  # creepage from which on the measured one is kept
 _WINDOW_S = 0.25  # over which the kept creepage is smoothed once more: its noise is the recordings' own
 _NEWTON = 12
 
@@ -47,7 +44,8 @@ class Replica:
         self.rows = recorded.rows
         self._kept = threading.local()  # every thread keeps its last evaluation
         self._share = [
-            _share(one.slip, stop.speed) for stop, one in zip(recorded.stops, recorded.evaluate(baseline), strict=True)
+            _share(one.slip / np.maximum(stop.speed, 0.1)[:, None])
+            for stop, one in zip(recorded.stops, recorded.evaluate(baseline), strict=True)
         ]
         smoothing = self._changed(baseline)  # what smoothing leaves of an exact balance
         self._offset = self._residuals() - smoothing * (1.0 + recorded.rows.wheels)
@@ -93,10 +91,9 @@ class Replica:
         return result
 
 
-def _share(slip: np.ndarray, speed: np.ndarray) -> np.ndarray:
-    """Share (T, A) of the measured slip that is kept: between 0.7 and 1.3 of the limits blended, so that no wheel jumps."""
-    sliding = np.minimum(slip / (_SLIDES * np.maximum(speed, 0.1)[:, None]), slip / _SLIDES_MPS)
-    result: np.ndarray = np.clip((sliding - 0.7) / 0.6, 0.0, 1.0)
+def _share(creepage: np.ndarray) -> np.ndarray:
+    """Share (T, A) of the measured creepage that is kept: between 0.7 and 1.3 of the limit blended, so that no wheel jumps."""
+    result: np.ndarray = np.clip((creepage / _SLIDES - 0.7) / 0.6, 0.0, 1.0)
     return result
 
 
@@ -134,6 +131,6 @@ def _creepage(balances: Balances, one: Evaluation, model: Model, index: int) -> 
         f = degraded_adhesion(slip, v, load, model.mu_cd[index], model.tau, law)
         slope = adhesion_slope(slip, v, load, model.mu_cd[index], model.tau, law)
         slip = np.clip(slip + (aim - f) / np.maximum(slope, 0.05 / v), -_SLIDES * v, _SLIDES * v)
-    share = _share(one.slip, stop.speed)
+    share = _share(measured)
     result: np.ndarray = np.clip(share * measured + (1.0 - share) * slip / v, -0.2, 0.999)
     return result
