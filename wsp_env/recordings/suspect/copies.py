@@ -7,8 +7,8 @@ from wsp_env.recordings.suspect.channel import SuspectChannel, where
 from wsp_env.recordings.suspect.search import Search
 from wsp_env.recordings.suspect.traces import LEAST_SPEED_MPS
 
-#: Correlation of third differences: a copy has no noise of its own. Brakes vented together reach 0.83 at 25 samples a second.
-_COPIED = 0.95
+#: Correlation of third differences: a copy has no noise of its own. Brakes vented together reach 0.96 at 25 samples a second.
+_COPIED = 0.99
 _NOISY = 5e-5  # noise below this share of the range is that of a simulation: wheels alike then are truly alike
 _CONTRADICTS = 0.15  # by which a balance's correlation is worse: simulated sound stops differ by 0.05 between axles
 _CHANNELS = {"wheel_speed": "wheel_speed_radps", "brake_torque": "brake_torque_nm"}
