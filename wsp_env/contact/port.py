@@ -5,12 +5,13 @@ nothing in a step. To add a law, write a file with its `LAW` (see `wsp_env.conta
 """
 
 import importlib
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wsp_env.compiled import by_type, kernel, record_reader
+from wsp_env.compiled import by_type, generated, kernel, record_reader
 from wsp_env.contact.degraded import DegradedLaw, degraded_adhesion
 from wsp_env.contact.traction import Adhesion, Surface, TractionLaw
 
@@ -40,9 +41,21 @@ def law_at(like: Any, rows: np.ndarray, i: int) -> Any:
     return _READ[type(like)](rows, i)
 
 
+def stiffened(law: Any, factor: float) -> Any:
+    """Return a law with its contact stiffness times `factor`: what another ellipse than the vehicle's makes of it."""
+    return _STIFFENED[type(law)](law, factor)
+
+
+def _stiffener(record: type[Any]) -> Callable[..., Any]:
+    values = ", ".join(f"law.{name}" + (" * factor" if name == "stiffness" else "") for name in record._fields)
+    return generated("stiffen", f"def stiffen(law, factor):\n    return record({values})\n", {"record": record})
+
+
 _EVALUATE = {law.record: law.evaluate for law in LAWS.values()}
 _READ = {law.record: record_reader(law.record) for law in LAWS.values()}
+_STIFFENED = {law.record: _stiffener(law.record) for law in LAWS.values()}
 by_type(traction, "law", _EVALUATE)
+by_type(stiffened, "law", _STIFFENED)
 by_type(law_at, "like", _READ, passed=("rows", "i"))
 
 
