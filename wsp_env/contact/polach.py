@@ -123,6 +123,13 @@ def spin_factor(creepage_y: float, limit: float, patch: Patch) -> float:
 
 
 @kernel
+def shifted_creepage(creepage_y: float, spin: float, semi_axis_a: float) -> float:
+    """Return s_yC [-] of Polach (1999): lateral creepage [-] with what spin [1/m] adds, where it adds."""
+    shifted = creepage_y + spin * semi_axis_a
+    return shifted if abs(shifted) > abs(creepage_y) else creepage_y
+
+
+@kernel
 def force_with_spin(
     creepage_x: float,
     creepage_y: float,
@@ -144,9 +151,7 @@ def force_with_spin(
     """
     if normal_load <= 0.0 or kinetic_friction <= 0.0 or patch.semi_axis_a <= 0.0 or patch.semi_axis_b <= 0.0:
         return 0.0, 0.0
-    shifted_y = creepage_y + spin * patch.semi_axis_a
-    if abs(shifted_y) <= abs(creepage_y):
-        shifted_y = creepage_y
+    shifted_y = shifted_creepage(creepage_y, spin, patch.semi_axis_a)
     total = math.hypot(creepage_x, shifted_y)  # s_C, the paper's e_m
     if total == 0.0:
         return 0.0, 0.0

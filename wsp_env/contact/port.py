@@ -5,7 +5,6 @@ nothing in a step. To add a law, write a file with its `LAW` (see `wsp_env.conta
 """
 
 import importlib
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -41,21 +40,20 @@ def law_at(like: Any, rows: np.ndarray, i: int) -> Any:
     return _READ[type(like)](rows, i)
 
 
-def stiffened(law: Any, factor: float) -> Any:
-    """Return a law with its contact stiffness times `factor`: what another ellipse than the vehicle's makes of it."""
-    return _STIFFENED[type(law)](law, factor)
+def stiffened(law: Any, stiffness: float) -> Any:
+    """Return a law's record with the contact stiffness pi G a b c / 4 [N] of another ellipse or direction."""
+    return law._replace(stiffness=stiffness)
 
 
-def _stiffener(record: type[Any]) -> Callable[..., Any]:
-    values = ", ".join(f"law.{name}" + (" * factor" if name == "stiffness" else "") for name in record._fields)
-    return generated("stiffen", f"def stiffen(law, factor):\n    return record({values})\n", {"record": record})
+def _stiffener(record: Any) -> Any:
+    values = ", ".join("stiffness" if field == "stiffness" else f"law.{field}" for field in record._fields)
+    return generated("stiffen", f"def stiffen(law, stiffness):\n    return record({values})\n", {"record": record})
 
 
 _EVALUATE = {law.record: law.evaluate for law in LAWS.values()}
 _READ = {law.record: record_reader(law.record) for law in LAWS.values()}
-_STIFFENED = {law.record: _stiffener(law.record) for law in LAWS.values()}
 by_type(traction, "law", _EVALUATE)
-by_type(stiffened, "law", _STIFFENED)
+by_type(stiffened, "law", {law.record: _stiffener(law.record) for law in LAWS.values()})
 by_type(law_at, "like", _READ, passed=("rows", "i"))
 
 
