@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wsp_env.compiled import loop
+from wsp_env.compiled import inlined, loop
 from wsp_env.contact.geometry.port import ANGLE, Pose, X, Y, Z
 from wsp_env.contact.kalker import Patch
 from wsp_env.contact.polach import shifted_creepage, spin_factor
@@ -62,15 +62,21 @@ def slip_at(motion: Motion, pose: Pose, radius: float, rows: NDArray[np.float64]
     return Slip(v_x, v_y * c + v_z * s, motion.turn_z * c - motion.turn_y * s, v_y * s - v_z * c)
 
 
-@loop
-def tangential(slip: Slip, speed: float, normal_load: float, patch: Patch, on: Surface, tau: float, law: Any) -> Tangential:
-    """Return the force of eq. (18) under any law of `wsp_env.contact.port`.
+class Creeping(NamedTuple):
+    """A slip as the law and the spin take it."""
 
-    `speed` [m/s] is the running speed, `tau` the recovery rate [m/J]. Stiffness follows the direction of the slip, eq. (16).
-    The law is evaluated at the slip of the translation, its stress gradient at the modified creepage e_m, which spin enlarges;
-    friction work and recovery are those of the translation. The force of spin has the static friction of the contaminated rail,
-    mu_cd / A_d: as in the paper it knows neither the fall of friction nor recovery.
-    """
+    total: float  # slip of the translation [m/s]
+    stiffness: float  # pi G a b c / 4 in its direction, eq. (16), for the stress gradient at e_m [N]
+    e_x: float  # creepages [-]
+    e_y: float
+    spin: float  # [1/m]
+    shifted: float  # lateral creepage with what spin adds [-]
+    modified: float  # e_m [-]
+
+
+@inlined
+def creeping(slip: Slip, speed: float, patch: Patch) -> Creeping:
+    """Return a slip at a running speed [m/s] as the law takes it."""
     per_speed = 1.0 / max(abs(speed), SPEED_FLOOR)
     e_x, e_y, spin = slip.x * per_speed, slip.y * per_speed, slip.spin * per_speed
     total_slip = math.hypot(slip.x, slip.y)
@@ -80,9 +86,29 @@ def tangential(slip: Slip, speed: float, normal_load: float, patch: Patch, on: S
     share_x, share_y = (e_x / e, e_y / e) if e > 0.0 else (1.0, 0.0)
     c_jj = math.hypot(patch.c11 * share_x, patch.c22 * share_y)
     stiffness = 0.25 * math.pi * patch.shear_modulus * patch.semi_axis_a * patch.semi_axis_b * c_jj
-    adhesion = traction(total_slip, speed, normal_load, on, tau, stiffened(law, stiffness * (e_m / e if e > 0.0 else 1.0)))
-    if not (e_m > 0.0 and normal_load > 0.0):
-        return Tangential(0.0, 0.0, 0.0, adhesion)
-    push = adhesion.f * normal_load / e_m
-    turn = spin_factor(shifted, on.mu_cd / law.ratio_d * normal_load, patch) / e_m
-    return Tangential(push * e_x, push * e_y + turn * spin, adhesion.f * normal_load * e, adhesion)
+    return Creeping(total_slip, stiffness * (e_m / e if e > 0.0 else 1.0), e_x, e_y, spin, shifted, e_m)
+
+
+@inlined
+def resolved(c: Creeping, adhesion: float, normal_load: float, static: float, patch: Patch) -> tuple[float, float]:
+    """Return (t_x, t_y) [N] of eq. (18) from the law's adhesion [-]; `static` is the friction limit of the spin [-]."""
+    if not (c.modified > 0.0 and normal_load > 0.0):
+        return 0.0, 0.0
+    push = adhesion * normal_load / c.modified
+    turn = spin_factor(c.shifted, static * normal_load, patch) / c.modified
+    return push * c.e_x, push * c.e_y + turn * c.spin
+
+
+@loop
+def tangential(slip: Slip, speed: float, normal_load: float, patch: Patch, on: Surface, tau: float, law: Any) -> Tangential:
+    """Return the force of eq. (18) under any law of `wsp_env.contact.port`.
+
+    `speed` [m/s] is the running speed, `tau` the recovery rate [m/J]. Stiffness follows the direction of the slip, eq. (16).
+    The law is evaluated at the slip of the translation, its stress gradient at the modified creepage e_m, which spin enlarges;
+    friction work and recovery are those of the translation. The force of spin has the static friction of the contaminated rail,
+    mu_cd / A_d: as in the paper it knows neither the fall of friction nor recovery.
+    """
+    c = creeping(slip, speed, patch)
+    adhesion = traction(c.total, speed, normal_load, on, tau, stiffened(law, c.stiffness))
+    t_x, t_y = resolved(c, adhesion.f, normal_load, on.mu_cd / law.ratio_d, patch)
+    return Tangential(t_x, t_y, adhesion.f * normal_load * math.hypot(c.e_x, c.e_y), adhesion)

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wsp_env.contact.geometry.patch import PatchTable
 from wsp_env.contact.geometry.port import CONTACTS, Contact, Pair
-from wsp_env.plant.multibody.elastic import Elastic
 from wsp_env.plant.multibody.way import Way
 
 Array = NDArray[np.float64]
@@ -45,10 +45,10 @@ class BodyConstants(NamedTuple):
     place: Array  # (3 + A,) of the bodies ahead of the leading axle [m]
     height: Array  # (3 + A,) of their centres of mass [m]
     pair: Pair
-    elastic: Elastic
+    table: PatchTable
     way: Way
     contact_damping: float  # [s/m]
-    reference: float  # a b c11 that the law's stiffness belongs to [m2]
+    reference: float  # pi G a b c11 / 4 that the law's stiffness belongs to [N]
     nominal_radius: float  # [m]
     widest: float  # lateral shift of a wheelset beyond which it counts as derailed [m]
     highest: float  # the same of its lift [m]

@@ -4,9 +4,10 @@ import math
 from typing import NamedTuple
 
 from wsp_env.contact.geometry.detect import scan
+from wsp_env.contact.geometry.forces import Slip, creeping
+from wsp_env.contact.geometry.patch import patch_at, stiffness_at
 from wsp_env.contact.geometry.port import ANGLE, CONTACTS, CURVATURE_A, CURVATURE_B, PENETRATION, Pose, empty_contacts
 from wsp_env.plant.multibody.bodies import BodyConstants
-from wsp_env.plant.multibody.elastic import ellipse
 
 
 class Settled(NamedTuple):
@@ -14,22 +15,22 @@ class Settled(NamedTuple):
 
     z: float  # vertical shift, up [m]
     load_n: float  # of one wheel
-    area_c11: float  # a b c11 of the contact [m2]
+    stiffness: float  # pi G a b c11 / 4 of the contact [N]
 
 
 def load_at(z: float, b: BodyConstants) -> Settled:
     """Return the vertical force of one wheel of a centred wheelset that is shifted up by z [m]."""
     rows = empty_contacts()
     scan(Pose(0.0, z, 0.0, 0.0), 1.0, b.pair, rows)
-    load, area = 0.0, 0.0
+    load, stiffness = 0.0, 0.0
     for at in range(CONTACTS):
         deep = float(rows[at, PENETRATION])
         if deep > 0.0:
-            e = ellipse(float(rows[at, CURVATURE_A]), float(rows[at, CURVATURE_B]), b.elastic)
-            own = e.stiffness * deep**1.5
+            curvatures = float(rows[at, CURVATURE_A]), float(rows[at, CURVATURE_B])
+            own = stiffness_at(*curvatures, b.table) * deep**1.5
             load += own * math.cos(rows[at, ANGLE])
-            area = max(area, e.semi_axis_a * e.semi_axis_b * own ** (2.0 / 3.0) * e.c11)
-    return Settled(z, load, area)
+            stiffness = max(stiffness, creeping(Slip(1e-9, 0.0, 0.0, 0.0), 1.0, patch_at(*curvatures, own, b.table)).stiffness)
+    return Settled(z, load, stiffness)
 
 
 def lowered(load_n: float, b: BodyConstants) -> Settled:

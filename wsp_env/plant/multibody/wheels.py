@@ -7,13 +7,15 @@ spin (eq. 18). Forces act along the same directions as the slips are taken, so t
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wsp_env.compiled import inlined, loop
 from wsp_env.contact.geometry.detect import follow, scan
+from wsp_env.contact.geometry.forces import Slip, creeping, resolved
+from wsp_env.contact.geometry.patch import normal_force, patch_at, stiffness_at
 from wsp_env.contact.geometry.port import (
     ANGLE,
     CONTACTS,
@@ -26,14 +28,11 @@ from wsp_env.contact.geometry.port import (
     Y,
     Z,
 )
-from wsp_env.contact.kalker import Patch
-from wsp_env.contact.polach import spin_factor
 from wsp_env.contact.port import stiffened
-from wsp_env.contact.traction import SPEED_FLOOR, Adhesion, Surface
+from wsp_env.contact.traction import Surface
 from wsp_env.plant.components import rail as layer
 from wsp_env.plant.longitudinal.axles import Stepping
 from wsp_env.plant.multibody.bodies import Bodies, BodyConstants, Scratch
-from wsp_env.plant.multibody.elastic import ellipse
 from wsp_env.plant.multibody.structure import PITCH, ROLL, WHEELSETS, X_, Y_, YAW, Z_
 from wsp_env.plant.multibody.way import Rail, rail
 from wsp_env.plant.slots import after_contact, contact, recovery, surface
@@ -78,28 +77,6 @@ def _add_contact(
             creep_by[k, row, column] += by_x * r_x[column] + by_y * r_y[column]
 
 
-@inlined
-def _creep(
-    s_x: float, s_y: float, spin: float, speed: float, load: float, on: Surface, tau: float, active: Any, patch: Patch,
-    law: Any, reference: float,
-) -> tuple[float, float, float, float, Adhesion]:  # fmt: skip
-    """Return (T_x, T_y) [N] along the slip, and their stiffness along it and across it [N s/m], with the adhesion."""
-    per_speed = 1.0 / max(abs(speed), SPEED_FLOOR)
-    shifted = s_y + spin * patch.semi_axis_a / per_speed  # Polach's s_yC as a speed
-    if abs(shifted) <= abs(s_y):
-        shifted = s_y
-    total = math.hypot(s_x, shifted)
-    slip = math.hypot(s_x, s_y)
-    c_jj = math.hypot(patch.c11 * s_x, patch.c22 * s_y) / slip if slip > 0.0 else patch.c11
-    own = stiffened(law, patch.semi_axis_a * patch.semi_axis_b * c_jj / reference)
-    adhesion = contact(total, speed, load, on, tau, own, active)
-    push = load * (adhesion.f / total if total > 1e-12 else adhesion.df_ds)  # [N s/m]
-    turn = 0.0
-    if spin != 0.0 and total > 1e-12:
-        turn = spin_factor(shifted * per_speed, load * on.mu_cd, patch) / (total * per_speed) * spin
-    return push * s_x, push * s_y + turn, max(load * adhesion.df_ds, 0.0), push, adhesion
-
-
 class Sums(NamedTuple):
     """What the contacts of a wheelset, or of one wheel, add up to."""
 
@@ -142,25 +119,26 @@ def _press(
     rolling = m.speed[i, first + X_]
     v_n -= rolling * (w.rows_n[Y_] * own.y_rate + w.rows_n[Z_] * own.z_rate)
     spin = w.rows_n[Y_] * m.speed[i, first + PITCH] + w.rows_n[Z_] * (m.speed[i, first + YAW] + turning)
-    e = ellipse(rows[at, CURVATURE_A], rows[at, CURVATURE_B], b.elastic)
     deep = rows[at, PENETRATION]
-    elastic = e.stiffness * deep * math.sqrt(deep)
-    damping = elastic * b.contact_damping
-    load = elastic - damping * v_n
+    stiff = stiffness_at(rows[at, CURVATURE_A], rows[at, CURVATURE_B], b.table)
+    load = normal_force(deep, -v_n, stiff, b.contact_damping)
     if load <= 0.0:
         return Sums(0.0, 0.0, 0.0, 0.0, 0.0)
-    size = load ** (1.0 / 3.0)
-    patch = Patch(e.semi_axis_a * size, e.semi_axis_b * size, b.elastic.shear_modulus, e.c11, e.c22, e.c23)
-    per_speed = 1.0 / max(abs(rolling), SPEED_FLOOR)
-    t_x, t_y, along, across, adhesion = _creep(
-        s_x, s_y, spin * per_speed, rolling, load, on, tau, active, patch, law, b.reference
-    )  # fmt: skip
-    slip2 = s_x * s_x + s_y * s_y
+    patch = patch_at(rows[at, CURVATURE_A], rows[at, CURVATURE_B], load, b.table)
+    slip = Slip(s_x, s_y, spin, -v_n)
+    creep = creeping(slip, rolling, patch)
+    # The law's own stiffness is kept where the vehicle's contact parameters belong: centred, under the empty vehicle's weight.
+    own_law = stiffened(law, law.stiffness * creep.stiffness / b.reference)
+    adhesion = contact(creep.total, rolling, load, on, tau, own_law, active)
+    t_x, t_y = resolved(creep, adhesion.f, load, on.mu_cd / law.ratio_d, patch)
+    along = max(load * adhesion.df_ds, 0.0)  # stiffness of the creep force along the slip and across it [N s/m]
+    across = load * adhesion.f / creep.total if creep.total > 1e-12 else along
+    slip2 = creep.total * creep.total
     c2 = s_x * s_x / slip2 if slip2 > 0.0 else 1.0
     cs = s_x * s_y / slip2 if slip2 > 0.0 else 0.0
     d_xx, d_xy, d_yy = across + (along - across) * c2, (along - across) * cs, along + (across - along) * c2
-    stiff = 1.5 * e.stiffness * math.sqrt(deep)
-    gone = b.theta * h * (b.theta * h * stiff + damping)
+    root = stiff * math.sqrt(deep)
+    gone = b.theta * h * root * (1.5 * b.theta * h + deep * b.contact_damping)
     _add_contact(
         k, (load, t_x, t_y), (gone, h * d_xx, h * d_xy, h * d_yy), (w.rows_x, w.rows_y, w.rows_n), w.normal, w.creep,
         w.normal_by, w.creep_by,
