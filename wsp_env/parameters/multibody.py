@@ -1,9 +1,9 @@
 """What a vehicle on two bogies is beside its longitudinal motion: bodies, suspensions, dampers, stops, heights.
 
-Masses, inertias and stiffnesses are those of the seed paper (Tables 5 and 6) for the coach UIC-Z1. What the paper does not give is
-that of the Manchester Benchmark's vehicle 1 (S. Iwnicki (ed.), The Manchester Benchmarks for rail vehicle simulation, Vehicle
-System Dynamics 30 (1998), 295 to 313), whose wheelbase and bogie distance are the same: read in public parameter files, not in the
-paper itself, so assumptions.
+Masses, inertias and stiffnesses are those of the seed paper (Tables 5 and 6) for the coach UIC-Z1. What the paper does not give
+is that of the Manchester Benchmark's vehicle 1 (S. Iwnicki (ed.), The Manchester Benchmarks for rail vehicle simulation, Vehicle
+System Dynamics 30 (1998), 295 to 313), whose wheelbase and bogie distance are the same: read in public parameter files, not in
+the paper itself, so assumptions.
 """
 
 import dataclasses
@@ -21,9 +21,9 @@ _STOP_N = (0.0, 600.0, 1760.0, 3730.0, 6870.0, 11_580.0, 17_170.0, 29_200.0, 230
 class Multibody(Checked):
     """Bodies and force elements; the carbody has what is left of the vehicle's mass.
 
-    Suspension values are of one element: the primary one on each axle box, the secondary one on each side of a bogie, traction rod,
-    anti-roll bar and bump-stop once a bogie. Heights are above the rails' tops. The wheelset's inertia about its axle is the
-    vehicle's `wheelset_inertia_kgm2`.
+    Suspension values are of one element: the primary one on each axle box, the secondary one on each side of a bogie, traction
+    rod, anti-roll bar and bump-stop once a bogie. Heights are above the rails' tops. The wheelset's inertia about its axle is
+    the vehicle's `wheelset_inertia_kgm2`.
     """
 
     carbody_mass_kg: float = quantity(29_000.0, "kg", _5 + "; the mass that its inertias belong to", 0.0, 1e6, True)
@@ -86,8 +86,8 @@ class Multibody(Checked):
         x, force = self.bump_stop_deflection_m, self.bump_stop_force_n
         if len(x) != len(force) or len(x) < 2 or list(x) != sorted(set(x)) or list(force) != sorted(force) or force[0] != 0.0:
             raise ParameterError(
-                f"bump_stop_deflection_m = {shown(x)}, bump_stop_force_n = {shown(force)}: give as many forces as deflections, two "
-                "or more, both rising, the first force 0"
+                f"bump_stop_deflection_m = {shown(x)}, bump_stop_force_n = {shown(force)}: give as many forces as deflections, "
+                "two or more, both rising, the first force 0"
             )
 
     def carbody_kg(self, vehicle_kg: float, axles: int) -> float:
@@ -95,6 +95,6 @@ class Multibody(Checked):
         rest = vehicle_kg - 2.0 * self.bogie_mass_kg - axles * (self.wheelset_mass_kg + 2.0 * self.axle_box_mass_kg)
         if not rest > 0.0:
             raise ParameterError(
-                f"a vehicle of {vehicle_kg:g} kg leaves {rest:g} kg for its carbody: bogies, wheelsets and axle boxes weigh more"
+                f"a vehicle of {vehicle_kg:g} kg leaves {rest:g} kg for its carbody: bogies, wheelsets, axle boxes weigh more"
             )
         return rest

@@ -33,44 +33,66 @@ class Bodies(NamedTuple):
     fault: NDArray[np.int64]  # (N, 2) why a stop was given up, and the wheelset, from 0
 
 
-class BodyConstants(NamedTuple):
-    """What is the same in every stop of a batch."""
+class Elements(NamedTuple):
+    """Force elements of the suspensions, and where the bodies are."""
 
     stiffness: Array  # (n, n) of the springs
     damping: Array  # (n, n)
     stops: Array  # (2, n) lateral shift over each bogie per coordinate
     stop_deflection: Array  # (m,) [m]
     stop_force: Array  # (m,) [N]
-    bogie_of: NDArray[np.int64]  # (A,) first coordinate of the bogie that the axle carries
     place: Array  # (3 + A,) of the bodies ahead of the leading axle [m]
     height: Array  # (3 + A,) of their centres of mass [m]
+
+
+class Rolling(NamedTuple):
+    """What the contacts of all wheels share."""
+
     pair: Pair
     table: PatchTable
-    way: Way
-    contact_damping: float  # [s/m]
+    damping: float  # [s/m]
     reference: float  # pi G a b c11 / 4 that the law's stiffness belongs to [N]
-    nominal_radius: float  # [m]
+    radius: float  # nominal [m]
     widest: float  # lateral shift of a wheelset beyond which it counts as derailed [m]
     highest: float  # the same of its lift [m]
+
+
+class BodyConstants(NamedTuple):
+    """What is the same in every stop of a batch."""
+
+    elements: Elements
+    rolling: Rolling
+    way: Way
+    bogie_of: NDArray[np.int64]  # (A,) first coordinate of the bogie that the axle carries
     theta: float  # where in a substep springs and contacts are evaluated, 0.5 to 1
 
 
-class Scratch(NamedTuple):
+class Motion(NamedTuple):
     """One substep of one vehicle."""
 
     at: Array  # (n,) coordinates where the substep evaluates them, before what it changes
     rate: Array  # (n,) speeds with those of the frames
     force: Array  # (n,) impulse of all but the contacts [N s], [N m s]
     change: Array  # (n,) of the speeds
-    normal: Array  # (A, 6) normal forces of the contacts on the wheelset's coordinates
+
+
+class Touching(NamedTuple):
+    """The contacts of the wheelsets in one substep."""
+
+    normal: Array  # (A, 6) normal forces on the wheelset's coordinates
     creep: Array  # (A, 6) creep forces
     normal_by: Array  # (A, 6, 6) impulse that a change of the speeds takes away, of the normal forces
     creep_by: Array  # (A, 6, 6) the same of the creep forces
     impulse: Array  # (A, 6) of the contacts
-    rows_x: Array  # (6,) slip forwards per coordinate
-    rows_y: Array  # (6,) sideways
-    rows_n: Array  # (6,) along the normal
+    along: Array  # (3, 6) what the contact at hand moves forwards, across and along its normal per coordinate
     local: Array  # (6, 8) a wheelset's equations
+
+
+class Scratch(NamedTuple):
+    """What a step works on."""
+
+    motion: Motion
+    touching: Touching
 
 
 def allocate(n: int, coordinates: int, axles: int) -> Bodies:
@@ -85,5 +107,5 @@ def allocate(n: int, coordinates: int, axles: int) -> Bodies:
 
 def scratch(coordinates: int, axles: int) -> Scratch:
     """Return what a step works on."""
-    sizes: list[Any] = [coordinates] * 4 + [(axles, 6)] * 2 + [(axles, 6, 6)] * 2 + [(axles, 6), 6, 6, 6, (6, 8)]
-    return Scratch(*(np.zeros(size) for size in sizes))
+    sizes: list[Any] = [(axles, 6)] * 2 + [(axles, 6, 6)] * 2 + [(axles, 6), (3, 6), (6, 8)]
+    return Scratch(Motion(*(np.zeros(coordinates) for _ in range(4))), Touching(*(np.zeros(size) for size in sizes)))

@@ -15,7 +15,7 @@ from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.longitudinal.plant import LongitudinalPlant
 from wsp_env.plant.mechanisms import ALL, NULL, Mechanisms, make
 from wsp_env.plant.multibody import bodies
-from wsp_env.plant.multibody.bodies import NOT_FINITE, OFF_THE_RAIL, BodyConstants
+from wsp_env.plant.multibody.bodies import NOT_FINITE, OFF_THE_RAIL, BodyConstants, Elements, Rolling
 from wsp_env.plant.multibody.static import lowered
 from wsp_env.plant.multibody.step import advance
 from wsp_env.plant.multibody.structure import PITCH, WHEELSETS, X_, Z_, Structure, assemble
@@ -78,7 +78,7 @@ class MultibodyPlant(LongitudinalPlant):
         last = WHEELSETS + 6 * self.vehicle.axles
         m.speed[index, X_:last:6] = s.speed[index]
         m.speed[index, turning] = s.wheel_speed[index]
-        m.position[index, Z_:last:6] = lowered(float(structure.axle_load.mean()) / 2.0, self.body_constants).z
+        m.position[index, Z_:last:6] = lowered(float(structure.axle_load.mean()) / 2.0, self.body_constants.rolling).z
         m.wheel_load[index] = structure.axle_load[:, None] / 2.0
 
     @property
@@ -90,7 +90,8 @@ class MultibodyPlant(LongitudinalPlant):
         """Return the inverse (n, n) of M + theta h C + (theta h)^2 K, or that of the blocked vehicle's M."""
         b, h = self.body_constants, self.body_constants.theta * self.constants.substep
         if not self._blocked:
-            whole: np.ndarray = np.linalg.inv(np.diag(mass + h * h * hanging) + h * b.damping + h * h * b.stiffness)
+            e = b.elements
+            whole: np.ndarray = np.linalg.inv(np.diag(mass + h * h * hanging) + h * e.damping + h * h * e.stiffness)
             return whole
         axles = self.vehicle.axles
         free = np.zeros((len(mass), 1 + axles))
@@ -139,9 +140,11 @@ class MultibodyPlant(LongitudinalPlant):
     def stored_energy(self) -> np.ndarray:
         """Energy in the springs and in the height of the bodies (N,) [J], but for bump-stops and contacts; straight track."""
         m, q = self.bodies, self.bodies.position
-        springs = 0.5 * np.einsum("ni,ij,nj->n", q, self.body_constants.stiffness, q) + 0.5 * np.sum(m.hanging * q**2, axis=1)
+        springs = 0.5 * np.einsum("ni,ij,nj->n", q, self.body_constants.elements.stiffness, q) + 0.5 * np.sum(
+            m.hanging * q**2, axis=1
+        )
         lift = q[:, WHEELSETS + Z_ : WHEELSETS + 6 * self.vehicle.axles : 6]
-        energy: np.ndarray = springs + np.sum(m.axle_load * lift, axis=1)
+        energy: np.ndarray = 0.5 * springs + np.sum(m.axle_load * lift, axis=1)
         return energy
 
 
@@ -150,12 +153,13 @@ def body_constants(vehicle: Vehicle, structure: Structure, track: Way) -> BodyCo
     m, contact = vehicle.multibody, vehicle.contact
     pair = make_pair(s1002(), uic60(), Wheelset(radius_m=vehicle.wheel_radius_m), Track())
     table = make_patch_table(2.0 * contact.shear_modulus_pa * (1.0 + contact.poisson_ratio), contact.poisson_ratio)
-    made = BodyConstants(
+    rolling = Rolling(pair, table, m.contact_damping_s_per_m, 1.0, vehicle.wheel_radius_m, WIDEST_M, HIGHEST_M)
+    elements = Elements(
         structure.stiffness, structure.damping, structure.bump_stops, np.array(m.bump_stop_deflection_m),
-        np.array(m.bump_stop_force_n), structure.bogie_of, structure.place, structure.height, pair, table, track,
-        m.contact_damping_s_per_m, 1.0, vehicle.wheel_radius_m, WIDEST_M, HIGHEST_M, THETA,
+        np.array(m.bump_stop_force_n), structure.place, structure.height,
     )  # fmt: skip
-    return made._replace(reference=lowered(vehicle.static_wheel_load_n, made).stiffness)
+    rolling = rolling._replace(reference=lowered(vehicle.static_wheel_load_n, rolling).stiffness)
+    return BodyConstants(elements, rolling, track, structure.bogie_of, THETA)
 
 
 def _refuse_load_transfer(own: Mechanisms) -> None:

@@ -7,7 +7,7 @@ from wsp_env.contact.geometry.detect import scan
 from wsp_env.contact.geometry.forces import Slip, creeping
 from wsp_env.contact.geometry.patch import patch_at, stiffness_at
 from wsp_env.contact.geometry.port import ANGLE, CONTACTS, CURVATURE_A, CURVATURE_B, PENETRATION, Pose, empty_contacts
-from wsp_env.plant.multibody.bodies import BodyConstants
+from wsp_env.plant.multibody.bodies import Rolling
 
 
 class Settled(NamedTuple):
@@ -18,28 +18,28 @@ class Settled(NamedTuple):
     stiffness: float  # pi G a b c11 / 4 of the contact [N]
 
 
-def load_at(z: float, b: BodyConstants) -> Settled:
+def load_at(z: float, r: Rolling) -> Settled:
     """Return the vertical force of one wheel of a centred wheelset that is shifted up by z [m]."""
     rows = empty_contacts()
-    scan(Pose(0.0, z, 0.0, 0.0), 1.0, b.pair, rows)
+    scan(Pose(0.0, z, 0.0, 0.0), 1.0, r.pair, rows)
     load, stiffness = 0.0, 0.0
     for at in range(CONTACTS):
         deep = float(rows[at, PENETRATION])
         if deep > 0.0:
             curvatures = float(rows[at, CURVATURE_A]), float(rows[at, CURVATURE_B])
-            own = stiffness_at(*curvatures, b.table) * deep**1.5
+            own = stiffness_at(*curvatures, r.table) * deep**1.5
             load += own * math.cos(rows[at, ANGLE])
-            stiffness = max(stiffness, creeping(Slip(1e-9, 0.0, 0.0, 0.0), 1.0, patch_at(*curvatures, own, b.table)).stiffness)
+            stiffness = max(stiffness, creeping(Slip(1e-9, 0.0, 0.0, 0.0), 1.0, patch_at(*curvatures, own, r.table)).stiffness)
     return Settled(z, load, stiffness)
 
 
-def lowered(load_n: float, b: BodyConstants) -> Settled:
+def lowered(load_n: float, r: Rolling) -> Settled:
     """Return where a centred wheelset rests whose wheels carry `load_n` [N] each; bisection to 1e-12 m."""
     high, low = 2e-3, -2e-3
     while high - low > 1e-12:
         middle = 0.5 * (high + low)
-        if load_at(middle, b).load_n > load_n:
+        if load_at(middle, r).load_n > load_n:
             low = middle
         else:
             high = middle
-    return load_at(high, b)
+    return load_at(high, r)

@@ -10,10 +10,11 @@ wheelsets  18 + 6 k               the same; pitch is the turning about the axle
 axle box   18 + 6 A + 2 k + side  pitch alone: hinged on its axle; side 0 is left, 1 is right
 =========  =====================  ==============================================================================
 
-An element between two bodies has the stiffnesses k and dampings c of its six directions: with B, what its ends move against each
-other per coordinate, K = sum B^T k B and C = sum B^T c B. All coordinates are zero at rest, where the springs carry the weight. The
-vertical preloads stay vertical at body-fixed points (assumption), which adds f Z to the stiffness in roll and pitch of a body on
-which a force f acts at the height Z above its centre of mass: a carbody on springs below it is a pendulum upside down.
+An element between two bodies has the stiffnesses k and dampings c of its six directions: with B, what its ends move against
+each other per coordinate, K = sum B^T k B and C = sum B^T c B. All coordinates are zero at rest, where the springs carry the
+weight. The vertical preloads stay vertical at body-fixed points (assumption), which adds f Z to the stiffness in roll and pitch of
+a body on which a force f acts at the height Z above its centre of mass: a carbody on springs below it is a pendulum upside
+down.
 """
 
 from typing import NamedTuple
@@ -59,8 +60,8 @@ def assemble(vehicle: Vehicle, mass_kg: float | None = None) -> Structure:
     """
     if len(vehicle.running_gear) != 1 or len(vehicle.running_gear[0]) != 2:
         raise ParameterError(
-            f"{vehicle.name} has bodies = {vehicle.running_gear}: the multibody plant takes one body on two bogies, such as the "
-            "coach's ((2, 2),)"
+            f"{vehicle.name} has bodies = {vehicle.running_gear}: the multibody plant takes one body on two bogies, such as "
+            "the coach's ((2, 2),)"
         )
     m, counts = vehicle.multibody, vehicle.running_gear[0]
     axle_x = -np.array(vehicle.axle_positions_m)

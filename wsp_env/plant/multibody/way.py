@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wsp_env.compiled import inlined
+from wsp_env.compiled import inlined, loop
 
 Array = NDArray[np.float64]
 
-#: Columns of a segment: place where it begins [m], curvature there [1/m] and its rate [1/m2], heading [rad] and lateral position
-#: [m] there, tilt [rad] and its rate [rad/m].
+#: Columns of a segment: place where it begins [m], curvature there [1/m] and its rate [1/m2], heading [rad] and lateral
+#: position [m] there, tilt [rad] and its rate [rad/m].
 BEGIN, CURVATURE, CURVATURE_RATE, HEADING, ACROSS, TILT, TILT_RATE = range(7)
 
 #: Columns of the irregularities: of the left rail across (to the left) and up, of the right rail across and up [m].
@@ -66,14 +66,13 @@ def way(curvature: list[tuple[float, float, float]], rails: Array | None = None,
     return Way(np.array(rows), np.zeros((0, RAILS)) if rails is None else np.ascontiguousarray(rails, dtype=float), node_m)
 
 
-@inlined
-def here(place: float, w: Way) -> Here:
-    """Return the track at a place [m]."""
-    i = w.segments.shape[0] - 1
-    while i > 0 and w.segments[i, BEGIN] > place:
+@loop
+def here(place: float, s: Array) -> Here:
+    """Return the track of the segments (segments, 7) at a place [m]."""
+    i = s.shape[0] - 1
+    while i > 0 and s[i, BEGIN] > place:
         i -= 1
-    t = max(place - w.segments[i, BEGIN], 0.0) if i > 0 else 0.0
-    s = w.segments
+    t = max(place - s[i, BEGIN], 0.0) if i > 0 else 0.0
     return Here(
         s[i, CURVATURE] + t * s[i, CURVATURE_RATE], s[i, CURVATURE_RATE],
         s[i, HEADING] + t * (s[i, CURVATURE] + t * 0.5 * s[i, CURVATURE_RATE]),
@@ -89,7 +88,7 @@ def _cubic(t: float, a: float, b: float, c: float, d: float) -> tuple[float, flo
     return b + t * (p + t * (q + t * r)), p + t * (2.0 * q + t * 3.0 * r)
 
 
-@inlined
+@loop
 def rail(place: float, side: int, w: Way) -> Rail:
     """Return the irregularity of a rail, side 0 left or 1 right, at a place [m]."""
     n = w.rails.shape[0]
