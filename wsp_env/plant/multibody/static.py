@@ -4,9 +4,10 @@ import math
 from typing import NamedTuple
 
 from wsp_env.contact.geometry.detect import scan
+from wsp_env.contact.geometry.equilibrium import contacts, settled
 from wsp_env.contact.geometry.forces import Slip, creeping
 from wsp_env.contact.geometry.patch import patch_at, stiffness_at
-from wsp_env.contact.geometry.port import ANGLE, CONTACTS, CURVATURE_A, CURVATURE_B, PENETRATION, Pose, empty_contacts
+from wsp_env.contact.geometry.port import ANGLE, CONTACTS, CURVATURE_A, CURVATURE_B, PENETRATION, Pair, Pose, empty_contacts
 from wsp_env.plant.multibody.bodies import Rolling
 
 
@@ -31,6 +32,11 @@ def load_at(z: float, r: Rolling) -> Settled:
             load += own * math.cos(rows[at, ANGLE])
             stiffness = max(stiffness, creeping(Slip(1e-9, 0.0, 0.0, 0.0), 1.0, patch_at(*curvatures, own, r.table)).stiffness)
     return Settled(z, load, stiffness)
+
+
+def centred_radius(pair: Pair) -> float:
+    """Return the rolling radius [m] of a centred wheelset that just touches its rails; `ContactLostError` where it cannot."""
+    return contacts(settled(0.0, 0.0, pair), "left", pair)[0].rolling_radius
 
 
 def lowered(load_n: float, r: Rolling) -> Settled:
