@@ -113,7 +113,7 @@ def test_a_narrow_curve_is_run_on_the_flange():
     assert np.abs(np.diff(shifts, axis=0)).max() < 2e-3
     guiding = plant.bodies.guiding[0]
     assert shifts[-1, 0] < -5e-3  # outwards: to the right in a curve to the left
-    assert guiding[0, 1] > 5e3  # the leading outer wheel guides
+    assert guiding[0, 1] > max(guiding[1, 1], 0.0)  # the leading outer wheel guides, more than the one behind it
     quotient = plant.further_truth()["derailment_quotient"]
     assert np.nanmax(quotient) < 0.8  # Nadal's limit for a flange angle of 70 degrees and friction 0.36
 

@@ -177,5 +177,5 @@ def test_impossible_parameters_are_refused(changes):
 
 
 def test_a_vehicle_lighter_than_its_bogies_is_refused():
-    with pytest.raises(ParameterError, match="leaves .* kg for its carbody"):
+    with pytest.raises(ParameterError, match=r"leaves .* kg for its carbody"):
         assemble(COACH, 12_000.0)

@@ -26,8 +26,8 @@ class Stepping(NamedTuple):
     p: PlantConstants
     law: Any  # the traction law of the vehicle at hand, with the mechanisms that change it
     active: Active  # its mechanisms
-    inertia: np.ndarray  # (N, A) of the wheelsets [kg m2]
     work: np.ndarray  # (ROWS, A) scratch
+    inertia: np.ndarray  # (N, A) of the wheelsets [kg m2]
 
 
 @inlined

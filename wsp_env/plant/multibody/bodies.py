@@ -29,7 +29,6 @@ class Bodies(NamedTuple):
     guiding: Array  # (N, A, 2) lateral force on the rail, outwards, Y [N]
     shift: Array  # (N, A) of the wheelset against the track, to the left [m]
     damper_work: Array  # (N,) heat in the dampers [J]
-    spring_work: Array  # (N,) work of springs, stops, weight and normal contact forces against the motion [J]
     fault: NDArray[np.int64]  # (N, 2) why a stop was given up, and the wheelset, from 0
 
 
@@ -97,12 +96,21 @@ class Scratch(NamedTuple):
 
 def allocate(n: int, coordinates: int, axles: int) -> Bodies:
     """Return the bodies of n vehicles."""
-    per_wheel, fields = (n, axles, 2), len(Contact._fields)
+    wheels, fields = (n, axles, 2), len(Contact._fields)
     return Bodies(
-        *(np.zeros((n, coordinates)) for _ in range(3)), np.zeros((n, coordinates, coordinates)), np.zeros((n, coordinates)),
-        np.zeros((n, axles)), np.full((*per_wheel, CONTACTS, fields), -np.inf), np.zeros(per_wheel), np.zeros(per_wheel),
-        np.zeros((n, axles)), np.zeros(n), np.zeros(n), np.zeros((n, 2), dtype=np.int64),
-    )  # fmt: skip
+        position=np.zeros((n, coordinates)),
+        speed=np.zeros((n, coordinates)),
+        mass=np.zeros((n, coordinates)),
+        inverse=np.zeros((n, coordinates, coordinates)),
+        hanging=np.zeros((n, coordinates)),
+        axle_load=np.zeros((n, axles)),
+        rows=np.full((*wheels, CONTACTS, fields), -np.inf),
+        wheel_load=np.zeros(wheels),
+        guiding=np.zeros(wheels),
+        shift=np.zeros((n, axles)),
+        damper_work=np.zeros(n),
+        fault=np.zeros((n, 2), dtype=np.int64),
+    )
 
 
 def scratch(coordinates: int, axles: int) -> Scratch:

@@ -1,15 +1,15 @@
 """One control interval of the multibody plant: the compiled step.
 
 The equations of motion M du/dt = -C (u + dg/dt) - K (q + g) + F hold for the coordinates q and speeds u, with F of contacts,
-brakes, stops, weight and the frames' motion, and g what the frames of the bodies are shifted against each other in a curve. They
-are integrated linearly implicitly: springs, dampers and normal contact forces by the theta method (0.5: the midpoint rule), creep
-forces, which are stiff at low speed, by Euler's implicit one, all with one linear solution a substep:
+brakes, stops, weight and the frames' motion, and g what the frames of the bodies are shifted against each other in a curve.
+They are integrated linearly implicitly: springs, dampers and normal contact forces by the theta method (0.5: the midpoint
+rule), creep forces, which are stiff at low speed, by Euler's implicit one, all with one linear solution a substep:
 
     (M + theta h C + (theta h)^2 K + S) du = h (F - C (u + dg/dt) - K (q + theta h u + g)),   q' = q + h (u + theta du)
 
-The matrix without S is inverted once a stop. S is what the contacts of the wheelsets add; it is solved wheelset by wheelset with
-the wheelset's own block of the inverse: what wheelsets do to each other through the suspension within a substep is left out of S
-only. A wheelset that comes to rest within a substep is held, and its brake's torque becomes a reaction.
+The matrix without S is inverted once a stop. S is what the contacts of the wheelsets add; it is solved wheelset by wheelset
+with the wheelset's own block of the inverse: what wheelsets do to each other through the suspension within a substep is left out
+of S only. A wheelset that comes to rest within a substep is held, and its brake's torque becomes a reaction.
 """
 
 from typing import Any
@@ -40,7 +40,7 @@ from wsp_env.plant.multibody.wheels import touch
 from wsp_env.plant.port import Setup
 from wsp_env.plant.slots import before_contact_acts, resistance
 
-#: Sum of the changes of all speeds [m/s], [rad/s] in a substep beyond which a motion is none any more, nor one that is no number.
+#: Sum of the changes of all speeds [m/s], [rad/s] in a substep beyond which a motion is none any more.
 _LARGEST_CHANGE = 1e4
 
 

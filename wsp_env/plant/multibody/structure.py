@@ -12,8 +12,8 @@ axle box   18 + 6 A + 2 k + side  pitch alone: hinged on its axle; side 0 is lef
 
 An element between two bodies has the stiffnesses k and dampings c of its six directions: with B, what its ends move against
 each other per coordinate, K = sum B^T k B and C = sum B^T c B. All coordinates are zero at rest, where the springs carry the
-weight. The vertical preloads stay vertical at body-fixed points (assumption), which adds f Z to the stiffness in roll and pitch of
-a body on which a force f acts at the height Z above its centre of mass: a carbody on springs below it is a pendulum upside
+weight. The vertical preloads stay vertical at body-fixed points (assumption), which adds f Z to the stiffness in roll and pitch
+of a body on which a force f acts at the height Z above its centre of mass: a carbody on springs below it is a pendulum upside
 down.
 """
 
