@@ -2,8 +2,8 @@
 
 Masses, inertias and stiffnesses are those of the seed paper (Tables 5 and 6) for the coach UIC-Z1. What the paper does not give
 is that of the Manchester Benchmark's vehicle 1 (S. Iwnicki (ed.), The Manchester Benchmarks for rail vehicle simulation,
-Vehicle System Dynamics 30 (1998), 295 to 313), whose wheelbase and bogie distance are the same: read in public parameter files, not in
-the paper itself, so assumptions.
+Vehicle System Dynamics 30 (1998), 295 to 313), whose wheelbase and bogie distance are the same: read in public parameter files,
+not in the paper itself, so assumptions.
 """
 
 import dataclasses
