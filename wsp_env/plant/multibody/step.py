@@ -8,8 +8,8 @@ rule), creep forces, which are stiff at low speed, by Euler's implicit one, all 
     (M + theta h C + (theta h)^2 K + S) du = h (F - C (u + dg/dt) - K (q + theta h u + g)),   q' = q + h (u + theta du)
 
 The matrix without S is inverted once a stop. S is what the contacts of the wheelsets add; it is solved wheelset by wheelset
-with the wheelset's own block of the inverse: what wheelsets do to each other through the suspension within a substep is left out
-of S only. A wheelset that comes to rest within a substep is held, and its brake's torque becomes a reaction.
+with the wheelset's own block of the inverse: what wheelsets do to each other through the suspension within a substep is left
+out of S only. A wheelset that comes to rest within a substep is held, and its brake's torque becomes a reaction.
 """
 
 from typing import Any
