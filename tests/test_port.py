@@ -29,7 +29,7 @@ def a_stop(vehicle, **changes):
     return Stop(**(usual | {"noise": 0.0, "key": 1} | axles | changes))
 
 
-@pytest.mark.parametrize("name", ["longitudinal", ELSEWHERE])
+@pytest.mark.parametrize("name", ["longitudinal", pytest.param("multibody", marks=pytest.mark.slow), ELSEWHERE])
 def test_every_plant_keeps_the_contract_of_the_port(name):
     """Shapes, a vehicle that stands stays as it is, readings are copies, a stop leaves nothing behind."""
     plant = make_plant(COACH, 3, Setup(), name)
@@ -95,7 +95,7 @@ def test_a_plant_of_somebody_else_runs_under_the_test_programme(tmp_path):
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("nowhere", "unknown plant 'nowhere'; valid: longitudinal, or package.module:Class"),
+        ("nowhere", "unknown plant 'nowhere'; valid: longitudinal, multibody, or package.module:Class"),
         ("nowhere:Plant", "cannot be loaded: No module named 'nowhere'; PYTHONPATH=. finds a module in this folder"),
         ("thirty_lines:Nothing", "cannot be loaded"),
         (":", "unknown plant ':'"),

@@ -12,7 +12,7 @@ from wsp_env.observer.observation import Observer
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.plant import make_plant
 from wsp_env.plant.command import pressure_commands, share_of_pressure, valve_commands
-from wsp_env.plant.port import Measurement, Setup
+from wsp_env.plant.port import Measurement, Setup, further_truth, given_up
 from wsp_env.scenario import PINS, check_mechanisms, draw, draw_mechanisms, ends_of
 
 
@@ -143,10 +143,12 @@ class BrakingBatch:
         step.judge(
             before, state.position, state.time, state.air, state.speed, state.slip_speed, self._prices, terms, reward,
         )  # fmt: skip
-        terminated = ~plant.moving
+        lost = np.zeros(self.n, dtype=bool)
+        lost[list(given_up(plant))] = True
+        terminated = ~plant.moving & ~lost
         late = (state.time >= task.time_limit_s - 1e-9) | (state.position >= task.track_limit_m)
         observation = self.observer.observe(self.measurement(), given)
-        return observation, reward, dict(zip(step.TERMS, terms, strict=True)), terminated, late & ~terminated
+        return observation, reward, dict(zip(step.TERMS, terms, strict=True)), terminated, (late | lost) & ~terminated
 
     @property
     def locked(self) -> np.ndarray:
@@ -166,7 +168,7 @@ class BrakingBatch:
         return reading if self.task.pressure_sensors else reading._replace(pressure=None)
 
     def truth(self) -> dict[str, np.ndarray]:
-        """Return what no controller may know, for `info`: arrays (N,) or (N, A) by name, copies."""
+        """Return what no controller may know, for `info`: arrays (N, ...) by name, copies."""
         state, conditions = self.plant.truth(), self.plant.conditions
         locked, air = self._derived()
         return {
@@ -185,4 +187,5 @@ class BrakingBatch:
             "mu_cd": conditions.mu_cd.copy(),
             "tau_m_per_j": conditions.tau.copy(),
             "mass_kg": conditions.mass.copy(),
+            **further_truth(self.plant),
         }

@@ -11,7 +11,7 @@ from wsp_env.evaluation.policy import Policy
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import make_plant
 from wsp_env.plant.command import share_of_pressure
-from wsp_env.plant.port import Measurement, Plant, Setup, Stop
+from wsp_env.plant.port import Measurement, Plant, Setup, Stop, given_up
 
 #: Time between two commands [s], as in the environments; a WSP decides some 50 times a second (assumption).
 CONTROL_INTERVAL_S = 0.02
@@ -38,7 +38,7 @@ class StopRecords:
     steps: np.ndarray  # (N,) number of control intervals until the vehicle stood
     duration: np.ndarray  # (N,) [s]
     distance: np.ndarray  # (N,) [m]
-    stopped: np.ndarray  # (N,) bool; False: given up at the time limit
+    stopped: np.ndarray  # (N,) bool; False: given up at the time limit, or by the plant
     air: np.ndarray  # (N, A) [Nl]
     contact_work: np.ndarray  # (N, A) heat in both contacts of the wheelset [J]
 
@@ -131,6 +131,8 @@ def record(plant: Plant, decide: Callable[[], np.ndarray], conduct: Conduct) -> 
         if not plant.moving.any():
             break
     end = plant.truth()
+    stopped = ~plant.moving
+    stopped[list(given_up(plant))] = False
     return StopRecords(
         time=conduct.control_interval_s * np.arange(len(commands) + 1),
         **{name: np.stack(values) for name, values in samples.items()},
@@ -138,7 +140,7 @@ def record(plant: Plant, decide: Callable[[], np.ndarray], conduct: Conduct) -> 
         steps=steps,
         duration=end.time.copy(),
         distance=end.position.copy(),
-        stopped=~plant.moving,
+        stopped=stopped,
         air=end.air.copy(),
         contact_work=end.contact_work.copy(),
     )

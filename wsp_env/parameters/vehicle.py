@@ -4,6 +4,7 @@ import dataclasses
 from typing import Any
 
 from wsp_env.parameters.contact import ContactParameters
+from wsp_env.parameters.multibody import Multibody
 from wsp_env.parameters.quantity import Checked, ParameterError, quantity, shown
 from wsp_env.parameters.resistance import Resistance
 
@@ -60,6 +61,7 @@ class Vehicle(Checked):
     contact: ContactParameters = dataclasses.field(default_factory=ContactParameters)
     brake: Brake = dataclasses.field(default_factory=Brake)
     tachometer: Tachometer = dataclasses.field(default_factory=Tachometer)
+    multibody: Multibody = dataclasses.field(default_factory=Multibody)  # the multibody plant asks for it
 
     def __post_init__(self) -> None:
         """Refuse impossible values, axles that are not in order, bodies that do not stand on these axles."""

@@ -8,7 +8,10 @@ from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.port import MEMBERS, Plant, Setup
 
 #: The plants that come along, each with its class.
-PLANTS = {"longitudinal": "wsp_env.plant.longitudinal.plant:LongitudinalPlant"}
+PLANTS = {
+    "longitudinal": "wsp_env.plant.longitudinal.plant:LongitudinalPlant",
+    "multibody": "wsp_env.plant.multibody.plant:MultibodyPlant",
+}
 
 
 def make_plant(vehicle: Vehicle, n: int = 1, setup: Setup | None = None, name: str = "longitudinal") -> Plant:

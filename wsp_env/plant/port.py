@@ -162,6 +162,27 @@ class Plant(Protocol):
         """
         raise ParameterError(f"{type(self).__name__} cannot begin a stop from recorded wheel speeds and pressures")
 
+    def given_up(self) -> Mapping[int, str]:
+        """Return the vehicles that left the track or cannot be computed any more, each with the reason.
+
+        They move no more. A plant that does not say so is taken for one that never gives up.
+        """
+        return {}
+
+    def further_truth(self) -> Mapping[str, np.ndarray]:
+        """Return what else this plant knows, arrays (N, ...) by name with the unit at its end; copies, for `info`."""
+        return {}
+
+
+def given_up(plant: Plant) -> Mapping[int, str]:
+    """Return what `Plant.given_up` says; nothing where a plant of somebody else has no such member."""
+    return plant.given_up() if hasattr(plant, "given_up") else {}
+
+
+def further_truth(plant: Plant) -> Mapping[str, np.ndarray]:
+    """Return what `Plant.further_truth` says; nothing where a plant of somebody else has no such member."""
+    return plant.further_truth() if hasattr(plant, "further_truth") else {}
+
 
 #: What every plant has.
 MEMBERS = ("vehicle", "n", "setup", "moving", "conditions", "start", "step", "reading", "truth", "preview", "set_state")

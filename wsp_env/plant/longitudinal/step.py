@@ -14,69 +14,52 @@ wheel's own momentum and is what the vehicle feels: momentum is exact, and the w
 vehicle stands.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from wsp_env.compiled import inlined, loop, rebuilder
 from wsp_env.contact.port import law_at
 from wsp_env.contact.traction import Surface
-from wsp_env.parameters.resistance import running_resistance
 from wsp_env.parameters.uic_z1 import COACH
-from wsp_env.plant.card import Passage
-from wsp_env.plant.components import brake, rail, tachometer
-from wsp_env.plant.longitudinal.doing import doing, moment
+from wsp_env.plant.components import brake, rail
+from wsp_env.plant.longitudinal.axles import (
+    FORCE,
+    FORCE_BY_SLIP,
+    FORCE_BY_SPEED,
+    HELD,
+    LAYER,
+    LOAD,
+    LOCKED,
+    MU_CD,
+    MU_CR,
+    ROWS,
+    SLIP,
+    TAU,
+    TORQUE,
+    Stepping,
+    believed_resistance,
+    brake_axle,
+    notice,
+    read_sensors,
+    turn_axle,
+)
+from wsp_env.plant.longitudinal.doing import moment
 from wsp_env.plant.longitudinal.exponential import slip_after, slip_drift, slip_growth
-from wsp_env.plant.longitudinal.state import PlantConstants, State, batch
+from wsp_env.plant.longitudinal.state import batch
 from wsp_env.plant.mechanisms import NULL, Active, mechanisms_at
-from wsp_env.plant.port import Conditions, Setup
+from wsp_env.plant.port import Setup
 from wsp_env.plant.slots import (
     after_contact,
-    after_passage,
-    before_contact,
     before_contact_acts,
     contact,
-    recorded_speed,
     recovery,
     resistance,
     surface,
-    torque,
-    torque_acts,
-    torque_factor,
     wheel_load,
 )
 
-# Rows of the scratch array `work` (ROWS, A) that holds one substep of one vehicle.
-SLIP, FORCE, FORCE_BY_SLIP, FORCE_BY_SPEED, LOAD, MU_CD, MU_CR, LAYER, HELD, TAU, TORQUE, LOCKED, ROWS = range(13)
-
-
-class Stepping(NamedTuple):
-    """What the functions of a step work on."""
-
-    state: State
-    c: Conditions
-    p: PlantConstants
-    law: Any  # the traction law of the vehicle at hand, with the mechanisms that change it
-    active: Active  # its mechanisms
-    inertia: np.ndarray  # (N, A) of the wheelsets [kg m2]
-    work: np.ndarray  # (ROWS, A) scratch
-
-
-@inlined
-def _believed_resistance(i: int, speed: float, c: Conditions, p: PlantConstants) -> float:
-    """Return running resistance and gradient [N]."""
-    return running_resistance(speed, p.resistance) + c.mass[i] * p.gravity * c.gradient[i]
-
-
-@loop
-def _notice(i: int, on_step: Stepping) -> None:
-    """Let mechanisms take notice of every axle at the start of a substep."""
-    state, c, p, _, active, _, _ = on_step
-    since = p.substep if state.time[i] > 0.0 else 0.0
-    for k in range(state.wheel_speed.shape[1]):
-        pressure = state.brake.pressure[i, k]
-        now = doing(i, k, 0.0, since, pressure, state.deceleration[i], state, c, p)
-        before_contact(active, i, k, now)
+__all__ = ["ROWS", "advance"]
 
 
 @inlined
@@ -86,7 +69,7 @@ def _start(i: int, on_step: Stepping) -> float:
     speed = state.speed[i]
     mass = c.mass[i]
     now = moment(i, 0.0, state.deceleration[i], state, p)
-    total = resistance(i, speed, _believed_resistance(i, speed, c, p), now, active)
+    total = resistance(i, speed, believed_resistance(i, speed, c, p), now, active)
     static = mass * p.gravity / (2.0 * len(p.axle_offset))
     rolled = speed * p.substep
     for k in range(state.wheel_speed.shape[1]):
@@ -160,39 +143,14 @@ def _solve_speed(i: int, resisted: float, on_step: Stepping) -> float:
     return momentum / mass
 
 
-@loop
-def _changed_torque(
-    i: int, k: int, pressure: float, factor: float, deceleration: float, on_step: Stepping
-) -> float:  # fmt: skip
-    """Let the mechanisms on the torque act on axle k; return it at the start of the substep, where `pressure` [bar] was.
-
-    What they add changes linearly over the substep: its mean is that of start and end.
-    """
-    state, c, p, _, active, work, _ = on_step
-    after = state.brake.pressure[i, k]
-    before, end = brake.torque(pressure, factor, p.brake), brake.torque(after, factor, p.brake)
-    now = doing(i, k, 0.0, 0.0, pressure, deceleration, state, c, p)
-    then = doing(i, k, p.substep, p.substep, after, deceleration, state, c, p)
-    start = torque(i, k, before, now, active)
-    added = torque(i, k, end, then, active) - end
-    work[TORQUE, k] = max(work[TORQUE, k] + 0.5 * (start - before + added), 0.0)
-    return start
-
-
 @inlined
 def _brake(i: int, elapsed: float, deceleration: float, jerk: float, on_step: Stepping) -> None:
     """Let valves, cylinders and discs act on every wheelset for a substep; note torques and new slips in `work`."""
-    state, c, p, _, active, work, _ = on_step
+    state, c, p, _, _, work, _ = on_step
     h = p.substep
-    acts = torque_acts(active)
     distributor = brake.distribute(i, c.demand[i], h, state.brake, p.brake)
     for k in range(state.wheel_speed.shape[1]):
-        start = state.brake.pressure[i, k]
-        mean = brake.fill(i, k, elapsed, h, distributor, c.demand[i], state.brake, p.brake)
-        wheel_mps = c.radius[i, k] * state.wheel_speed[i, k]
-        factor = torque_factor(active, i, k, wheel_mps, start)
-        work[TORQUE, k] = brake.torque(mean, factor, p.brake)
-        start = _changed_torque(i, k, start, factor, deceleration, on_step) if acts else brake.torque(start, factor, p.brake)
+        start = brake_axle(i, k, elapsed, distributor, deceleration, on_step)
         # A locked wheel stays so while the contact cannot turn it; its torque is a reaction.
         work[LOCKED, k] = 1.0 if state.wheel_speed[i, k] == 0.0 and c.radius[i, k] * work[FORCE, k] <= start else 0.0
         if work[LOCKED, k] > 0.0:
@@ -208,9 +166,8 @@ def _brake(i: int, elapsed: float, deceleration: float, jerk: float, on_step: St
 @inlined
 def _move(i: int, h: float, after: float, on_step: Stepping) -> None:
     """Move vehicle and wheelsets to the end of a substep of h [s], at which the vehicle runs with `after` [m/s]."""
-    state, c, p, _, active, work, inertia = on_step
+    state, c, p, _, _, work, inertia = on_step
     travelled = 0.5 * h * (state.speed[i] + after)
-    rolled = state.position[i]
     for k in range(state.wheel_speed.shape[1]):
         before = state.wheel_speed[i, k]
         radius = c.radius[i, k]
@@ -221,21 +178,9 @@ def _move(i: int, h: float, after: float, on_step: Stepping) -> None:
             wheel = max(after - work[SLIP, k], 0.0) / radius
             force = (inertia[i, k] * (wheel - before) / h + braking) / radius
         turned = 0.5 * h * (before + wheel)
-        spent = force * (travelled - radius * turned)
-        state.contact_work[i, k] += spent
-        state.brake_work[i] += braking * turned
-        place = rolled - p.axle_offset[k]
-        passage = Passage(
-            place, place + travelled, 0.5 * spent, braking * turned, h,
-            brake.torque(state.brake.pressure[i, k], 1.0, p.brake), brake.torque(p.brake.full_pressure, 1.0, p.brake),
-            (travelled - radius * turned) / h,
-        )  # fmt: skip
-        after_passage(active, i, k, passage)
-        state.wheel_speed[i, k] = wheel
-        state.wheel_rate[i, k] = (wheel - before) / p.substep
-        state.tachometer.angle[i, k] += turned
+        turn_axle(i, k, h, wheel, braking, force * (travelled - radius * turned), travelled, on_step)
     state.speed[i] = after
-    state.position[i] = rolled + travelled
+    state.position[i] += travelled
 
 
 @inlined
@@ -247,12 +192,12 @@ def _substep(i: int, elapsed: float, on_step: Stepping) -> bool:
     speed = state.speed[i]
     last = state.deceleration[i]
     if before_contact_acts(active):
-        _notice(i, on_step)
+        notice(i, on_step)
     deceleration = _start(i, on_step)
     jerk = (deceleration - last) / h if state.time[i] > 0.0 else 0.0
     middle = speed - 0.5 * h * deceleration
     halfway = moment(i, 0.5 * h, deceleration, state, p)
-    resisted = resistance(i, middle, _believed_resistance(i, middle, c, p), halfway, active)
+    resisted = resistance(i, middle, believed_resistance(i, middle, c, p), halfway, active)
     _brake(i, elapsed, deceleration, jerk, on_step)
     after = _solve_speed(i, resisted, on_step)
     locks = False
@@ -273,19 +218,6 @@ def _substep(i: int, elapsed: float, on_step: Stepping) -> bool:
     state.deceleration[i] = deceleration
     state.time[i] += h
     return stopped
-
-
-@inlined
-def _read_sensors(i: int, state: State, c: Conditions, p: PlantConstants, active: Active) -> None:
-    """Read the sensors of vehicle i at the end of a control interval."""
-    state.recorded_speed[i] = recorded_speed(active, state.speed[i], -state.deceleration[i])
-    axles = state.wheel_speed.shape[1]
-    now, interval = state.time[i], p.substep * p.substeps
-    step = round(now / interval)
-    for k in range(axles):
-        noise = c.noise[i] * tachometer.normal(c.key[i], step * axles + k) if c.noise[i] > 0.0 else 0.0
-        tachometer.read(i, k, state.wheel_speed[i, k], now, interval, noise, state.tachometer, p.tachometer, active)
-        state.slip_speed[i, k] = state.speed[i] - c.radius[i, k] * state.wheel_speed[i, k]
 
 
 _batch = rebuilder(batch(1, COACH, Setup(), NULL))
@@ -316,4 +248,4 @@ def advance(command: np.ndarray, believed: Any, given: Any, moving: np.ndarray, 
             if _substep(i, j * p.substep, on_step):
                 moving[i] = False
                 break
-        _read_sensors(i, state, c, p, active)
+        read_sensors(i, state, c, p, active)

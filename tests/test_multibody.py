@@ -1,0 +1,155 @@
+"""The multibody plant in motion: energy, convergence, the longitudinal plant as its limit, curves, what it gives up."""
+
+import dataclasses
+import math
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from plant_cases import a_stop
+
+import wsp_env  # noqa: F401  # registers the environments
+from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.uic_z1 import COACH
+from wsp_env.plant.longitudinal.plant import LongitudinalPlant
+from wsp_env.plant.multibody.plant import MultibodyPlant
+from wsp_env.plant.multibody.structure import WHEELSETS, Y_
+from wsp_env.plant.multibody.way import way
+from wsp_env.plant.port import Setup
+
+pytestmark = pytest.mark.slow  # the step takes a while to compile
+
+
+def brake(plant, seconds=60.0, cycling=False):
+    """Brake to a stop; cycling: every axle vents and applies at its own times, wheels slide and lock and roll again."""
+    for step in range(round(seconds / plant.setup.control_interval_s)):
+        phase = (step + 11 * np.arange(4)) % 100
+        command = np.where(cycling & (phase < 25), -1.0, np.where(cycling & (phase < 35), 0.0, 1.0))
+        plant.step(np.broadcast_to(command, (plant.n, 4)))
+        if not plant.moving.any():
+            break
+    return plant
+
+
+def started(kind=MultibodyPlant, setup=None, n=1, track=None, blocked=False, **changes):
+    more = {} if kind is LongitudinalPlant else {"blocked": blocked, "track": track}
+    plant = kind(COACH, n, setup or Setup(), **more)
+    for i in range(n):
+        plant.start(i, a_stop(COACH, **changes))
+    return plant
+
+
+@pytest.mark.parametrize(("mu_cd", "cycling"), [(0.06, False), (0.03, True)])
+def test_it_is_the_longitudinal_plant_in_its_limit(mu_cd, cycling):
+    """Suspensions blocked: 0.1 % in distance. Free: 1 %, as load moves to the leading axles."""
+    stop = {"mu_cd": mu_cd, "initial_speed": 25.0}
+    fine = Setup(substep_s=5e-4)
+    one = brake(started(LongitudinalPlant, fine, **stop), cycling=cycling)
+    for blocked, tolerance in ((True, 1e-3), (False, 1e-2)):
+        three = started(blocked=blocked, **stop)
+        before = three.kinetic_energy[0] + three.stored_energy[0]
+        brake(three, cycling=cycling)
+        state = three.state
+        assert not three.moving.any()
+        assert not three.given_up()
+        assert state.position[0] == pytest.approx(one.state.position[0], rel=tolerance)
+        spent = state.brake_work[0] + state.contact_work[0].sum() + state.resistance_work[0] + three.bodies.damper_work[0]
+        left = three.kinetic_energy[0] + three.stored_energy[0]
+        assert abs(before - left - spent) < 1e-3 * before
+        assert (state.wheel_speed == 0.0).all()
+
+
+def test_load_moves_forward_as_the_moments_say():
+    """Sum of the wheel loads, and of their moments about the leading axle, under a steady deceleration."""
+    plant = started(mu_cd=0.28, initial_speed=40.0, demand=0.6)
+    load = COACH.mass_kg * COACH.gravity_mps2
+    for _ in range(20):
+        plant.step(np.zeros((1, 4)))
+    np.testing.assert_allclose(plant.bodies.wheel_load, load / 8.0, rtol=2e-3)
+    brake(plant, 8.0)
+    axles = plant.bodies.wheel_load[0].sum(axis=1)
+    assert axles.sum() == pytest.approx(load, rel=1e-3)
+    m, slowing = COACH.multibody, plant.state.deceleration[0]
+    heights = m.carbody_kg(COACH.mass_kg, 4) * 1.8 + 2 * m.bogie_mass_kg * 0.6 + 4 * 1700.0 * 0.445
+    turning = 4 * COACH.wheelset_inertia_kgm2 / COACH.wheel_radius_m
+    moment = float(np.dot(axles, [10.78, 8.22, -8.22, -10.78]))
+    assert moment == pytest.approx(slowing * (heights + turning), rel=0.01)
+
+
+def test_halving_the_substep_halves_the_error():
+    """At least first order, in distance and wheel load, of a slide that begins."""
+    found = []
+    for substep in (5e-4, 2.5e-4, 1.25e-4, 6.25e-5):
+        plant = started(setup=Setup(substep_s=substep), mu_cd=0.03, initial_speed=20.0)
+        brake(plant, 4.0)
+        found.append([plant.state.position[0], plant.bodies.wheel_load[0, 3, 0]])
+    errors = np.abs(np.array(found[:-1]) - found[-1])
+    assert (errors[0] < np.array([1e-3, 1e-2]) * found[-1]).all()
+    assert (errors[1:] < 0.75 * errors[:-1] + 1e-9 * np.array(found[-1])).all()
+
+
+def test_a_lateral_offset_decays():
+    plant = started(mu_cd=0.28, initial_speed=20.0, demand=0.0)
+    plant.bodies.position[0, Y_ : WHEELSETS + 24 : 6] = 2e-3
+    brake(plant, 6.0)
+    assert np.abs(plant.bodies.shift).max() < 5e-4
+
+
+def test_a_narrow_curve_is_run_on_the_flange():
+    """300 m with transitions and cant at the speed where cant and curvature balance: the outer wheels guide, nothing jumps."""
+    radius, tilt = 300.0, -0.1
+    speed = math.sqrt(0.1 * 9.81 * radius)
+    nodes = [(60.0, 0.0, 0.0), (120.0, 1.0 / radius, tilt), (1e4, 1.0 / radius, tilt)]
+    plant = started(track=way(nodes), mu_cd=0.28, initial_speed=speed, demand=0.0)
+    loads, shifts = [], []
+    for _ in range(round(14.0 / 0.02)):
+        plant.step(np.ones((1, 4)))
+        loads.append(plant.bodies.wheel_load[0].copy())
+        shifts.append(plant.bodies.shift[0].copy())
+    assert not plant.given_up()
+    loads, shifts = np.array(loads), np.array(shifts)
+    assert loads.min() > 0.0
+    assert loads.max() < 1.6 * COACH.static_wheel_load_n
+    assert np.abs(np.diff(shifts, axis=0)).max() < 2e-3
+    guiding = plant.bodies.guiding[0]
+    assert shifts[-1, 0] < -5e-3  # outwards: to the right in a curve to the left
+    assert guiding[0, 1] > max(guiding[1, 1], 0.0)  # the leading outer wheel guides, more than the one behind it
+    quotient = plant.further_truth()["derailment_quotient"]
+    assert np.nanmax(quotient) < 0.8  # Nadal's limit for a flange angle of 70 degrees and friction 0.36
+
+
+def test_what_leaves_the_rails_is_truncated_with_the_reason():
+    env = gym.make("wsp_env/Coach-v0", plant="multibody", disable_env_checker=True)
+    env.reset(seed=1)
+    plant = env.unwrapped.batch.plant
+    plant.bodies.position[0, WHEELSETS + Y_] = 0.05
+    _, _, terminated, truncated, info = env.step([2, 2, 2, 2])
+    assert truncated
+    assert not terminated
+    assert info["given_up"] == "derailed: wheelset 1 has left the rails"
+    env.reset(seed=1)
+    plant.bodies.speed[0, 3] = math.nan
+    _, _, terminated, truncated, info = env.step([2, 2, 2, 2])
+    assert truncated
+    assert "not finite" in info["given_up"]
+    assert math.isfinite(info["speed_mps"])
+
+
+def test_info_says_what_the_wheels_do():
+    env = gym.make("wsp_env/Coach-v0", plant="multibody")
+    plain = gym.make("wsp_env/Coach-v0")
+    assert env.observation_space == plain.observation_space
+    env.reset(seed=1)
+    _, _, _, _, info = env.step([2, 2, 2, 2])
+    assert info["wheel_load_n"].shape == info["derailment_quotient"].shape == (4, 2)
+    assert info["lateral_shift_m"].shape == (4,)
+    assert np.isfinite(info["contact_points_m"][:, :, 0]).all()
+    assert info["given_up"] == ""
+
+
+def test_load_transfer_is_the_plants_own():
+    for choice in ({"load_transfer": {}},):
+        with pytest.raises(ParameterError, match="moves the wheel loads by itself"):
+            MultibodyPlant(COACH, 1, Setup(mechanisms=choice))
+    with pytest.raises(ParameterError, match="takes one body on two bogies"):
+        MultibodyPlant(dataclasses.replace(COACH, bodies=((4,),)))

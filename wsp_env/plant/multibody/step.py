@@ -1,0 +1,172 @@
+"""One control interval of the multibody plant: the compiled step.
+
+The equations of motion M du/dt = -C (u + dg/dt) - K (q + g) + F hold for the coordinates q and speeds u, with F of contacts,
+brakes, stops, weight and the frames' motion, and g what the frames of the bodies are shifted against each other in a curve.
+They are integrated linearly implicitly: springs, dampers and normal contact forces by the theta method (0.5: the midpoint
+rule), creep forces, which are stiff at low speed, by Euler's implicit one, all with one linear solution a substep:
+
+    (M + theta h C + (theta h)^2 K + S) du = h (F - C (u + dg/dt) - K (q + theta h u + g)),   q' = q + h (u + theta du)
+
+The matrix without S is inverted once a stop. S is what the contacts of the wheelsets add; it is solved wheelset by wheelset
+with the wheelset's own block of the inverse: what wheelsets do to each other through the suspension within a substep is left
+out of S only. A wheelset that comes to rest within a substep is held, and its brake's torque becomes a reaction.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from wsp_env.compiled import inlined, loop, rebuilder
+from wsp_env.contact.port import law_at
+from wsp_env.parameters.uic_z1 import COACH
+from wsp_env.plant.components import brake
+from wsp_env.plant.longitudinal.axles import (
+    TORQUE,
+    Stepping,
+    believed_resistance,
+    brake_axle,
+    notice,
+    read_sensors,
+    turn_axle,
+)
+from wsp_env.plant.longitudinal.doing import moment
+from wsp_env.plant.longitudinal.state import batch
+from wsp_env.plant.mechanisms import NULL, Active, mechanisms_at
+from wsp_env.plant.multibody.bodies import NOT_FINITE, OFF_THE_RAIL, SOUND, Bodies, BodyConstants, Scratch
+from wsp_env.plant.multibody.structure import PITCH, WHEELSETS
+from wsp_env.plant.multibody.suspension import add_product, creep_work, solve_wheelset, suspend
+from wsp_env.plant.multibody.way import here
+from wsp_env.plant.multibody.wheels import touch
+from wsp_env.plant.port import Setup
+from wsp_env.plant.slots import before_contact_acts, resistance
+
+#: Sum of the changes of all speeds [m/s], [rad/s] in a substep beyond which a motion is none any more.
+_LARGEST_CHANGE = 1e4
+
+
+@inlined
+def _substep(i: int, j: int, on_step: Stepping, m: Bodies, b: BodyConstants, w: Scratch) -> bool:
+    """Advance vehicle i by substep j of the control interval; True when it has stopped or left the track."""
+    state, c, p, _, active, work, _ = on_step
+    h, axles, motion = p.substep, state.wheel_speed.shape[1], w.motion
+    speed, last = state.speed[i], state.deceleration[i]
+    if before_contact_acts(active):
+        notice(i, on_step)
+    for n in range(motion.at.shape[0]):
+        motion.at[n] = m.position[i, n] + b.theta * h * m.speed[i, n]
+        motion.rate[n] = m.speed[i, n]
+    ahead = state.position[i] + b.theta * h * speed
+    for k in range(axles):
+        turning = speed * here(ahead - p.axle_offset[k], b.way.segments).curvature
+        if not touch(i, k, j, turning, on_step, m, b, w):
+            m.fault[i, 0], m.fault[i, 1] = OFF_THE_RAIL, k
+    m.damper_work[i] += suspend(
+        h, ahead, speed, p.gravity, (m.mass[i], m.hanging[i], m.axle_load[i]), b.way.segments, b.elements, motion
+    )
+    distributor = brake.distribute(i, c.demand[i], h, state.brake, p.brake)
+    for k in range(axles):
+        brake_axle(i, k, j * h, distributor, last, on_step)
+        motion.force[WHEELSETS + 6 * k + PITCH] -= h * work[TORQUE, k]
+        motion.force[b.bogie_of[k] + PITCH] += h * work[TORQUE, k]
+    middle = speed - 0.5 * h * last
+    resisted = resistance(i, middle, believed_resistance(i, middle, c, p), moment(i, 0.5 * h, last, state, p), active)
+    for body in range(3 + axles):  # like a gradient, on every body (assumption for running resistance, which is small)
+        motion.force[6 * body] -= h * resisted * m.mass[i, 6 * body] / c.mass[i]
+    _solve(i, on_step, m, b, w)
+    after, largest = speed, 0.0
+    for body in range(3 + axles):
+        after += m.mass[i, 6 * body] * motion.change[6 * body] / c.mass[i]
+    for n in range(motion.change.shape[0]):
+        largest += abs(motion.change[n])
+    if not largest < _LARGEST_CHANGE:
+        m.fault[i, 0] = NOT_FINITE
+    if m.fault[i, 0] != SOUND:
+        return True
+    return _move(i, after, resisted, on_step, m, b, w)
+
+
+@inlined
+def _solve(i: int, on_step: Stepping, m: Bodies, b: BodyConstants, w: Scratch) -> None:
+    """Turn the impulses into changes of the speeds, contacts and held wheelsets included."""
+    p, work, motion = on_step.p, on_step.work, w.motion
+    for n in range(motion.at.shape[0]):
+        motion.change[n] = 0.0
+    add_product(1.0, m.inverse[i], motion.force, motion.change)
+    for n in range(motion.at.shape[0]):
+        motion.force[n] = 0.0
+    for k in range(work.shape[1]):
+        first, bogie = WHEELSETS + 6 * k, b.bogie_of[k] + PITCH
+        turning = m.speed[i, first + PITCH]
+        left = solve_wheelset(k, p.substep, work[TORQUE, k], bogie, m.inverse[i], turning, motion.change, w.touching)
+        work[TORQUE, k] -= left / p.substep
+        for row in range(6):
+            motion.force[first + row] += w.touching.impulse[k, row]
+        motion.force[first + PITCH] += left
+        motion.force[bogie] -= left
+    add_product(1.0, m.inverse[i], motion.force, motion.change)
+
+
+@inlined
+def _move(i: int, after: float, resisted: float, on_step: Stepping, m: Bodies, b: BodyConstants, w: Scratch) -> bool:
+    """Move all bodies to the end of the substep, at which the vehicle runs with `after` [m/s]; True when it has stopped."""
+    state, _, p, _, _, work, _ = on_step
+    h, axles, speed, change = p.substep, state.wheel_speed.shape[1], state.speed[i], w.motion.change
+    stopped = after <= 0.0
+    state.deceleration[i] = (speed - after) / h
+    if stopped:  # within the substep
+        h *= speed / (speed - after)
+        after = 0.0
+    travelled = 0.5 * h * (speed + after)
+    state.resistance_work[i] += resisted * travelled
+    for k in range(axles):
+        turning = speed * here(state.position[i] - p.axle_offset[k], b.way.segments).curvature
+        spent = creep_work(k, h, m.speed[i], change, turning, w.touching)
+        turn = WHEELSETS + 6 * k + PITCH
+        wheel = 0.0 if stopped else max(m.speed[i, turn] + change[turn], 0.0)
+        turn_axle(i, k, h, wheel, work[TORQUE, k], spent, travelled, on_step)
+    for n in range(change.shape[0]):
+        m.position[i, n] += h * (m.speed[i, n] + b.theta * change[n])
+        m.speed[i, n] = 0.0 if stopped else m.speed[i, n] + change[n]
+    for body in range(3 + axles):  # along the track against the centre of mass
+        m.position[i, 6 * body] -= h * (speed + b.theta * (after - speed))
+    for k in range(axles):
+        m.speed[i, WHEELSETS + 6 * k + PITCH] = state.wheel_speed[i, k]
+    state.speed[i] = after
+    state.position[i] += travelled
+    state.time[i] += h
+    return stopped
+
+
+_batch = rebuilder(batch(1, COACH, Setup(), NULL))
+
+
+@loop
+def advance(
+    command: np.ndarray, believed: Any, given: Any, moving: np.ndarray, work: np.ndarray, m: Bodies, b: BodyConstants,
+    w: Scratch,
+) -> None:  # fmt: skip
+    """Advance every vehicle that moves by one control interval.
+
+    Parameters
+    ----------
+    command : (N, A) see `wsp_env.plant.command`
+    believed : the vehicle's traction law: the type of what the mechanisms make of it
+    given : a `wsp_env.plant.longitudinal.state.Batch` as `plain` tuples; its state is changed in place
+    moving : (N,) bool, changed in place: False once a vehicle stands or was given up; such a vehicle is left as it is
+    work : (ROWS, A) scratch
+    m, b, w : the bodies, changed in place, their constants, scratch
+
+    """
+    state, c, physics, p = _batch(given)
+    for i in range(command.shape[0]):
+        if not moving[i]:
+            continue
+        law = law_at(believed, physics.law, i)
+        active = Active(mechanisms_at(physics.mechanisms, i), p.derived, state.memory)
+        on_step = Stepping(state, c, p, law, active, work, physics.inertia)
+        brake.receive(i, command, state.brake)
+        for j in range(p.substeps):
+            if _substep(i, j, on_step, m, b, w):
+                moving[i] = False
+                break
+        read_sensors(i, state, c, p, active)
