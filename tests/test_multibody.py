@@ -17,7 +17,7 @@ from wsp_env.plant.multibody.structure import WHEELSETS, Y_
 from wsp_env.plant.multibody.way import way
 from wsp_env.plant.port import Setup
 
-pytestmark = pytest.mark.slow  # the step takes a while to compile
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("multibody")]  # the step takes a while to compile: once
 
 
 def brake(plant, seconds=60.0, cycling=False):
