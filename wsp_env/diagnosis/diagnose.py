@@ -12,7 +12,7 @@ from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, 
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import parameter_of, unavailable, variants
 from wsp_env.diagnosis.data_first import data_first
-from wsp_env.diagnosis.decide import FORM, Accepted, Outcome, select
+from wsp_env.diagnosis.decide import FORM, SURE, Accepted, Outcome, odds, select
 from wsp_env.diagnosis.discovered import equation, looks_like, slot_of
 from wsp_env.diagnosis.effects import course, curve, held_out
 from wsp_env.diagnosis.evaluate import Model
@@ -98,8 +98,11 @@ def _sound(campaign: Campaign, stops: list[PreparedStop]) -> tuple[Replica, list
 
 
 def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor) -> Diagnosis:
-    missing = outcome.missing
     found = quality(replica, outcome)
+    gains = found.held_out or (np.inf,) * len(outcome.accepted)
+    repeated = [one for one, gain in zip(outcome.accepted, gains, strict=True) if odds(one.trial.listed, 0.5 * gain) > SURE]
+    # A finding is repeated: at the size that was fitted to the others, the held-out runs alone make it as sure.
+    missing = [one for one in outcome.missing if one in repeated]
     worse = max(found.fit.extended[group] / found.fit.baseline[group] for group in found.fit.baseline) > _WORSE
     removed = found.fit.removed_validate
     left = structured(outcome.replica, outcome.last)
@@ -119,8 +122,9 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         f"seen, but too small to matter in a stop: {one.words} "
         f"({one.trial.size.multiple:.2f} of the smallest effect of interest)"
         for one in outcome.accepted
-        if one not in missing
+        if one not in outcome.missing
     ]
+    small += [f"seen, but not sure on the held-out runs alone: {one.words}" for one in outcome.missing if one not in repeated]
     if worthless:
         small += [f"seen in the runs to tune on, but worth nothing on those held out: {one.words}" for one in missing]
     if holds and missing and left > _STRUCTURED:

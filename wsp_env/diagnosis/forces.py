@@ -10,14 +10,17 @@ from wsp_env.diagnosis.replica import Replica
 
 
 class Forces:
-    """Columns of the residuals by forces, about a model."""
+    """Columns of the residuals by forces, about a model.
+
+    What changes slowly in time is in the recorded speed and so in the estimated one; what begins with a brake is not.
+    """
 
     def __init__(self, balances: Balances | Replica, model: Model) -> None:
         self._balances = balances
         self._parts: list[tuple[Blocks, Evaluation]] = list(zip(balances.parts, balances.evaluate(model), strict=True))
         nominal = [part.joined(brakes=part.wheel_rows(one.braking)) for part, one in self._parts]
         self.nominal = np.concatenate(nominal)
-        self.gain = self._torque(lambda time: np.ones((len(time), 1)))[0]
+        self.gain = self._torque(lambda time: np.ones((len(time), 1)), slow=False)[0]
 
     def turning(self) -> np.ndarray:
         """Columns (n, A) by a relative change of each wheelset's inertia."""
@@ -31,17 +34,18 @@ class Forces:
     def courses(self, apart_s: float) -> np.ndarray:
         """Columns by a relative change of each axle's torque in time, between nodes, in each run."""
         nodes, rows = self._nodes(apart_s), self._balances.rows
-        found = self._torque(lambda time: np.column_stack([np.interp(time, nodes, unit) for unit in np.eye(len(nodes))]))
+        found = self._torque(
+            lambda time: np.column_stack([np.interp(time, nodes, unit) for unit in np.eye(len(nodes))]), slow=True
+        )
         return np.column_stack([columns * (rows.run == i)[:, None] for columns in found for i in range(len(self._parts))])
 
     def on_vehicle(self, apart_s: float) -> np.ndarray:
         """Columns by a force on the vehicle in time, between nodes, in each run, as a share of its weight."""
         nodes, found = self._nodes(apart_s), []
-        for i, (part, one) in enumerate(self._parts):
+        for i, (part, _) in enumerate(self._parts):
             hats = np.column_stack([np.interp(part.stop.time, nodes, unit) for unit in np.eye(len(nodes))])
             lost = np.column_stack([part.summed(hat) for hat in hats.T]) * self._balances.vehicle.gravity_mps2
-            wheels, vehicle = self._slower(part, one, lost)
-            columns = part.joined(wheels, vehicle)
+            columns = part.joined(vehicle=np.column_stack([part.vehicle_rows(x) for x in lost.T]))
             wide = np.zeros((len(columns), len(nodes) * len(self._parts)))
             wide[:, i * len(nodes) : (i + 1) * len(nodes)] = columns
             found.append(wide)
@@ -51,7 +55,7 @@ class Forces:
         end = max(float(part.stop.time[-1]) for part, _ in self._parts)
         return np.arange(0.0, end + apart_s, apart_s)
 
-    def _torque(self, over: Callable[[np.ndarray], np.ndarray]) -> list[np.ndarray]:
+    def _torque(self, over: Callable[[np.ndarray], np.ndarray], slow: bool) -> list[np.ndarray]:
         """Columns (n, A) by a relative change of each axle's torque, for every weight of `over` (T, K)."""
         found = []
         weights = [over(part.stop.time) for part, _ in self._parts]
@@ -61,27 +65,27 @@ class Forces:
                 moment = weight[:, [k]] * one.torque
                 force = moment / (self._balances.radius * one.mass)
                 lost = np.column_stack([part.summed(x) for x in force.T])
-                pieces.append(self._rows(part, one, moment, lost, moment))
+                pieces.append(self._rows(part, one, moment, lost, moment, slow))
             found.append(np.vstack(pieces))
         return found
 
     def _rows(
-        self, part: Blocks, one: Evaluation, moment: np.ndarray, lost: np.ndarray, braking: np.ndarray | None = None
-    ) -> np.ndarray:
+        self, part: Blocks, one: Evaluation, moment: np.ndarray, lost: np.ndarray, braking: np.ndarray | None = None,
+        slow: bool = False,
+    ) -> np.ndarray:  # fmt: skip
         """Rows (n, A) of one stop by each wheelset's moment (T, A) [N m] and the speed that the vehicle loses by it [m/s]."""
         mine = np.nonzero(part.used)[1][:, None] == np.arange(self._balances.axles)
         share = part.wheel_rows(moment / (2.0 * self._balances.radius * one.load))[:, None] * mine
-        wheels, vehicle = self._slower(part, one, lost)
+        vehicle = np.column_stack([part.vehicle_rows(x) for x in lost.T])
         brakes = None if braking is None else part.wheel_rows(braking)[:, None] * mine
-        return part.joined(share + wheels, vehicle, brakes)
+        return part.joined(share if slow else share + self._slower(part, one, lost), vehicle, brakes)
 
     @staticmethod
-    def _slower(part: Blocks, one: Evaluation, lost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rows (w, K) of the wheels and (m, K) of the vehicle by speeds (T, K) [m/s] that forces predict to be lost.
+    def _slower(part: Blocks, one: Evaluation, lost: np.ndarray) -> np.ndarray:
+        """Rows (w, K) of the wheels by speeds (T, K) [m/s] that forces predict to be lost.
 
         The estimated speed believes what forces predict where it is fast, and the recorded speed where it is slow.
         """
         stop = part.stop
         slower = lost - np.column_stack([stop.estimator(stop.time, x) for x in lost.T])
-        wheels = np.column_stack([part.wheel_rows(one.slope * x[:, None]) for x in slower.T])
-        return wheels, np.column_stack([part.vehicle_rows(x) for x in lost.T])
+        return np.column_stack([part.wheel_rows(one.slope * x[:, None]) for x in slower.T])

@@ -34,7 +34,7 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
     held = held_out_rows(replica.rows)
     last = outcome.last
     nuisances = outcome.first.groups
-    groups = [*nuisances, last.small]
+    groups = [*nuisances, outcome.first.times]  # by how much channels may be early or late counts as noise
     sizes = Sizes(np.append(last.sizes.groups[: len(nuisances)], 1.0), last.sizes.noise)
 
     def weights(keep: np.ndarray | None) -> Weights:

@@ -60,6 +60,7 @@ class Screen:
     whitening: Whitening
     groups: tuple[Group, ...]  # nuisances
     small: Group  # mechanisms at sizes that do not matter
+    times: Group  # those of them whose size is a time
     sizes: Sizes  # of the nuisances
     found: tuple[Found, ...]  # best first
     second: Mapping[str, Found]  # the next best variant of a name
@@ -149,13 +150,15 @@ def screen(
     shares = _shares(named)
     every = [one.columns / one.scale * share for one, share in zip(named, shares, strict=True)]
     small = Group("small mechanisms", law.net(np.column_stack([nothing, *every]))[0], SMALL, True)
+    late = [parameter_of(one.variant.name, name).unit == "s" for one in named for name in one.variant.sizes]
+    times = small._replace(columns=small.columns[:, np.array(late, dtype=bool)])
     terms = law.net(np.column_stack([nothing, *(one.columns / one.scale for one in unnamed)]))[0]
     free = Group("accepted mechanisms", np.column_stack([nothing, *on]), np.inf, True)
     evidence = Evidence(replica, whitening, [*groups, free, small], base, terms)
     sizes = evidence.solve()
     found, second = _judged(evidence, sizes, named, unnamed)
     kept = Sizes(sizes.groups[: len(groups)], sizes.noise)
-    return Screen(model, base, whitening, groups, small, kept, tuple(found), second)
+    return Screen(model, base, whitening, groups, small, times, kept, tuple(found), second)
 
 
 def net_effect(replica: Replica, model: Model, variant: Variant, whitening: Whitening) -> StopChange:

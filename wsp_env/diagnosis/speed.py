@@ -61,8 +61,14 @@ class SpeedEstimator:
 
     def __call__(self, time: np.ndarray, change: np.ndarray) -> np.ndarray:
         """Return the change (T,) of the estimated speed by a change (T,) of the recorded one [m/s]."""
-        nodes = np.interp(self.time, time, change)
-        result: np.ndarray = np.interp(time, self.time, self.gain @ nodes)
+        course = self.gain @ np.interp(self.time, time, change)
+        if len(course) < 2:
+            return np.full(len(time), course[0])
+        result: np.ndarray = np.interp(time, self.time, course)
+        for edge, inner in ((0, 1), (-1, -2)):  # beyond the outer nodes it goes on as a line
+            beyond = time < self.time[0] if edge == 0 else time > self.time[-1]
+            slope = (course[inner] - course[edge]) / (self.time[inner] - self.time[edge])
+            result[beyond] = course[edge] + slope * (time[beyond] - self.time[edge])
         return result
 
 
