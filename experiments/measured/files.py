@@ -64,6 +64,7 @@ def _drive(file: Path) -> Drive:
     try:
         raw: dict[str, Any] = loadmat(file)
         channel = {name: np.ravel(raw[name]).astype(float) for name in ("t", "qm", "qg", "vir", "gtau")}
+    # All that scipy raises for a file that is damaged or of another kind, and a channel that is missing.
     except (MatReadError, ValueError, KeyError, OSError, NotImplementedError, TypeError) as error:
         raise MeasuredError(f"{file} is not a recording of the drive: {error}") from error
     pulses = np.ravel(raw.get("pulses_N", np.zeros(len(channel["t"])))).astype(float)

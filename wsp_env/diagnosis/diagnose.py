@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, Named, Verdict, Worth
 from wsp_env.diagnosis.balances import Balances
-from wsp_env.diagnosis.candidates import parameter_of, unavailable, variants
+from wsp_env.diagnosis.candidates import parameter_of, unavailable, variants, without
 from wsp_env.diagnosis.data_first import data_first
 from wsp_env.diagnosis.decide import FORM, SURE, Accepted, Outcome, odds, select
 from wsp_env.diagnosis.discovered import equation, looks_like, slot_of
@@ -116,6 +116,9 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     terms = tuple(_discovered(replica, outcome, one, found) for one in missing if one.trial.listed.family) if holds else ()
     verdict = _verdict(named, terms, bool(named or terms) or unexplained, bool(sliding(replica).any()))
     extended = outcome.fitted.model if holds else replica.baseline
+    for one in outcome.missing:
+        if holds and one not in repeated:
+            extended = without(extended, one.trial.variant)
     where = locate(replica, replica.baseline, extended, found.weights if holds else found.expected)
     reasons = unavailable(replica)
     small = [
@@ -148,7 +151,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         notes=(*notes, *small, *(f"{name}: {why}" for name, why in reasons.items())),
         course=course(replica.recorded, found.before, found.after, where),
         discovered=terms,
-        worth=_worth(outcome) if named or terms else None,
+        worth=_worth(outcome, extended, missing) if named or terms else None,
     )
 
 
@@ -162,14 +165,10 @@ def _verdict(named: tuple[Named, ...], terms: tuple[Discovered, ...], seen: bool
     return "adequate" if slides else "insufficient"
 
 
-def _worth(outcome: Outcome) -> Worth:
+def _worth(outcome: Outcome, extended: Model, missing: list[Accepted]) -> Worth:
     """Return what all that was found changes in the recorded stops, against the law tuned without it."""
-    size = net_change(
-        outcome.replica, outcome.fitted.model, dataclasses.replace(outcome.fitted.model, choice={}), outcome.last.whitening
-    )
-    shares = [
-        float(np.max(one.trial.found.deviation / np.maximum(np.abs(one.trial.found.multiple), 1e-9))) for one in outcome.missing
-    ]
+    size = net_change(outcome.replica, extended, dataclasses.replace(extended, choice={}), outcome.last.whitening)
+    shares = [float(np.max(one.trial.found.deviation / np.maximum(np.abs(one.trial.found.multiple), 1e-9))) for one in missing]
     half = _Z90 * float(np.hypot(FORM, max(shares, default=0.0))) * abs(size.distance)
     return Worth(size.distance, (size.distance - half, size.distance + half), size.slip)
 

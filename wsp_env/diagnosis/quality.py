@@ -86,4 +86,4 @@ def structured(replica: Replica, seen: Screen) -> float:
         mine = follows & (rows.balance[one] == balance)
         if mine.sum() >= _LEAST_PAIRS:
             shared.append(float(np.mean(left[one[mine]] * left[two[mine]])))
-    return float(np.sqrt(max(0.0, *shared, 0.0)))
+    return float(np.sqrt(max([0.0, *shared])))
