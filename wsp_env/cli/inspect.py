@@ -7,6 +7,7 @@ from typing import Annotated
 
 import tyro
 
+from wsp_env.output import ready, write_text
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import CampaignError, CampaignWarning, read_campaign
 from wsp_env.recordings.inspection import InspectedChannel, draft, inspect, suspicions
@@ -34,6 +35,10 @@ def main(
 
     from wsp_env.report import Table, terminal_table
 
+    if out is not None:
+        if out.exists():
+            raise CampaignError(f"{out} exists already; name another file or remove it")
+        ready(out)
     found = inspect(file)
     console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
     header = ("channel", "unit", "samples", "missing", "rate [Hz]", "lowest", "highest", "noise", "resolution", "may be")
@@ -47,11 +52,8 @@ def main(
         console.print("Draft of campaign.toml (--out FILE writes it):\n")
         console.print(text, markup=False, soft_wrap=True)
         return
-    if out.exists():
-        raise CampaignError(f"{out} exists already; name another file or remove it")
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(text, encoding="utf-8")
-    console.print(f"Draft written: [bold]{out}[/bold]")
+    write_text(out, text)
+    console.print(f"Draft written: {out}", markup=False)
 
 
 def _beside(file: Path) -> list[str]:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from wsp_env.evaluation.network import check_network
 from wsp_env.observer import estimator, rail
 from wsp_env.observer.observation import Observer
 from wsp_env.parameters.document import DocumentError, read_json
@@ -58,6 +59,8 @@ _KINDS = {
     "sha256": str,
 }
 
+OPEN = -1  # columns that a network does not say
+_LARGEST_MEMORY = 100_000  # columns of what a network remembers (assumption)
 _SHORTEST_S = 1e-4  # control interval, as plants take it
 
 #: Share of the control interval by which the time between two measurements may differ from it (assumption).
@@ -271,6 +274,10 @@ def _session(place: Path, content: bytes, contract: Contract) -> tuple[Infer, in
         import onnxruntime
     except ImportError as error:
         raise ParameterError("running a policy needs onnxruntime: pip install 'wsp-env[export]'") from error
+    try:
+        check_network(content)
+    except ValueError as error:
+        raise ParameterError(f"policy {place}: {NETWORK} is refused: {error}") from None
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1  # so small a network is slower on more
     options.inter_op_num_threads = 1
@@ -279,16 +286,17 @@ def _session(place: Path, content: bytes, contract: Contract) -> tuple[Infer, in
     except Exception as error:  # onnxruntime has no common base of its errors
         raise ParameterError(f"policy {place}: {NETWORK} cannot be loaded: {error}") from None
     size = len(contract.observation)
-    given = {item.name: item.shape for item in session.get_inputs()}
+    given = {item.name: _columns(item) for item in session.get_inputs()}
+    made = {item.name: _columns(item) for item in session.get_outputs()}
+    memory = given.get(MEMORY_INPUT, 0)
     remembers = [MEMORY_INPUT] if MEMORY_INPUT in given else []
     wanted = ["command", *(MEMORY_OUTPUT if remembers else ())]
-    if (
-        set(given) != {INPUT, *remembers}
-        or given[INPUT][-1] != size
-        or not set(wanted) <= {item.name for item in session.get_outputs()}
-    ):
+    fits = given == {INPUT: size} | dict.fromkeys(remembers, memory) and 0 <= memory <= _LARGEST_MEMORY
+    fits &= made.get("command") in (contract.axles, OPEN) and all(made.get(name) in (memory, OPEN) for name in wanted[1:])
+    if not fits:
         raise ParameterError(
-            f"policy {place}: {NETWORK} takes {given}, expected {INPUT} (N, {size}) and the output {' and '.join(wanted)}"
+            f"policy {place}: {NETWORK} takes columns {given} and gives {made}, expected {INPUT} (N, {size}) and the output "
+            f"{' and '.join(wanted)}: tables of floats"
         )
 
     def infer(observation: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -297,4 +305,11 @@ def _session(place: Path, content: bytes, contract: Contract) -> tuple[Infer, in
         command, remembered = session.run(wanted, {INPUT: observation, MEMORY_INPUT: memory})
         return command, remembered
 
-    return infer, given[MEMORY_INPUT][-1] if remembers else 0
+    return infer, memory
+
+
+def _columns(item: Any) -> int:
+    """Return the columns of a network's input or output that is a table of floats, `OPEN` where they are; -2 for no table."""
+    if item.type != "tensor(float)" or not isinstance(item.shape, list) or len(item.shape) != 2:
+        return -2
+    return item.shape[1] if isinstance(item.shape[1], int) else OPEN
