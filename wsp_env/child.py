@@ -21,7 +21,7 @@ except ImportError:  # Windows
     resource = None  # type: ignore[assignment]
 
 #: Clock time per processor time that is allowed: so slow a busy machine may be (assumption).
-CLOCK_PER_CPU = 10.0
+CLOCK_PER_CPU = 30.0
 
 _GRACE_S = 5.0  # of the processor, for code that swallows the exception; then its process is ended, if it is a worker
 _PR_SET_PDEATHSIG = 1  # prctl(2)
@@ -54,10 +54,10 @@ def end_with_parent() -> None:
 
 @contextlib.contextmanager
 def limited(cpu_s: float) -> Iterator[None]:
-    """Raise `TookTooLongError` in what runs here for longer than so many seconds of the processor, or ten times by the clock.
+    """Raise `TookTooLongError` in what runs here for longer than so many seconds of the processor.
 
-    A worker is ended where even that does not help: in compiled code, or where everything is caught. Only the main thread
-    can be limited.
+    Or for longer than `CLOCK_PER_CPU` times that by the clock. A worker is ended where even that does not help: in compiled
+    code, or where everything is caught. Only the main thread can be limited.
     """
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield

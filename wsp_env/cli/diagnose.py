@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
+from wsp_env.cli.folder import make_campaign
 from wsp_env.diagnosis import Diagnosis, diagnose
 from wsp_env.diagnosis.creep_curves import CreepDiagnosis, diagnose_creep_curves
 from wsp_env.diagnosis.creep_curves.report import write_creep_report
@@ -52,13 +53,15 @@ def main(
     seed: int = 0,
     workers: int = os.cpu_count() or 1,
     as_json: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
+    vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "",
 ) -> None:
     """Locate where recorded stops, or measured creep curves, and the law differ, and name the missing physics.
 
     Parameters
     ----------
     campaign
-        Folder that holds campaign.toml and one table per run or creep curve.
+        Folder that holds campaign.toml and one table per run or creep curve; or recorded files only, for which campaign.toml is
+        then written as `wsp inspect` does.
     out
         Folder for diagnosis.json, model.json and report.html.
     effort
@@ -70,9 +73,13 @@ def main(
         Threads that evaluate and refit mechanisms of stops side by side; the answer does not depend on them.
     as_json
         Print the JSON instead of the verdict.
+    vehicle
+        Gives mass, inertia and radius where campaign.toml is written: a name (wsp vehicle list) or a vehicle file.
 
     """
     _check(out, effort, seed, workers)
+    if campaign.is_dir() and not (campaign / "campaign.toml").exists():
+        make_campaign(campaign, vehicle, None, Console(stderr=True, highlight=False, soft_wrap=True))
     found: Diagnosis | CreepDiagnosis
     if holds_creep_curves(campaign):
         curves = read_creep_curves(campaign)

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import tyro
 
+from wsp_env.cli.folder import make_campaign, pictured
 from wsp_env.output import ready, write_text
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import CampaignError, CampaignWarning, read_campaign
@@ -20,21 +21,32 @@ def main(
     file: tyro.conf.Positional[Path],
     /,
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+    vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "",
 ) -> None:
     """List a recording's channels with units, rates, range, noise and what they may be; draft a campaign.toml.
+
+    Of a folder: find the recorded stops in it, write its campaign.toml and a page with all signals. Mass, inertia and radius
+    come from --vehicle, or are asked for on a terminal.
 
     Parameters
     ----------
     file
-        CSV, Parquet, MDF4 (.mf4) or MAT file.
+        CSV, Parquet, MDF4 (.mf4) or MAT file, or a folder of such files.
     out
-        Where to write the draft of campaign.toml; not written over what is there.
+        Where to write campaign.toml (a folder's: into it); not written over what is there.
+    vehicle
+        Gives a folder's campaign mass, inertia and radius: a name (wsp vehicle list) or a vehicle file.
 
     """
     from rich.console import Console
 
     from wsp_env.report import Table, terminal_table
 
+    if file.is_dir():
+        console = Console(highlight=False, soft_wrap=True)
+        made = make_campaign(file, vehicle, out, console)
+        pictured(made, made / "signals.html", console)
+        return
     if out is not None:
         if out.exists():
             raise CampaignError(f"{out} exists already; name another file or remove it")

@@ -87,7 +87,7 @@ def read(path: Path) -> dict[str, np.ndarray] | None:
         if len({len(found[name]) for name in _EACH_STOP}) != 1:
             raise ValueError("its columns differ in length")
     except Exception as error:  # zipfile, zlib and numpy raise whatever they stumble over
-        warnings.warn(f"{path} cannot be used and is computed again ({error})", stacklevel=2)
+        warnings.warn(f"{path} cannot be read and is computed again ({error})", stacklevel=2)
         return None
     return found
 

@@ -5,7 +5,9 @@ Guesses are for a person to confirm: they are only ever written into a commented
 
 import dataclasses
 import json
+import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +23,7 @@ from wsp_env.recordings.readers.channel_file import ChannelFile
 _WORDS = {
     "wheel_speed": (("speed", "vel", "omega", "rpm", "drehz", "wheel"), "rad/s"),
     "brake_torque": (("torq", "moment", "mbr"), "N*m"),
-    "cylinder_pressure": (("press", "bcp", "cyl", "druck", "pbr"), "bar"),
+    "cylinder_pressure": (("press", "bcp", "cyl", "zyl", "druck", "pbr"), "bar"),
     "wheel_load": (("load", "vertical", "last"), "N"),
     "valve_command": (("valve", "cmd", "command", "ventil", "dump"), ""),
     "vehicle_speed": (("speed", "vel", "geschw"), "m/s"),
@@ -36,7 +38,12 @@ _ENDINGS = {
     "m": "m", "ms": "ms", "s": "s",
 }  # fmt: skip
 
+#: Letters that stand for a quantity where a number of an axle follows: "V_AXLE_1", "p_Zyl_1", "omega.3".
+_LETTERS = {"wheel_speed": ("v", "n", "w", "om"), "brake_torque": ("m", "mb"), "cylinder_pressure": ("p",)}
+
 _AXLE = re.compile(r"(?:axle|axl|ax|wheelset|wheel|ws|achse|rad|w|a)[ _.-]?(\d{1,2})(?!\d)", re.IGNORECASE)
+_ALONE = {"time": ("t",), "vehicle_speed": ("v",)}  # letters that need no number
+_LAST_NUMBER = re.compile(r"(?<=[A-Za-z_ .-])(\d{1,2})$")
 _BY_UNIT = ("wheel_speed", "brake_torque", "cylinder_pressure")  # what a unit and a number in the name may speak for
 _MOST_AXLES = 8
 _MEASURED = ('brake_torque_source = "measured"    # or "cylinder pressure times the nominal gain"',)
@@ -44,6 +51,7 @@ _FROM_PRESSURES = (  # of a draft
     "# torque_per_bar_nm = ...           # EDIT: required, torque of a wheelset for one bar in its brake cylinders",
     'brake_torque_source = "cylinder pressure times the nominal gain"   # no torques found in the file',
 )
+_ALIKE = (0.8, 1.25)  # highest wheel speed over the vehicle's where both have one unit; wheels slide, tyres wear
 _FASTEST_MPS = 60.0  # a vehicle speed without unit above this is taken for km/h
 
 
@@ -117,7 +125,20 @@ def guess(opened: ChannelFile, highest: dict[str, float]) -> dict[str, Source]:
                     unit = "km/h"
             guessed[name] = Source(column, unit)
             used.add(column)
-    return guessed
+    return _as_the_vehicle(guessed, opened, highest)
+
+
+def _as_the_vehicle(guessed: dict[str, Source], opened: ChannelFile, highest: dict[str, float]) -> dict[str, Source]:
+    """Give wheel speeds without a unit that of the vehicle's speed where they reach the same number."""
+    vehicle = guessed.get("vehicle_speed")
+    found = dict(guessed)
+    for name, source in guessed.items():
+        unstated = not opened.units[source.column] and not _ending(source.column)
+        if vehicle is not None and name.endswith("_wheel_speed") and unstated and highest[vehicle.column] > 0.0:
+            ratio = highest[source.column] / highest[vehicle.column]
+            if _ALIKE[0] < ratio < _ALIKE[1]:
+                found[name] = Source(source.column, vehicle.unit)
+    return found
 
 
 def alike(file: Path, found: list[InspectedChannel]) -> list[Path]:
@@ -141,6 +162,12 @@ def dead(found: list[InspectedChannel]) -> list[InspectedChannel]:
     return [channel for channel in wheels if moving and channel.quality.highest == channel.quality.lowest]
 
 
+def absent(found: list[InspectedChannel], axles: int) -> set[int]:
+    """Return the axles without a wheel speed, where others have one; none where all are left out."""
+    there = {_axle(channel) for channel in found if channel.guess.endswith("_wheel_speed")}
+    return set(range(1, axles + 1)) - there if there else set()
+
+
 def suspicions(found: list[InspectedChannel]) -> list[str]:
     """Say which channels of a single file look dead, each with what to do."""
     return [
@@ -154,24 +181,34 @@ def _axle(channel: InspectedChannel) -> int:
     return int(channel.guess.removeprefix("axle").split("_")[0])
 
 
-def draft(file: Path, found: list[InspectedChannel]) -> str:
+def draft(file: Path, found: list[InspectedChannel], runs: Sequence[Path] = (), folder: Path | None = None) -> str:
     """Return a campaign.toml to edit: what is known is filled in, what only a person can know is left out and asked for.
 
-    Its runs are the file and those like it beside it, see `alike`.
+    Parameters
+    ----------
+    file, found : one file, and its channels
+    runs : files of the campaign; none: the file and those like it beside it, see `alike`
+    folder : that campaign.toml will stand in; None: that of the file
+
     """
-    runs = alike(file, found)
+    runs = runs or alike(file, found)
+    stems = [run.stem for run in runs]
+    places = {run: Path(os.path.relpath(run, folder or file.parent)).as_posix() for run in runs}
+    named = {run: run.stem if stems.count(run.stem) == 1 else str(Path(places[run]).with_suffix("")) for run in runs}
     guesses = {channel.guess: channel for channel in found if channel.guess}
     axles = max((int(match[1]) for name in guesses if (match := re.match(r"axle(\d+)_", name))), default=4)
     rates = [channel.rate_hz for channel in found if channel.rate_hz and channel.guess]
     step = 1.0 / max(rates) if rates and max(rates) < 100.0 else 0.01
     pressures = any("pressure" in name for name in guesses) and not any("torque" in name for name in guesses)
     clocked = all(channel.rate_hz for channel in found)  # every channel brings its clock
-    silent = sorted({_axle(channel) for channel in dead(found) if channel.guess.endswith("_wheel_speed")})
+    silent = sorted(
+        {_axle(channel) for channel in dead(found) if channel.guess.endswith("_wheel_speed")} | absent(found, axles)
+    )
     lines = [
         f"# Draft by `wsp inspect` from {file.name}. Lines with EDIT need you; check every guess.",
         "[campaign]",
         f"name = {json.dumps(file.stem)}",
-        f"tune = {json.dumps([run.stem for run in runs])}      # EDIT: runs to tune on",
+        f"tune = {json.dumps(list(named.values()))}      # EDIT: runs to tune on",
         "validate = []             # EDIT: runs that are only scored",
         f"sample_time_s = {step:.4g}      # all channels are brought to this clock",
         "",
@@ -181,7 +218,11 @@ def draft(file: Path, found: list[InspectedChannel]) -> str:
         "# mass_kg = ...                     # EDIT: required",
         "# wheelset_inertia_kgm2 = ...       # EDIT: required; 160 for a coach's wheelset with discs",
         "# wheel_radius_m = ...              # EDIT: required",
-        *([f"# missing_axles = {silent}             # EDIT: their wheel speed never changes"] if silent else []),
+        *(
+            [f"missing_axles = {silent}                # EDIT: no wheel speed found, or one that never changes"]
+            if silent
+            else []
+        ),
         *(_FROM_PRESSURES if pressures else _MEASURED),
         "",
         "[contact]",
@@ -194,13 +235,17 @@ def draft(file: Path, found: list[InspectedChannel]) -> str:
         if name in guesses:
             entry = f"{{column = {json.dumps(guesses[name].name)}, unit = {json.dumps(guesses[name].guessed_unit)}}}"
             lines.append(f"{name} = {entry}   # guessed")
-        elif kind.required and not (name == "time" and clocked) and not (pressures and name.endswith("brake_torque")):
+        elif kind.required and not (
+            (name == "time" and clocked)
+            or (pressures and name.endswith("brake_torque"))
+            or any(name.startswith(f"axle{k}_") for k in silent)
+        ):
             example = f'{{column = "...", unit = "{kind.unit}"}}'
             unless = ", or pressures and torque_per_bar_nm" if name.endswith("brake_torque") else ""
             lines.append(f"# {name} = {example}   # EDIT: required{unless}; none found")
     for run in runs:
         place = "# start_position_m = ...           # of the leading axle along the track; leave it out where nobody knows"
-        lines += ["", f"[runs.{json.dumps(run.stem)}]", f"file = {json.dumps(run.name)}", place]
+        lines += ["", f"[runs.{json.dumps(named[run])}]", f"file = {json.dumps(places[run])}", place]
     return "\n".join(lines) + "\n"
 
 
@@ -210,15 +255,19 @@ def _named(column: str, unit: str) -> str:
         pattern = re.escape(kind.column).replace(r"\{k\}", r"(\d+)")
         if match := re.fullmatch(pattern, column):
             return name.replace("{k}", match[1]) if match.groups() else name
-    words = [word.lower() for word in re.findall(r"[A-Za-z]+?(?=[A-Z][a-z]|\d|[^A-Za-z]|$)", column)]
-    axle = _AXLE.search(column)
+    leaf = re.sub(r"\.(\d+)$", r"_\1", column).rsplit(".", 1)[-1]  # of structures, `data.t`; columns of matrices, `omega.1`
+    words = [word.lower() for word in re.findall(r"[A-Za-z]+?(?=[A-Z][a-z]|\d|[^A-Za-z]|$)", leaf)]
+    axle = _AXLE.search(leaf) or _LAST_NUMBER.search(re.sub(r"\s*[\[(].*", "", leaf))
+    if axle and not 1 <= int(axle[1]) <= _MOST_AXLES:
+        axle = None
     for kind_name, (beginnings, _) in _WORDS.items():
         name = f"axle{axle[1]}_{kind_name}" if axle and f"axle{{k}}_{kind_name}" in CHANNELS else kind_name
         if name not in CHANNELS and not name.startswith("axle"):
             continue
         if axle and not name.startswith("axle"):
             continue
-        spoken = any(word.startswith(beginnings) for word in words) or (kind_name == "time" and words[:1] == ["t"])
+        letters = _ALONE.get(kind_name, ()) or (_LETTERS.get(kind_name, ()) if axle else ())
+        spoken = any(word.startswith(beginnings) for word in words) or words[:1] in [[letter] for letter in letters]
         if spoken and _fits(unit, name):
             return name
     return ""
