@@ -41,7 +41,7 @@ LONGEST_S = 20.0
 TOKENS = [
     b"1e400", b"-1", b"0", b"nan", b"inf", b"1" + b"0" * 400, b"1" + b"0" * 5000, b"[" * 2000, b"{" * 2000, b'"', b"'", b"\n",
     b"\r", b"\0", b",", b";", b"\t", b"true", b"null", b"{}", b"[]", b"=", b"\xff\xfe", b"\xef\xbb\xbf", b"\\ud800",
-    b"12:00:00",    b"</script><script>", b"[/bold]", b"../../../etc/passwd", b"a.b.c.d", b"#", b"1e-300", 
+    b"12:00:00", b"</script><script>", b"[/bold]", b"../../../etc/passwd", b"a.b.c.d", b"#", b"1e-300",
     b"9999999999999", b"\x1b[31m",
 ]  # fmt: skip
 
