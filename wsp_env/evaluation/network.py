@@ -5,13 +5,84 @@ functions, sequences, and operators of others. Format: `onnx.proto` of ONNX, as 
 wire: fields of a number, a wire type and a value.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
+import numpy as np
+
+from wsp_env.parameters.quantity import ParameterError
+
+INPUT = "observation"
+
+#: The same of a network that remembers.
+MEMORY_INPUT = "memory"
+MEMORY_OUTPUT = {
+    "remembered": "(N, M), to be given as the input memory with the next observation; zeros at the start of a stop"
+}
+
+#: From observations (N, size) and memory (N, M), both float32, to commands (N, axles) and memory.
+Infer = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+OPEN = -1  # columns that a network does not say
+_LARGEST_MEMORY = 100_000  # columns of what a network remembers (assumption)
 _DOMAINS = ("", "ai.onnx")
 _REFUSED = ("Loop", "Scan", "If")  # and all of sequences and optional values
 _LARGEST_BYTES = 100_000_000  # of a network; those of this project have some 100 thousand
 
 Value = int | memoryview
+
+
+def open_network(content: bytes, size: int, axles: int) -> tuple[Infer, int]:
+    """Return what runs a network, and how many numbers it remembers; `ValueError` with a clause for one that does not fit.
+
+    Parameters
+    ----------
+    size : numbers of an observation
+    axles : of the vehicle, each with a command
+
+    """
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise ParameterError("running a policy needs onnxruntime: pip install 'wsp-env[export]'") from error
+    try:
+        check_network(content)
+    except ValueError as error:
+        raise ValueError(f"is refused: {error}") from None
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1  # so small a network is slower on more
+    options.inter_op_num_threads = 1
+    try:
+        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime has no common base of its errors
+        raise ValueError(f"cannot be loaded: {error}") from None
+    given = {item.name: _columns(item) for item in session.get_inputs()}
+    made = {item.name: _columns(item) for item in session.get_outputs()}
+    memory = given.get(MEMORY_INPUT, 0)
+    remembers = [MEMORY_INPUT] if MEMORY_INPUT in given else []
+    wanted = ["command", *(MEMORY_OUTPUT if remembers else ())]
+    fits = given == {INPUT: size} | dict.fromkeys(remembers, memory) and 0 <= memory <= _LARGEST_MEMORY
+    fits &= made.get("command") in (axles, OPEN) and all(made.get(name) in (memory, OPEN) for name in wanted[1:])
+    if not fits:
+        raise ValueError(
+            f"takes columns {given} and gives {made}, expected {INPUT} (N, {size}) and the output "
+            f"{' and '.join(wanted)}: tables of floats"
+        )
+
+    def infer(observation: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if not remembers:
+            return session.run(wanted, {INPUT: observation})[0], memory
+        command, remembered = session.run(wanted, {INPUT: observation, MEMORY_INPUT: memory})
+        return command, remembered
+
+    return infer, memory
+
+
+def _columns(item: Any) -> int:
+    """Return the columns of a network's input or output that is a table of floats, `OPEN` where they are; -2 for no table."""
+    if item.type != "tensor(float)" or not isinstance(item.shape, list) or len(item.shape) != 2:
+        return -2
+    return item.shape[1] if isinstance(item.shape[1], int) else OPEN
 
 
 def check_network(content: bytes) -> None:

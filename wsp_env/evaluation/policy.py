@@ -6,13 +6,13 @@ vehicle and rate) and a model card. Nothing in it is code and nothing is unpickl
 
 import dataclasses
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from wsp_env.evaluation.network import check_network
+from wsp_env.evaluation.network import Infer, open_network
 from wsp_env.observer import estimator, rail
 from wsp_env.observer.observation import Observer
 from wsp_env.parameters.document import DocumentError, read_json
@@ -27,22 +27,12 @@ CONTRACT_VERSION = 1
 #: Files of a policy folder.
 NETWORK, CONTRACT = "policy.onnx", "contract.json"
 
-#: Names of the network's input and outputs, and what the outputs are.
-INPUT = "observation"
+#: Names of the network's outputs, and what they are.
 OUTPUTS = {
     "command": "(N, axles); valve: -1 vent, 0 hold, +1 apply; pressure: -1 none to +1 the demanded one",
     "raw": "the network's last layer; valve: (N, 3 x axles), the logits of vent, hold and apply, axle by axle, "
     "or (N, axles), the brake wanted, -1 none to +1 that which asks for an adhesion of 0.2, or the pressure commanded",
 }
-
-#: The same of a network that remembers.
-MEMORY_INPUT = "memory"
-MEMORY_OUTPUT = {
-    "remembered": "(N, M), to be given as the input memory with the next observation; zeros at the start of a stop"
-}
-
-#: From observations (N, size) and memory (N, M), both float32, to commands (N, axles) and memory.
-Infer = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 #: Kind of each entry of a contract; those left out have checks of their own.
 _KINDS = {
@@ -59,8 +49,6 @@ _KINDS = {
     "sha256": str,
 }
 
-OPEN = -1  # columns that a network does not say
-_LARGEST_MEMORY = 100_000  # columns of what a network remembers (assumption)
 _SHORTEST_S = 1e-4  # control interval, as plants take it
 
 #: Share of the control interval by which the time between two measurements may differ from it (assumption).
@@ -249,7 +237,12 @@ def load_policy(folder: str | Path) -> Policy:
         raise ParameterError(f"policy {place}: {NETWORK} cannot be read: {error.strerror}") from None
     if hashlib.sha256(content).hexdigest() != contract.sha256:
         raise ParameterError(f"policy {place}: {NETWORK} is not the network that {CONTRACT} was written for (sha256 differs)")
-    return Policy(contract, *_session(place, content, contract))
+    try:
+        return Policy(contract, *open_network(content, len(contract.observation), contract.axles))
+    except ParameterError:  # not installed
+        raise
+    except ValueError as error:
+        raise ParameterError(f"policy {place}: {NETWORK} {error}") from None
 
 
 def read_contract(folder: Path) -> Contract:
@@ -267,49 +260,3 @@ def read_contract(folder: Path) -> Contract:
         return Contract(**document)
     except ParameterError as error:
         raise ParameterError(f"policy {folder}: {error}") from None
-
-
-def _session(place: Path, content: bytes, contract: Contract) -> tuple[Infer, int]:
-    try:
-        import onnxruntime
-    except ImportError as error:
-        raise ParameterError("running a policy needs onnxruntime: pip install 'wsp-env[export]'") from error
-    try:
-        check_network(content)
-    except ValueError as error:
-        raise ParameterError(f"policy {place}: {NETWORK} is refused: {error}") from None
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = 1  # so small a network is slower on more
-    options.inter_op_num_threads = 1
-    try:
-        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime has no common base of its errors
-        raise ParameterError(f"policy {place}: {NETWORK} cannot be loaded: {error}") from None
-    size = len(contract.observation)
-    given = {item.name: _columns(item) for item in session.get_inputs()}
-    made = {item.name: _columns(item) for item in session.get_outputs()}
-    memory = given.get(MEMORY_INPUT, 0)
-    remembers = [MEMORY_INPUT] if MEMORY_INPUT in given else []
-    wanted = ["command", *(MEMORY_OUTPUT if remembers else ())]
-    fits = given == {INPUT: size} | dict.fromkeys(remembers, memory) and 0 <= memory <= _LARGEST_MEMORY
-    fits &= made.get("command") in (contract.axles, OPEN) and all(made.get(name) in (memory, OPEN) for name in wanted[1:])
-    if not fits:
-        raise ParameterError(
-            f"policy {place}: {NETWORK} takes columns {given} and gives {made}, expected {INPUT} (N, {size}) and the output "
-            f"{' and '.join(wanted)}: tables of floats"
-        )
-
-    def infer(observation: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        if not remembers:
-            return session.run(wanted, {INPUT: observation})[0], memory
-        command, remembered = session.run(wanted, {INPUT: observation, MEMORY_INPUT: memory})
-        return command, remembered
-
-    return infer, memory
-
-
-def _columns(item: Any) -> int:
-    """Return the columns of a network's input or output that is a table of floats, `OPEN` where they are; -2 for no table."""
-    if item.type != "tensor(float)" or not isinstance(item.shape, list) or len(item.shape) != 2:
-        return -2
-    return item.shape[1] if isinstance(item.shape[1], int) else OPEN
