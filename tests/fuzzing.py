@@ -102,7 +102,7 @@ def damaged(content: bytes, seed: int) -> bytes:
 
 def doors(folder: Path) -> dict[str, Door]:
     """Return every door, with small sound files made in a folder."""
-    columns = stop(2e-4, 0.06, duration_s=1.0)
+    columns = stop(2e-4, 0.06, duration_s=2.0)  # a second of coasting, then the brakes
     campaign = write_campaign(folder / "campaign", {"A1": columns})
     toml = (campaign / "campaign.toml").read_bytes()
     found = {}
