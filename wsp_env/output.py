@@ -1,5 +1,6 @@
 """Files of results: tried before the work, written whole or not at all, and never lost to a full or read-only disk."""
 
+import contextlib
 import os
 import tempfile
 from collections.abc import Callable
@@ -12,17 +13,26 @@ class OutputError(Exception):
 
 
 def ready(*files: Path) -> None:
-    """Make the folders of files that will be written and try each; `OutputError` says why one cannot be."""
+    """Try to write each of some files, and leave nothing behind; `OutputError` says why one cannot be written."""
     for file in files:
+        made: list[Path] = []
         try:
             if file.is_dir():
                 raise IsADirectoryError(None, "a folder of that name is there")
+            there = next(one for one in file.absolute().parents if one.exists())
+            if not there.is_dir():
+                raise NotADirectoryError(None, f"{there} is a file, not a folder")
+            made = [folder for folder in file.absolute().parents if not folder.exists()]
             file.parent.mkdir(parents=True, exist_ok=True)
             handle, tried = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name[:100]}.")
             os.close(handle)
             Path(tried).unlink()
         except (OSError, ValueError) as error:  # the latter: a zero byte in its name
             raise OutputError(f"{file} cannot be written: {_why(error)}; name another place with --out") from None
+        finally:
+            for folder in made:
+                with contextlib.suppress(OSError):  # somebody else has put something into it
+                    folder.rmdir()
 
 
 def write_text(file: Path, text: str) -> None:
@@ -77,4 +87,5 @@ def _write(file: Path, fill: Callable[[BinaryIO], object]) -> None:
 
 
 def _why(error: Exception) -> str:
-    return (getattr(error, "strerror", None) or str(error)).lower()
+    said = getattr(error, "strerror", None) or str(error)
+    return said if said.startswith("/") else said.lower()

@@ -53,7 +53,7 @@ def open_network(content: bytes, size: int, axles: int) -> tuple[Infer, int]:
     options.intra_op_num_threads = 1  # so small a network is slower on more
     options.inter_op_num_threads = 1
     try:
-        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"], enable_fallback=0)
     except Exception as error:  # onnxruntime has no common base of its errors
         raise ValueError(f"cannot be loaded: {error}") from None
     given = {item.name: _columns(item) for item in session.get_inputs()}
