@@ -11,13 +11,14 @@ JOBS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint plain coverage docs benchmark picture clean
+.PHONY: help demo test lint plain coverage fuzz docs benchmark picture clean
 
 help:
 	@echo "make demo       read and tune a campaign, brake under the tuned law; writes out/demo.html"
 	@echo "make test       lint, the documentation, the contact laws as plain Python, and the whole test suite"
 	@echo "make lint       ruff, mypy, import-linter"
 	@echo "make coverage   the share of lines and branches that the whole test suite reaches; a table in out/coverage.txt"
+	@echo "make fuzz       20,000 damaged files at every reader and every JSON and TOML file; none may crash, hang or trace back"
 	@echo "make docs       the documentation, in docs/_build/html"
 	@echo "make benchmark  speed of the law and of the plant, as ratios"
 	@echo "make picture    the picture of the README"
@@ -46,6 +47,10 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# Damaged files at every door; what goes wrong is kept in tests/crashes.
+fuzz: $(VENV)/.dev
+	$(BIN)/python experiments/fuzz.py --files 20000 --jobs $(JOBS)
 
 docs: $(VENV)/.docs
 	$(BIN)/sphinx-build -W --keep-going -E -q -b html docs docs/_build/html

@@ -21,12 +21,10 @@ import wsp_env
 from agents.steering import Steering
 from agents.worlds import CUT_OUT_MPS, REFERENCE, observed
 from wsp_env.envs.task import Task
+from wsp_env.evaluation.network import INPUT, MEMORY_INPUT, MEMORY_OUTPUT
 from wsp_env.evaluation.policy import (
     CONTRACT,
     CONTRACT_VERSION,
-    INPUT,
-    MEMORY_INPUT,
-    MEMORY_OUTPUT,
     NETWORK,
     OUTPUTS,
     Contract,

@@ -19,7 +19,7 @@ OPTIONS = [
     ({"scenario": {"gradient": (-0.5, 0.5)}}, "gradient = .* must lie in"),
     ({"scenario": {"tau": (0.0, 5.0)}}, "tau = .* must lie in"),
     ({"scenario": {"tracks": "constant"}}, "must be a list of some of constant"),
-    ({"scenario": {"variation": "a"}}, "variation = a is impossible"),
+    ({"scenario": {"variation": "a"}}, "variation = 'a' is impossible"),
     ({"vehicle": {"contact": {"kinetic_friction_r": 0.07}}}, "beyond kinetic_friction_r"),
     ({"vehicle": {"brake": 3}}, "brake = 3 must be a dictionary"),
     ({"slide_limit_speed_mps": math.nan}, "slide_limit_speed_mps = nan is impossible"),

@@ -8,7 +8,7 @@ import pytest
 from synthetic_stops import AXLES, INERTIA_KGM2, MASS_KG, RADIUS_M, stop
 
 from wsp_env.cli import main
-from wsp_env.recordings import CampaignError, inspection, read_campaign, tune
+from wsp_env.recordings import CampaignError, guessing, inspection, read_campaign, tune
 from wsp_env.recordings.readers import open_file
 
 TAU, MU_CD, NM_PER_BAR = 2e-4, 0.06, 2000.0
@@ -56,7 +56,7 @@ def test_channels_are_described(third_party):
     ],
 )
 def test_names_and_units_are_understood(column, unit, channel):
-    assert inspection._named(column, unit) == channel
+    assert guessing.named(column, unit) == channel
 
 
 def test_units_and_numbers_speak_where_names_do_not(tmp_path):
@@ -64,7 +64,7 @@ def test_units_and_numbers_speak_where_names_do_not(tmp_path):
     for k in (1, 2):
         table |= {f"n_{k} [1/min]": [9.0, 8.0, 7.0], f"p_C{k} [bar]": [0.0, 1.0, 2.0], f"T{k} [degC]": [7.0, 7.0, 7.0]}
     pl.DataFrame(table).write_csv(tmp_path / "1.csv")
-    found = inspection.guess(open_file(tmp_path / "1.csv"), dict.fromkeys(table, 9.0))
+    found = guessing.guess(open_file(tmp_path / "1.csv"), dict.fromkeys(table, 9.0))
     assert {name: (source.column, source.unit) for name, source in found.items()} == {
         "time": ("t [s]", "s"),
         "vehicle_speed": ("V_Zug [km/h]", "km/h"),

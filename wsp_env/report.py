@@ -1,12 +1,12 @@
 """Self-contained HTML pages: text, tables and interactive plots that need no network."""
 
 import html
-import os
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
+
+from wsp_env.output import write_text
 
 if TYPE_CHECKING:
     import rich.table
@@ -103,20 +103,6 @@ def write_page(path: Path, title: str, lead: str, sections: Sequence[Section], f
         f"<footer>{html.escape(footer)}</footer><script>{_FOLDS}</script></body></html>"
     )
     write_text(path, page)
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all: first beside it, then renamed; its folder is made."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, beside = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        Path(beside).chmod(0o644)
-        Path(beside).replace(path)
-    except BaseException:
-        Path(beside).unlink(missing_ok=True)
-        raise
 
 
 def _show(one: Facts | Table | Figure) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.quantity import ParameterError, shown
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import mechanisms
 from wsp_env.plant.port import LIMITS, TRACK_STEP_M, Stop
@@ -21,7 +21,8 @@ TRACKS = ("constant", "varying", "patches")
 
 Range = tuple[float, float]
 
-_LIMITS = LIMITS | {"load": (0.0, 1.0, "of the payload")}
+#: Patches shorter than a contact's way through them say nothing, and would be drawn by the million (assumption).
+_LIMITS = LIMITS | {"load": (0.0, 1.0, "of the payload"), "patch_length": (0.1, 1e6, "m")}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,25 +51,29 @@ class Scenario:
             value = getattr(self, field.name)
             if field.name == "tracks":
                 if not isinstance(value, tuple | list) or not value or not set(map(str, value)) <= set(TRACKS):
-                    raise ParameterError(f"scenario: tracks = {value!r} must be a list of some of {', '.join(TRACKS)}")
+                    raise ParameterError(f"scenario: tracks = {shown(value)} must be a list of some of {', '.join(TRACKS)}")
                 object.__setattr__(self, "tracks", tuple(value))
             elif field.name == "variation":
                 if not isinstance(value, int | float) or not 0.0 <= value < 0.3:
-                    raise ParameterError(f"scenario: variation = {value} is impossible: it must lie in [0, 0.3)")
+                    raise ParameterError(f"scenario: variation = {shown(value)} is impossible: it must lie in [0, 0.3)")
             else:
                 self._check_range(field.name, value)
 
     def _check_range(self, name: str, value: Any) -> None:
         try:
             low, high = (float(end) for end in value)
-        except (TypeError, ValueError):
-            raise ParameterError(f"scenario: {name} = {value!r} must be a pair (lowest, highest)") from None
+        except (TypeError, ValueError, OverflowError):
+            raise ParameterError(f"scenario: {name} = {shown(value)} must be a pair (lowest, highest)") from None
         positive = name in ("mu_cd", "initial_speed", "patch_length", "variation_length")
         if not (math.isfinite(low) and math.isfinite(high) and low <= high) or (positive and low <= 0.0):
-            raise ParameterError(f"scenario: {name} = {value!r} is impossible: lowest first, finite, above zero where it must")
+            raise ParameterError(
+                f"scenario: {name} = {shown(value)} is impossible: lowest first, finite, above zero where it must"
+            )
         lowest, highest, unit = _LIMITS.get(name, (0.0, math.inf, "m"))
         if low < lowest or high > highest:
-            raise ParameterError(f"scenario: {name} = {value!r} is impossible: it must lie in [{lowest:g}, {highest:g}] {unit}")
+            raise ParameterError(
+                f"scenario: {name} = {shown(value)} is impossible: it must lie in [{lowest:g}, {highest:g}] {unit}"
+            )
         object.__setattr__(self, name, (low, high))
 
 
@@ -184,18 +189,18 @@ def _end(name: str, key: str, value: Any, end: int) -> Any:
     if not _is_range(value):
         return value
     if len(value) != 2 or not all(isinstance(one, int | float | np.number) for one in value) or value[0] > value[1]:
-        raise ParameterError(f"mechanism {name}: {key} = {value!r} must be a number or a pair (lowest, highest)")
+        raise ParameterError(f"mechanism {name}: {key} = {shown(value)} must be a number or a pair (lowest, highest)")
     return value[end]
 
 
 def _number(name: str, value: Any) -> float:
     try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = math.nan
-    if not math.isfinite(number):
-        raise ParameterError(f"reset option {name} = {value!r} must be a finite number: {PINS[name]}")
-    return number
+        found = float(value)
+    except (TypeError, ValueError, OverflowError):
+        found = math.nan
+    if not math.isfinite(found):
+        raise ParameterError(f"reset option {name} = {shown(value)} must be a finite number: {PINS[name]}")
+    return found
 
 
 def _log_uniform(rng: np.random.Generator, bounds: Range) -> float:
@@ -227,5 +232,5 @@ def _track(kind: Any, scenario: Scenario, rng: np.random.Generator, nodes: int) 
         ends = np.cumsum(rng.uniform(*scenario.patch_length, size=2 + int(nodes * TRACK_STEP_M / scenario.patch_length[0])))
         coverage = 1.0 - np.searchsorted(ends, TRACK_STEP_M * np.arange(nodes), side="right") % 2.0
     elif kind != "constant":
-        raise ParameterError(f"unknown track {kind!r}; valid: {', '.join(TRACKS)}")
+        raise ParameterError(f"unknown track {shown(kind)}; valid: {', '.join(TRACKS)}")
     return profile, coverage

@@ -40,6 +40,7 @@ def main(arguments: list[str] | None = None) -> int:
         return _failed(f"unknown command {name!r}; valid: {', '.join(COMMANDS)}")
     import tyro
 
+    from wsp_env.output import OutputError
     from wsp_env.parameters.quantity import ParameterError
     from wsp_env.recordings.errors import CampaignError, CampaignWarning
 
@@ -49,8 +50,13 @@ def main(arguments: list[str] | None = None) -> int:
             warnings.simplefilter("always", CampaignWarning)
             warnings.showwarning = _warned
             tyro.cli(command, prog=f"wsp {name}", args=rest)
-    except (ParameterError, CampaignError, ModuleNotFoundError) as error:  # the last: an extra is not installed
+    except (ParameterError, CampaignError, OutputError, ModuleNotFoundError) as error:  # the last: an extra is not installed
         return _failed(str(error))
+    except BrokenPipeError:  # nobody reads on, as in `wsp ... | head`
+        sys.stdout = None  # so that nothing is flushed into it at the end
+        return 1
+    except OSError as error:
+        return _failed(f"{error.filename or 'a file'}: {(error.strerror or str(error)).lower()}")
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED

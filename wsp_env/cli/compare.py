@@ -13,6 +13,7 @@ from wsp_env.evaluation.compare import PARTED_MPS, Comparison, compare
 from wsp_env.evaluation.controller import load as load_controller
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.runner import ControllerFailure
+from wsp_env.output import OutputError, ready
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.parameters.velim import TAU_M_PER_J, TEST_SPEEDS_MPS
@@ -77,6 +78,7 @@ def main(
     if not mu_cd or not tau or min(tau) <= 0.0:
         raise ParameterError("give at least one --mu-cd and one --tau, each tau above 0: the classic law is run anyway")
     chosen = load_controller(controller, read_settings((controller,), set)[controller])
+    ready(out)
     try:
         result = compare(chosen, braked, mu_cd, tau, stop.speed, stop.demand, stop.load)
     except ControllerFailure as failure:
@@ -86,7 +88,7 @@ def main(
     written = True
     try:
         _page(out, title, result, table)
-    except ModuleNotFoundError as missing:  # the table does without
+    except (ModuleNotFoundError, OutputError) as missing:  # the table does without
         Console(stderr=True).print(f"no page: {missing}", markup=False)
         written = False
     if json_:

@@ -15,6 +15,7 @@ from wsp_env.contact.kalker import kalker_force
 from wsp_env.contact.polach import contact_stiffness, polach_adhesion
 from wsp_env.envs.single import BrakingEnv
 from wsp_env.evaluation.controller import load
+from wsp_env.output import ready
 from wsp_env.parameters import eurosprinter
 from wsp_env.parameters.campaign_vehicle import plant_vehicle
 from wsp_env.parameters.uic_z1 import BOGIE
@@ -53,6 +54,7 @@ def main(
     """
     braked = find_vehicle(vehicle)
     plotly()
+    ready(out)
     console = Console(highlight=False)
     with console.status("reading recorded stops and tuning tau ..."):
         campaign = read_campaign(demo_campaign())
@@ -87,7 +89,7 @@ def main(
                 console.print(terminal_table(shown))
     lead = "Recorded stops are read, the recovery rate tau is tuned on them, and a vehicle brakes under the tuned law."
     write_page(out, "wsp-env: what it does, in three pictures", lead, sections, "Written by: wsp demo")
-    console.print(f"\nInteractive plots: [bold]{out}[/bold]")
+    console.print(f"\nInteractive plots: [bold]{escape(str(out))}[/bold]")
 
 
 def brake(law: str, pins: dict[str, Any], full_torque_nm: float, vehicle: Vehicle = BOGIE) -> dict[str, np.ndarray]:

@@ -15,18 +15,20 @@ from typing import Annotated
 
 import tyro
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
+from wsp_env.cli.folder import make_campaign
 from wsp_env.diagnosis import Diagnosis, diagnose
 from wsp_env.diagnosis.creep_curves import CreepDiagnosis, diagnose_creep_curves
 from wsp_env.diagnosis.creep_curves.report import write_creep_report
 from wsp_env.diagnosis.report import write_report
 from wsp_env.diagnosis.sources import signed
 from wsp_env.diagnosis.words import parameter_said
+from wsp_env.output import all_of, ready, write_text
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import read_campaign
 from wsp_env.recordings.creep_curves import holds_creep_curves, read_creep_curves
-from wsp_env.report import write_text
 
 #: Steps of a diagnosis of stops and the share of its time [-] after which each begins (measured on campaigns of three to five
 #: stops that took one round or two; of later rounds a guess; one that nothing is missing in ends before the rounds).
@@ -51,13 +53,15 @@ def main(
     seed: int = 0,
     workers: int = os.cpu_count() or 1,
     as_json: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
+    vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "",
 ) -> None:
     """Locate where recorded stops, or measured creep curves, and the law differ, and name the missing physics.
 
     Parameters
     ----------
     campaign
-        Folder that holds campaign.toml and one table per run or creep curve.
+        Folder that holds campaign.toml and one table per run or creep curve; or recorded files only, for which campaign.toml is
+        then written as `wsp inspect` does.
     out
         Folder for diagnosis.json, model.json and report.html.
     effort
@@ -69,9 +73,13 @@ def main(
         Threads that evaluate and refit mechanisms of stops side by side; the answer does not depend on them.
     as_json
         Print the JSON instead of the verdict.
+    vehicle
+        Gives mass, inertia and radius where campaign.toml is written: a name (wsp vehicle list) or a vehicle file.
 
     """
     _check(out, effort, seed, workers)
+    if campaign.is_dir() and not (campaign / "campaign.toml").exists():
+        make_campaign(campaign, vehicle, None, Console(stderr=True, highlight=False, soft_wrap=True))
     found: Diagnosis | CreepDiagnosis
     if holds_creep_curves(campaign):
         curves = read_creep_curves(campaign)
@@ -82,16 +90,19 @@ def main(
         with _progress() as report:
             found = signed(diagnose(recorded, report, workers), campaign)
     text = json.dumps(found.to_json(), indent=1, allow_nan=False)
-    write_text(out / "diagnosis.json", text + "\n")
-    write_text(out / "model.json", json.dumps(found.model, indent=1) + "\n")
-    if isinstance(found, CreepDiagnosis):
-        write_creep_report(out / "report.html", found)
-    else:
-        write_report(out / "report.html", found)
-    if as_json:
-        print(text)
-    else:
-        _print(found, out)
+
+    def page() -> None:
+        if isinstance(found, CreepDiagnosis):
+            write_creep_report(out / "report.html", found)
+        else:
+            write_report(out / "report.html", found)
+
+    all_of(
+        lambda: write_text(out / "diagnosis.json", text + "\n"),
+        lambda: write_text(out / "model.json", json.dumps(found.model, indent=1) + "\n"),
+        page,
+        lambda: print(text) if as_json else _print(found, out),
+    )
 
 
 def _check(out: Path, effort: float, seed: int, workers: int) -> None:
@@ -102,9 +113,7 @@ def _check(out: Path, effort: float, seed: int, workers: int) -> None:
         raise ParameterError(f"seed = {seed} is impossible: it must be 0 or more")
     if workers < 1:
         raise ParameterError(f"workers = {workers} is impossible: there must be at least 1")
-    there = next(one for one in (out, *out.absolute().parents) if one.exists())
-    if not there.is_dir():
-        raise ParameterError(f"out = {out} is impossible: {there} is a file, not a folder")
+    ready(*(out / name for name in ("diagnosis.json", "model.json", "report.html")))
 
 
 @contextmanager
@@ -117,7 +126,7 @@ def _progress() -> Iterator[Callable[[str], None]]:
     columns = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("diagnosing", total=1.0)
-        yield lambda step: bar.update(task, description=step, completed=course.reach(step))
+        yield lambda step: bar.update(task, description=escape(step), completed=course.reach(step))
 
 
 def _report(course: "Advance", step: str) -> None:
@@ -160,21 +169,21 @@ def _parsed(step: str) -> tuple[str, float]:
 
 def _print(found: Diagnosis | CreepDiagnosis, out: Path) -> None:
     console = Console(highlight=False)
-    console.print(f"[bold]{found.verdict}[/bold]: {found.sentence}")
+    console.print(f"[bold]{found.verdict}[/bold]: {escape(found.sentence)}")
     for one in found.mechanisms:
         for name, value in one.parameters.items():
-            console.print(f"  {one.name.replace('_', ' ')}: {parameter_said(name, value)}")
+            console.print(f"  {one.name.replace('_', ' ')}: {parameter_said(name, value)}", markup=False)
     for place in found.location:
         axles = f", axles {', '.join(map(str, place.axles))}" if place.axles else ""
-        console.print(f"  where: {place.equation} balance{axles}, {place.where} ({place.share:.0%} of it)")
+        console.print(f"  where: {place.equation} balance{axles}, {place.where} ({place.share:.0%} of it)", markup=False)
     if isinstance(found, CreepDiagnosis):
         for tied in found.inseparable:
-            console.print(f"  left open: {tied.words}")
-        console.print(f"  null recordings: {max((len(one.null) for one in found.evidence), default=0)}")
+            console.print(f"  left open: {tied.words}", markup=False)
+        console.print(f"  null recordings: {max((len(one.null) for one in found.evidence), default=0)}", markup=False)
     else:
         for suspect in found.suspect_channels:
-            console.print(f"  channel: {suspect.line}")
-    console.print(f"  next test: {found.next_test}")
+            console.print(f"  channel: {suspect.line}", markup=False)
+    console.print(f"  next test: {found.next_test}", markup=False)
     for note in found.notes:
-        console.print(f"  note: {note}")
-    console.print(f"Report: [bold]{out / 'report.html'}[/bold]")
+        console.print(f"  note: {note}", markup=False)
+    console.print(f"Report: [bold]{escape(str(out / 'report.html'))}[/bold]")

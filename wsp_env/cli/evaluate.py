@@ -1,13 +1,14 @@
 """`wsp evaluate`: controllers through the test programme, side by side."""
 
 import dataclasses
+import functools
 import json
 import math
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, BinaryIO, TypeVar
 
 import polars
 import tyro
@@ -23,6 +24,7 @@ from wsp_env.evaluation.programme import STANDARD, Draws, read_programme, select
 from wsp_env.evaluation.programme_report import LEFT_LIMIT, write_report
 from wsp_env.evaluation.runner import Conduct
 from wsp_env.evaluation.summary import Verdict, judge, summarise
+from wsp_env.output import all_of, ready, write_whole
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.plant import make_plant
@@ -41,6 +43,9 @@ _COLUMNS = (
     ("air_nl", "air\n[Nl]", 0),
     ("contact_energy_mj", "energy\n[MJ]", 2),
 )
+#: Files of the tables.
+TABLES = ("stops.csv", "stops.parquet", "summary.csv")
+
 #: What names a controller.
 Named = TypeVar("Named", Trace, Verdict, Failure)
 
@@ -119,7 +124,7 @@ def main(
     chosen = read_settings(controllers, set)
     table = read_programme(stops.programme)
     wanted = select_cases(table, braked, stops.cases)
-    out.mkdir(parents=True, exist_ok=True)
+    ready(*(out / name for name in (*TABLES, "report.html")), out / "cases" / "case.npz")
     errors = Console(stderr=True)
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
     with Progress(*columns, console=errors, transient=True) as progress:
@@ -133,28 +138,34 @@ def main(
             draws=draws,
             jobs=jobs or os.cpu_count() or 1,
             conduct=Conduct(pressure_sensors=pressure_sensors, plant=plant),
-            done=lambda what: progress.update(bar, advance=1, description=what),
+            done=lambda what: progress.update(bar, advance=1, description=escape(what)),
         )
     for failure in result.failures:
         errors.print(f"{failure.controller} failed in {failure.case}: {failure.message}", soft_wrap=True, markup=False)
     summary, verdicts = summarise(result.stops), judge(result.stops, table.required_of(braked), result.failures)
-    _write(out, result, summary)
     labels = _labels(controllers)
     shown, judged = _labelled(summary, labels), _relabelled(verdicts, labels)
     pictured = ProgrammeResult(
         _labelled(result.stops, labels), _relabelled(result.traces, labels), _relabelled(result.failures, labels)
     )
-    try:
-        write_report(out / "report.html", pictured, shown, judged, f"{table.name}, {braked.name}, {_counted(draws.number)}")
-        written = ", report.html"
-    except ModuleNotFoundError as missing:  # the tables do without
-        errors.print(f"no report.html: {missing}")
-        written = ""
-    if json_:
-        print(json.dumps(_plain(result, summary, verdicts), indent=2))
-    else:
-        _print(shown, judged, draws.number)
-        print(f"\n{out}/: stops.csv, stops.parquet, summary.csv" + written)
+    written = list(TABLES)
+
+    def report() -> None:
+        title = f"{table.name}, {braked.name}, {_counted(draws.number)}"
+        try:
+            write_report(out / "report.html", pictured, shown, judged, title)
+            written.append("report.html")
+        except ModuleNotFoundError as missing:  # the tables do without
+            errors.print(f"no report.html: {missing}", markup=False)
+
+    def tell() -> None:
+        if json_:
+            print(json.dumps(_plain(result, summary, verdicts), indent=2))
+        else:
+            _print(shown, judged, draws.number)
+            print(f"\n{out}/: {', '.join(written)}")
+
+    all_of(*_writers(out, result, summary), report, tell)
     if result.failures:
         sys.exit(1)
 
@@ -177,10 +188,14 @@ def _relabelled(items: Iterable[Named], labels: Mapping[str, str]) -> tuple[Name
     return tuple(dataclasses.replace(item, controller=labels.get(item.controller, item.controller)) for item in items)
 
 
-def _write(out: Path, result: ProgrammeResult, summary: polars.DataFrame) -> None:
-    result.stops.write_csv(out / "stops.csv")
-    result.stops.write_parquet(out / "stops.parquet")
-    summary.write_csv(out / "summary.csv")
+def _writers(out: Path, result: ProgrammeResult, summary: polars.DataFrame) -> list[Callable[[], None]]:
+    """Return what writes each of `TABLES`."""
+    fills: tuple[Callable[[BinaryIO], object], ...] = (
+        lambda file: result.stops.write_csv(file),
+        lambda file: result.stops.write_parquet(file),
+        lambda file: summary.write_csv(file),
+    )
+    return [functools.partial(write_whole, out / name, fill) for name, fill in zip(TABLES, fills, strict=True)]
 
 
 def _plain(result: ProgrammeResult, summary: polars.DataFrame, verdicts: tuple[Verdict, ...]) -> object:
@@ -235,7 +250,7 @@ def _stops_table(summary: polars.DataFrame, draws: int, columns: int) -> Table:
                 cells[0] += f" ({row['draws'] - row['stopped']} ran on)"
             cells[_RATIO] += "*" if row["within_limit"] < row["draws"] else " "
             first = (case, law) if i == 0 else ("", "")
-            table.add_row(*first, row["controller"], *cells[:columns], end_section=i == len(group) - 1)
+            table.add_row(*map(escape, (*first, row["controller"])), *cells[:columns], end_section=i == len(group) - 1)
     return table
 
 
@@ -257,6 +272,6 @@ def _verdict_table(verdicts: tuple[Verdict, ...]) -> Table:
         mark = "[green]pass[/green]" if verdict.passed else "[red]FAIL[/red]"
         name = "" if verdict.requirement == previous else verdict.requirement
         worst = f"{verdict.worst:.4g}" if math.isfinite(verdict.worst) else "-"
-        table.add_row(name, verdict.controller, mark, worst, f"{verdict.at_most:.4g}", verdict.where)
+        table.add_row(escape(name), escape(verdict.controller), mark, worst, f"{verdict.at_most:.4g}", escape(verdict.where))
         previous = verdict.requirement
     return table

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import tyro
 
+from wsp_env.cli.folder import make_campaign, pictured
+from wsp_env.output import ready, write_text
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import CampaignError, CampaignWarning, read_campaign
 from wsp_env.recordings.inspection import InspectedChannel, draft, inspect, suspicions
@@ -19,21 +21,36 @@ def main(
     file: tyro.conf.Positional[Path],
     /,
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+    vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "",
 ) -> None:
     """List a recording's channels with units, rates, range, noise and what they may be; draft a campaign.toml.
+
+    Of a folder: find the recorded stops in it, write its campaign.toml and a page with all signals. Mass, inertia and radius
+    come from --vehicle, or are asked for on a terminal.
 
     Parameters
     ----------
     file
-        CSV, Parquet, MDF4 (.mf4) or MAT file.
+        CSV, Parquet, MDF4 (.mf4) or MAT file, or a folder of such files.
     out
-        Where to write the draft of campaign.toml; not written over what is there.
+        Where to write campaign.toml (a folder's: into it); not written over what is there.
+    vehicle
+        Gives a folder's campaign mass, inertia and radius: a name (wsp vehicle list) or a vehicle file.
 
     """
     from rich.console import Console
 
     from wsp_env.report import Table, terminal_table
 
+    if file.is_dir():
+        console = Console(highlight=False, soft_wrap=True)
+        made = make_campaign(file, vehicle, out, console)
+        pictured(made, made / "signals.html", console)
+        return
+    if out is not None:
+        if out.exists():
+            raise CampaignError(f"{out} exists already; name another file or remove it")
+        ready(out)
     found = inspect(file)
     console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
     header = ("channel", "unit", "samples", "missing", "rate [Hz]", "lowest", "highest", "noise", "resolution", "may be")
@@ -47,11 +64,8 @@ def main(
         console.print("Draft of campaign.toml (--out FILE writes it):\n")
         console.print(text, markup=False, soft_wrap=True)
         return
-    if out.exists():
-        raise CampaignError(f"{out} exists already; name another file or remove it")
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(text, encoding="utf-8")
-    console.print(f"Draft written: [bold]{out}[/bold]")
+    write_text(out, text)
+    console.print(f"Draft written: {out}", markup=False)
 
 
 def _beside(file: Path) -> list[str]:

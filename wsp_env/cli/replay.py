@@ -7,11 +7,13 @@ from typing import Annotated
 
 import tyro
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress
 
 from wsp_env.envs.model import read_model
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.replay import FIGURES, RECORDED, SIMULATED, Course, Replay, replay
+from wsp_env.output import OutputError, ready
 from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.recordings import Campaign, read_campaign
 from wsp_env.report import COLOURS, Figure, Section, Table, axes, plotly, terminal_table, write_page
@@ -73,6 +75,8 @@ def main(
     chosen = read_settings(controllers, set)
     mechanisms = read_model(str(model)).mechanisms if model else {}
     base = find_vehicle(vehicle) if vehicle else None
+    page = out / "replay.html"
+    ready(page)
     console = Console(stderr=json_, highlight=False)
     if not console.is_terminal:
         console = Console(stderr=json_, highlight=False, width=160)
@@ -86,21 +90,20 @@ def main(
             along_track=track == "recorded",
             mechanisms=mechanisms,
             base=base,
-            done=lambda what: progress.update(bar, advance=1, description=what),
+            done=lambda what: progress.update(bar, advance=1, description=escape(what)),
         )
     for name, message in result.failures.items():
         print(f"wsp: {name} failed: {message}", file=sys.stderr)
-    page = out / "replay.html"
     try:
         _write_page(page, result, recorded)
         written = f"Speeds and slips: {page}"
-    except ModuleNotFoundError as missing:  # the table does without
+    except (ModuleNotFoundError, OutputError) as missing:  # the table does without
         written = f"no page: {missing}"
     if json_:
         print(json.dumps(result.to_json()))
     else:
         console.print(terminal_table(_table(result)))
-        console.print(written)
+        console.print(written, markup=False)
     if result.failures:
         sys.exit(1)
 

@@ -49,5 +49,5 @@ def print_table(tuning: Tuning) -> None:
     from wsp_env.report import terminal_table
 
     console = Console(highlight=False)
-    console.print(tuning.sentence)
+    console.print(tuning.sentence, markup=False)
     console.print(terminal_table(adhesion_table(tuning)))

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import tyro
 
+from wsp_env.output import ready
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import Campaign, read_campaign
 from wsp_env.recordings.derive import Smoothing
@@ -58,16 +59,18 @@ def main(
         print(json.dumps(found))
         return
     from rich.console import Console
+    from rich.markup import escape
 
     from wsp_env.recordings import validation_report as report
     from wsp_env.report import plotly, terminal_table
 
     plotly()  # says at once when it is missing
+    ready(out)
     console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
     recorded = read_campaign(campaign)
     warn_of_suspects(recorded)
     validation = validate(recorded, smoothing, not fixed_mu_cd)
-    console.print(validation.tuning.sentence)
+    console.print(validation.tuning.sentence, markup=False)
     tables = [report.adhesion_table(validation.tuning)]
     tables += [table(validation) for table in (report.slide_table, report.window_table, report.criteria_table)]
     closed = None
@@ -76,9 +79,9 @@ def main(
         tables.append(closed)
     for table in tables:
         console.print(terminal_table(table))
-    console.print(f"[bold]{validation.verdict}[/bold]")
+    console.print(f"[bold]{escape(validation.verdict)}[/bold]")
     report.write(out, validation, closed)
-    console.print(f"Interactive plots: [bold]{out}[/bold]")
+    console.print(f"Interactive plots: [bold]{escape(str(out))}[/bold]")
 
 
 def _closed_loop(campaign: Campaign, controller: str, smoothing: Smoothing) -> dict[str, ClosedLoop]:

@@ -9,7 +9,7 @@ from gymnasium import spaces
 from wsp_env.envs import step
 from wsp_env.envs.task import Task
 from wsp_env.observer.observation import Observer
-from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.quantity import ParameterError, shown
 from wsp_env.plant import make_plant
 from wsp_env.plant.command import pressure_commands, share_of_pressure, valve_commands
 from wsp_env.plant.port import Measurement, Setup, further_truth, given_up
@@ -87,12 +87,12 @@ class BrakingBatch:
 
     def _pins(self, options: Mapping[str, Any] | None) -> dict[str, list[Any]]:
         if options is not None and not isinstance(options, Mapping):
-            raise ParameterError(f"reset options must be a dictionary, {{name: value}}, got {options!r}")
+            raise ParameterError(f"reset options must be a dictionary, {{name: value}}, got {shown(options)}")
         pins = {}
         for name, value in (options or {}).items():
             valid = (*PINS, "condition") if self.task.stops else PINS
             if name not in valid:
-                raise ParameterError(f"unknown reset option {name!r}; valid: {', '.join(valid)}")
+                raise ParameterError(f"unknown reset option {shown(name)}; valid: {', '.join(valid)}")
             single = isinstance(value, str) or not isinstance(value, Sequence | np.ndarray)
             if name == "track" and not single:  # one profile for all, or a kind or profile for each
                 single = all(isinstance(node, int | float | np.number) for node in value)
@@ -111,7 +111,7 @@ class BrakingBatch:
         try:
             command = np.array(actions, dtype=np.float64, order="C")
         except (TypeError, ValueError):
-            raise ValueError(f"actions must be numbers, got {actions!r}") from None
+            raise ValueError(f"actions must be numbers, got {shown(actions)}") from None
         axles = self.vehicle.axles
         if command.shape != (self.n, axles):
             got, want = (

@@ -1,13 +1,14 @@
 """A tuned model from a file, as `wsp diagnose` writes it: the law, the mechanisms and the vehicle of the recordings."""
 
 import dataclasses
-import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from wsp_env.parameters.campaign_vehicle import CampaignVehicle, plant_vehicle
-from wsp_env.parameters.quantity import ParameterError, replace, shown
+from wsp_env.parameters.document import DocumentError, read_json
+from wsp_env.parameters.quantity import ParameterError, number, replace, shown
 from wsp_env.parameters.vehicle import Vehicle
 
 _KEYS = {"tau_m_per_J": float, "mu_cd": Mapping, "contact": Mapping, "mechanisms": Mapping, "vehicle": Mapping}
@@ -62,21 +63,23 @@ def read_model(path: str) -> TunedModel:
 
     """
     try:
-        document = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ParameterError(f"model {path} cannot be read: {error.strerror or error}") from None
-    except (ValueError, RecursionError) as error:  # the latter: nested a thousand deep
-        raise ParameterError(f"model {path} is not JSON: {error}") from None
+        document = read_json(Path(path))
+    except DocumentError as error:
+        raise ParameterError(f"model {path} {error}") from None
     if not isinstance(document, dict):
         raise ParameterError(f"model {path} must hold an object with any of {', '.join(_KEYS)}")
     for key, kind in _KEYS.items():
         value = document.get(key)
-        if value is not None and not isinstance(value, (int, float) if kind is float else kind):
+        fits = math.isfinite(number(value)) if kind is float else isinstance(value, kind)
+        if value is not None and not fits:
             raise ParameterError(f"model {path}: {key} = {shown(value)} must be {'a number' if kind is float else 'an object'}")
     scenario: dict[str, Any] = {}
     if (tau := document.get("tau_m_per_J")) is not None:
         scenario["tau"] = (tau, tau)
-    if frictions := list((document.get("mu_cd") or {}).values()):
+    if given := document.get("mu_cd"):
+        if not all(math.isfinite(number(value)) for value in given.values()):
+            raise ParameterError(f"model {path}: mu_cd = {shown(given)} must give each run a finite number")
+        frictions = [number(value) for value in given.values()]
         scenario["mu_cd"] = (min(frictions), max(frictions))
     vehicle = _vehicle(path, document["vehicle"]) if document.get("vehicle") else None
     return TunedModel(path, document.get("mechanisms") or {}, scenario, document.get("contact") or {}, vehicle)

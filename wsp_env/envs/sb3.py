@@ -8,7 +8,7 @@ import numpy as np
 
 from wsp_env.envs import IDS
 from wsp_env.envs.vector import BrakingVectorEnv
-from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.quantity import ParameterError, shown
 
 try:
     from stable_baselines3.common.vec_env import VecEnv
@@ -32,7 +32,7 @@ class BrakingVecEnv(VecEnv):
 
     def __init__(self, env_id: str, num_envs: int, **options: Any) -> None:
         if env_id not in IDS:
-            raise ParameterError(f"unknown environment {env_id!r}; valid: {', '.join(IDS)}")
+            raise ParameterError(f"unknown environment {shown(env_id)}; valid: {', '.join(IDS)}")
         self.env = BrakingVectorEnv(num_envs, **{**gym.spec(env_id).kwargs, **options})
         self.render_mode = None
         super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)

@@ -8,7 +8,7 @@ import numpy as np
 from wsp_env.envs.batch import BrakingBatch
 from wsp_env.envs.rendering import Recorder
 from wsp_env.envs.task import make_task
-from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.quantity import ParameterError, shown
 
 
 class BrakingEnv(gym.Env[np.ndarray, Any]):
@@ -39,7 +39,9 @@ class BrakingEnv(gym.Env[np.ndarray, Any]):
 
     def __init__(self, vehicle_name: str = "bogie", render_mode: str | None = None, **options: Any) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ParameterError(f"render_mode {render_mode!r} is unknown; valid: {', '.join(self.metadata['render_modes'])}")
+            raise ParameterError(
+                f"render_mode {shown(render_mode)} is unknown; valid: {', '.join(self.metadata['render_modes'])}"
+            )
         self.batch = BrakingBatch(vehicle_name, 1, make_task(options))
         self.metadata = {**self.metadata, "render_fps": max(1, round(1.0 / self.batch.task.control_interval_s))}
         self.observation_space = self.batch.observation_space

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wsp_env.envs.model import TunedModel, read_model
-from wsp_env.parameters.quantity import ParameterError, replace, shown
+from wsp_env.parameters.quantity import ParameterError, number, replace, shown
 from wsp_env.parameters.vehicle import Vehicle, train
 from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.plant.port import TRACK_STEP_M
@@ -28,8 +28,10 @@ class RewardWeights:
     def __post_init__(self) -> None:
         """Refuse weights that are not finite numbers of at least zero."""
         for name, value in dataclasses.asdict(self).items():
-            if not isinstance(value, int | float) or not math.isfinite(value) or value < 0:
-                raise ParameterError(f"reward weight {name} = {value!r} is impossible: it must be a finite number, 0 or more")
+            if not number(value) >= 0.0:
+                raise ParameterError(
+                    f"reward weight {name} = {shown(value)} is impossible: it must be a finite number, 0 or more"
+                )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,12 +84,14 @@ class Task:
         """Refuse what cannot be, with the valid choices."""
         for name, choices in (("action", ("valve", "pressure")), ("adhesion", ("recovering", "classic"))):
             if getattr(self, name) not in choices:
-                raise ParameterError(f"{name} = {getattr(self, name)!r} is unknown; valid: {', '.join(choices)}")
+                raise ParameterError(f"{name} = {shown(getattr(self, name))} is unknown; valid: {', '.join(choices)}")
         for name in ("mechanisms", "scenario", "reward", "conditions"):
             if not isinstance(getattr(self, name), Mapping):
-                raise ParameterError(f"{name} = {getattr(self, name)!r} must be a dictionary, {{name: value}}")
+                raise ParameterError(f"{name} = {shown(getattr(self, name))} must be a dictionary, {{name: value}}")
         if not isinstance(self.vehicle, str | Mapping):  # a path would not survive `to_json`
             raise ParameterError(f"vehicle = {shown(self.vehicle)} must be a name, a file's path as text, or {{field: value}}")
+        if not isinstance(self.model, str):
+            raise ParameterError(f"model = {shown(self.model)} must be a file's path as text")
         if self.modelled is not None:
             object.__setattr__(self, "mechanisms", {**self.modelled.mechanisms, **self.mechanisms})
             object.__setattr__(self, "scenario", {**self.modelled.scenario, **self.scenario})
@@ -97,7 +101,7 @@ class Task:
         if not isinstance(self.stops, Sequence) or not all(isinstance(stop, Mapping) for stop in self.stops):
             raise ParameterError("conditions: stops must be a list of dictionaries {quantity: value}")
         if not isinstance(self.pressure_sensors, bool):
-            raise ParameterError(f"pressure_sensors = {self.pressure_sensors!r} must be True or False")
+            raise ParameterError(f"pressure_sensors = {shown(self.pressure_sensors)} must be True or False")
         for stop in self.stops:
             if unknown := sorted(set(stop) - {"name", *PINS}):
                 raise ParameterError(f"conditions: unknown quantity {', '.join(unknown)}; valid: name, {', '.join(PINS)}")
@@ -113,9 +117,9 @@ class Task:
         ):
             low, high = limits.get(name, (math.ulp(0.0), math.inf))
             value = getattr(self, name)
-            if not isinstance(value, int | float) or not math.isfinite(value) or not low <= value <= high:
+            if not low <= number(value) <= high:
                 bounds = "above zero" if low == math.ulp(0.0) else f"in [{low:g}, {high:g}]"
-                raise ParameterError(f"{name} = {value!r} is impossible: it must be a finite number {bounds}")
+                raise ParameterError(f"{name} = {shown(value)} is impossible: it must be a finite number {bounds}")
 
     @property
     def distributions(self) -> Scenario:
@@ -143,7 +147,7 @@ class Task:
         if isinstance(chosen, int | np.integer) and 0 <= chosen < len(names):
             return self.stops[int(chosen)]
         valid = ", ".join(names) or "none, the environment was made without conditions"
-        raise ParameterError(f"unknown condition {chosen!r}; valid: {valid}")
+        raise ParameterError(f"unknown condition {shown(chosen)}; valid: {valid}")
 
     @property
     def track_nodes(self) -> int:

@@ -17,6 +17,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from wsp_env.child import TookTooLongError, limited
 from wsp_env.evaluation.policy import load_policy
 from wsp_env.parameters.quantity import ParameterError, replace
 from wsp_env.parameters.vehicle import Vehicle
@@ -29,6 +30,11 @@ SHORT_NAMES = {
     "slip": "baselines.slip_control:SlipController",
     "extremum": "baselines.extremum_seeking:ExtremumSeeker",
 }
+
+
+#: Time that a file may take to be run, or a controller to be made [s] of the processor (assumption: it may import torch).
+LOADING_LIMIT_S = 60.0
+_TOO_LONG = f"takes more than {LOADING_LIMIT_S:g} s of the processor to be loaded"
 
 
 @runtime_checkable
@@ -114,7 +120,10 @@ def _is_number(value: object) -> bool:
 
 def _made(name: str, made: object, *parameters: object) -> object:
     try:
-        return made(*parameters) if isinstance(made, type) else made
+        with limited(LOADING_LIMIT_S):
+            return made(*parameters) if isinstance(made, type) else made
+    except TookTooLongError:
+        raise ParameterError(f"controller {name!r} {_TOO_LONG}") from None
     except (Exception, SystemExit) as error:  # whatever third-party code raises
         raise ParameterError(f"controller {name!r} cannot be made: {type(error).__name__}: {error}") from error
 
@@ -130,8 +139,10 @@ def _module(name: str, place: str) -> ModuleType:
         module = importlib.util.module_from_spec(spec)
         sys.modules[spec.name] = module  # dataclasses look their module up there
         try:
-            with _beside(path):
+            with _beside(path), limited(LOADING_LIMIT_S):
                 spec.loader.exec_module(module)
+        except TookTooLongError:
+            raise ParameterError(f"controller {name!r}: {place} {_TOO_LONG}") from None
         except (Exception, SystemExit) as error:  # whatever third-party code raises
             raise ParameterError(f"controller {name!r}: {place} cannot be run: {type(error).__name__}: {error}") from error
         return module

@@ -6,16 +6,17 @@ vehicle and rate) and a model card. Nothing in it is code and nothing is unpickl
 
 import dataclasses
 import hashlib
-import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from wsp_env.evaluation.network import Infer, open_network
 from wsp_env.observer import estimator, rail
 from wsp_env.observer.observation import Observer
-from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.document import DocumentError, read_json
+from wsp_env.parameters.quantity import ParameterError, number, shown
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.port import Measurement
@@ -26,22 +27,29 @@ CONTRACT_VERSION = 1
 #: Files of a policy folder.
 NETWORK, CONTRACT = "policy.onnx", "contract.json"
 
-#: Names of the network's input and outputs, and what the outputs are.
-INPUT = "observation"
+#: Names of the network's outputs, and what they are.
 OUTPUTS = {
     "command": "(N, axles); valve: -1 vent, 0 hold, +1 apply; pressure: -1 none to +1 the demanded one",
     "raw": "the network's last layer; valve: (N, 3 x axles), the logits of vent, hold and apply, axle by axle, "
     "or (N, axles), the brake wanted, -1 none to +1 that which asks for an adhesion of 0.2, or the pressure commanded",
 }
 
-#: The same of a network that remembers.
-MEMORY_INPUT = "memory"
-MEMORY_OUTPUT = {
-    "remembered": "(N, M), to be given as the input memory with the next observation; zeros at the start of a stop"
+#: Kind of each entry of a contract; those left out have checks of their own.
+_KINDS = {
+    "contract": int,
+    "wsp_env": str,
+    "vehicle": str,
+    "axles": int,
+    "measurement": list,
+    "observation": list,
+    "observer": dict,
+    "output": dict,
+    "limits": dict,
+    "training": dict,
+    "sha256": str,
 }
 
-#: From observations (N, size) and memory (N, M), both float32, to commands (N, axles) and memory.
-Infer = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+_SHORTEST_S = 1e-4  # control interval, as plants take it
 
 #: Share of the control interval by which the time between two measurements may differ from it (assumption).
 _INTERVAL_TOLERANCE = 0.01
@@ -68,23 +76,24 @@ class Contract:
 
     def __post_init__(self) -> None:
         """Refuse what this version cannot run."""
-        kinds = {"vehicle": str, "axles": int, "measurement": list, "observation": list, "observer": dict}
-        for name, kind in kinds.items():
+        for name, kind in _KINDS.items():
             if type(getattr(self, name)) is not kind:
-                raise ParameterError(f"its {name} is {getattr(self, name)!r}, not of the kind {kind.__name__}")
+                raise ParameterError(f"its {name} is {shown(getattr(self, name))}, not of the kind {kind.__name__}")
         if self.contract != CONTRACT_VERSION:
-            raise ParameterError(f"its contract has version {self.contract!r}, this wsp_env runs version {CONTRACT_VERSION}")
+            raise ParameterError(
+                f"its contract has version {shown(self.contract)}, this wsp_env runs version {CONTRACT_VERSION}"
+            )
         if self.action not in ("valve", "pressure"):
-            raise ParameterError(f"its action is {self.action!r}; valid: valve, pressure")
+            raise ParameterError(f"its action is {shown(self.action)}; valid: valve, pressure")
         if self.vehicle not in VEHICLES:
-            raise ParameterError(f"it is for a {self.vehicle!r}; valid: {', '.join(VEHICLES)}")
+            raise ParameterError(f"it is for a {shown(self.vehicle)}; valid: {', '.join(VEHICLES)}")
         if self.axles != VEHICLES[self.vehicle].axles:
             raise ParameterError(f"it is for {self.axles!r} axles, a {self.vehicle} has {VEHICLES[self.vehicle].axles}")
-        interval = self.control_interval_s
-        if not isinstance(interval, int | float) or not 0.0 < interval < 1.0:
-            raise ParameterError(f"its control interval is {interval!r} s; valid: above 0, below 1")
-        if self.pressure_sensors not in (True, False):
-            raise ParameterError(f"its pressure_sensors are {self.pressure_sensors!r}; valid: true, false")
+        if not _SHORTEST_S <= number(self.control_interval_s) < 1.0:
+            given = shown(self.control_interval_s)
+            raise ParameterError(f"its control interval is {given} s; valid: from {_SHORTEST_S:g}, below 1")
+        if not isinstance(self.pressure_sensors, bool):
+            raise ParameterError(f"its pressure_sensors are {shown(self.pressure_sensors)}; valid: true, false")
         measured = describe_measurement(self.axles, self.pressure_sensors)
         observed = describe_observation(self.axles, self.pressure_sensors)
         compared: tuple[tuple[str, Mapping[str, object], Mapping[str, object]], ...] = (
@@ -94,7 +103,7 @@ class Contract:
         )
         for what, own, here in compared:
             wrong = [name for name in {**own, **here} if own.get(name) != here.get(name)]
-            if others := [f"{name}: {own.get(name)}, not {here.get(name)}" for name in wrong]:
+            if others := [f"{name}: {shown(own.get(name))}, not {shown(here.get(name))}" for name in wrong]:
                 more = f", and {len(others) - 3} more" if len(others) > 3 else ""
                 raise ParameterError(f"its {what} is not that of this wsp_env: {'; '.join(others[:3])}{more}")
 
@@ -228,18 +237,21 @@ def load_policy(folder: str | Path) -> Policy:
         raise ParameterError(f"policy {place}: {NETWORK} cannot be read: {error.strerror}") from None
     if hashlib.sha256(content).hexdigest() != contract.sha256:
         raise ParameterError(f"policy {place}: {NETWORK} is not the network that {CONTRACT} was written for (sha256 differs)")
-    return Policy(contract, *_session(place, content, contract))
+    try:
+        return Policy(contract, *open_network(content, len(contract.observation), contract.axles))
+    except ParameterError:  # not installed
+        raise
+    except ValueError as error:
+        raise ParameterError(f"policy {place}: {NETWORK} {error}") from None
 
 
 def read_contract(folder: Path) -> Contract:
     """Return the contract of a folder; `ParameterError` says what does not fit."""
     path = folder / CONTRACT
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ParameterError(f"policy {folder}: {CONTRACT} cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise ParameterError(f"policy {folder}: {CONTRACT} is not JSON: {error}") from None
+        document = read_json(path)
+    except DocumentError as error:
+        raise ParameterError(f"policy {folder}: {CONTRACT} {error}") from None
     names = [field.name for field in dataclasses.fields(Contract)]
     if not isinstance(document, Mapping) or (wrong := set(document) ^ set(names)):
         what = ", ".join(sorted(wrong)) if isinstance(document, Mapping) else "everything"
@@ -248,37 +260,3 @@ def read_contract(folder: Path) -> Contract:
         return Contract(**document)
     except ParameterError as error:
         raise ParameterError(f"policy {folder}: {error}") from None
-
-
-def _session(place: Path, content: bytes, contract: Contract) -> tuple[Infer, int]:
-    try:
-        import onnxruntime
-    except ImportError as error:
-        raise ParameterError("running a policy needs onnxruntime: pip install 'wsp-env[export]'") from error
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = 1  # so small a network is slower on more
-    options.inter_op_num_threads = 1
-    try:
-        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime has no common base of its errors
-        raise ParameterError(f"policy {place}: {NETWORK} cannot be loaded: {error}") from None
-    size = len(contract.observation)
-    given = {item.name: item.shape for item in session.get_inputs()}
-    remembers = [MEMORY_INPUT] if MEMORY_INPUT in given else []
-    wanted = ["command", *(MEMORY_OUTPUT if remembers else ())]
-    if (
-        set(given) != {INPUT, *remembers}
-        or given[INPUT][-1] != size
-        or not set(wanted) <= {item.name for item in session.get_outputs()}
-    ):
-        raise ParameterError(
-            f"policy {place}: {NETWORK} takes {given}, expected {INPUT} (N, {size}) and the output {' and '.join(wanted)}"
-        )
-
-    def infer(observation: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        if not remembers:
-            return session.run(wanted, {INPUT: observation})[0], memory
-        command, remembered = session.run(wanted, {INPUT: observation, MEMORY_INPUT: memory})
-        return command, remembered
-
-    return infer, given[MEMORY_INPUT][-1] if remembers else 0

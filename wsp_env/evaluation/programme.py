@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-import tomllib
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
@@ -12,7 +12,8 @@ from scipy.optimize import brentq
 
 from wsp_env.evaluation.bound import SlideLimit, best_adhesion
 from wsp_env.evaluation.figures import FIGURES
-from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.document import DocumentError, read_toml
+from wsp_env.parameters.quantity import ParameterError, number, shown
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.port import TRACK_STEP_M, Stop
 from wsp_env.scenario import Scenario, draw
@@ -51,10 +52,15 @@ class Case:
         """Turn lists from a table into tuples; refuse what cannot be."""
         if self.initial_adhesion is not None:
             pair = tuple(self.initial_adhesion)
-            if len(pair) != 2 or not 0.0 < pair[0] <= pair[1] < 0.3:
-                raise ParameterError(f"case {self.name}: initial_adhesion = {pair} must be (lowest, highest) within (0, 0.3)")
+            if len(pair) != 2 or not 0.0 < number(pair[0]) <= number(pair[1]) < 0.3:
+                raise ParameterError(
+                    f"case {self.name}: initial_adhesion = {shown(pair)} must be (lowest, highest) within (0, 0.3)"
+                )
             object.__setattr__(self, "initial_adhesion", pair)
-        object.__setattr__(self, "contaminated_m", tuple(tuple(stretch) for stretch in self.contaminated_m))
+        stretches = tuple(tuple(stretch) for stretch in self.contaminated_m)
+        if not all(len(one) == 2 and all(number(end) >= 0.0 or end == np.inf for end in one) for one in stretches):
+            raise ParameterError(f"case {self.name}: contaminated_m = {shown(stretches)} must be pairs (from, to) [m]")
+        object.__setattr__(self, "contaminated_m", stretches)
         if not self.initial_speed_kmh > 0.0:
             raise ParameterError(f"case {self.name}: initial_speed_kmh = {self.initial_speed_kmh} must be above zero")
 
@@ -121,16 +127,16 @@ class CaseStops:
 def read_programme(path: Path = STANDARD) -> Programme:
     """Read and check a programme; `ParameterError` says what is wrong with it."""
     try:
-        table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ParameterError(f"the programme {path} cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise ParameterError(f"the programme {path} is not valid TOML: {error}") from None
-    head = dict(table.get("programme", {}))
+        table = read_toml(Path(path))
+    except DocumentError as error:
+        raise ParameterError(f"the programme {path} {error}") from None
     try:
-        limit = SlideLimit(
-            head.pop("slide_limit", SlideLimit.creepage), head.pop("slide_limit_above_mps", SlideLimit.above_mps)
-        )
+        head = dict(table.get("programme", {}))
+        given = {"slide_limit": SlideLimit.creepage, "slide_limit_above_mps": SlideLimit.above_mps}
+        limits = {key: head.pop(key, value) for key, value in given.items()}
+        if wrong := [key for key, value in limits.items() if not number(value) > 0.0]:
+            raise ParameterError(f"{wrong[0]} = {shown(limits[wrong[0]])} must be a number above zero")
+        limit = SlideLimit(*limits.values())
         programme = Programme(
             name=head.pop("name", Path(path).stem),
             limit=limit,
@@ -138,13 +144,27 @@ def read_programme(path: Path = STANDARD) -> Programme:
             cases=tuple(_record(Case, case) for case in table.get("case", [])),
             requirements=tuple(_record(Requirement, requirement) for requirement in table.get("requirement", [])),
         )
-    except TypeError as error:  # a key that is not known, or one that is missing
+    except ParameterError as error:
+        raise ParameterError(f"the programme {path}: {error}") from None
+    except (TypeError, ValueError) as error:  # a key that is not known, or one that is missing, or no table
         raise ParameterError(f"the programme {path}: {str(error).replace('__init__() ', '')}") from None
     _check(Path(path), programme, sorted(head))
     return programme
 
 
-def _record(kind: Callable[..., Record], values: dict[str, object]) -> Record:
+def _record(kind: Callable[..., Record], values: object) -> Record:
+    """Return a record of a table's values; numbers and texts must be such."""
+    if not isinstance(values, dict):
+        raise ParameterError(f"{shown(values)} must be a table")
+    kinds = {field.name: field.type for field in dataclasses.fields(kind)}  # type: ignore[arg-type]  # the callers'
+    for key, value in values.items():
+        wanted = kinds.get(key)
+        if wanted is float and not math.isfinite(number(value)) and value != math.inf:
+            raise ParameterError(f"{key} = {shown(value)} must be a number")
+        if wanted is str and not isinstance(value, str):
+            raise ParameterError(f"{key} = {shown(value)} must be a text")
+        if wanted == tuple[str, ...] and not (isinstance(value, list) and all(isinstance(one, str) for one in value)):
+            raise ParameterError(f"{key} = {shown(value)} must be a list of texts")
     return kind(**{key: tuple(value) if isinstance(value, list) else value for key, value in values.items()})
 
 
@@ -157,7 +177,7 @@ def _check(path: Path, programme: Programme, unknown: Sequence[str]) -> None:
     for requirement in programme.requirements:
         if requirement.figure not in FIGURES:
             raise ParameterError(
-                f"the programme {path}: requirement {requirement.name!r} names the figure {requirement.figure!r}; "
+                f"the programme {path}: requirement {requirement.name!r} names the figure {shown(requirement.figure)}; "
                 f"valid: {', '.join(FIGURES)}"
             )
         if wrong := (set(requirement.cases) - set(names)) | (set(requirement.laws) - set(LAWS)):
@@ -179,14 +199,14 @@ def select_cases(programme: Programme, vehicle: Vehicle, names: Sequence[str] = 
 def draw_stops(case: Case, programme: Programme, vehicle: Vehicle, draws: Draws) -> CaseStops:
     """Draw the stops of a case: the same under every law, and from the same numbers in every case."""
     rows, stops, fails = [], [], []
-    for number in range(draws.number):
-        rng = np.random.default_rng([draws.seed, number])
+    for drawn in range(draws.number):
+        rng = np.random.default_rng([draws.seed, drawn])
         share, axle = rng.uniform(), int(rng.integers(vehicle.axles))
         fail = np.full(vehicle.axles, np.inf)
         fail[axle] = case.sensor_fails_s
         for law in case.laws:
-            rows.append((law, number))
-            stops.append(_stop(case, programme, vehicle, law, share, axle, np.random.default_rng([draws.seed, number, 1])))
+            rows.append((law, drawn))
+            stops.append(_stop(case, programme, vehicle, law, share, axle, np.random.default_rng([draws.seed, drawn, 1])))
             fails.append(fail)
     laws, numbers = zip(*rows, strict=True)
     return CaseStops(laws, numbers, tuple(stops), np.array(fails))

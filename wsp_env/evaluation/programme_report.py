@@ -206,7 +206,7 @@ class _Viewer:
         for trace in self.result.traces:
             key = (trace.controller, trace.case, trace.law, trace.draw)
             stops.append(dict(zip(KEYS, key, strict=True)) | {"note": notes[key], "samples": _packed(trace)})
-        data = json.dumps(stops, separators=(",", ":")).replace("</", "<\\/")
+        data = json.dumps(stops, separators=(",", ":")).replace("<", "\\u003c")
         menus = "".join(f'<label>{what} <select id="course-{what}"></select></label> ' for what in KEYS)
         return f'<p>{menus}</p><p id="course-note"></p><div id="course"></div><script>{_script(data)}</script>'
 

@@ -3,12 +3,9 @@
 import dataclasses
 import hashlib
 import json
-import os
 import re
-import tempfile
 import warnings
 import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,8 +15,15 @@ import numpy as np
 from wsp_env.evaluation.bound import SlideLimit
 from wsp_env.evaluation.programme import Case, Draws
 from wsp_env.evaluation.runner import Conduct, StopRecords
+from wsp_env.output import write_whole
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.scenario import Scenario
+
+#: What every result has: one entry a stop, and the course of each.
+_EACH_STOP = ("law", "draw", "stopped", "energy", "figure_distance_m")
+_KEYS = (*_EACH_STOP, *(f"trace_{what}" for what in ("time", "position", "speed", "wheel", "pressure")))
+_DIGEST = "digest"
+_LARGEST_BYTES = 2**31  # of a result; those of the programme have some hundred thousand
 
 #: So many samples are kept of the course of a stop.
 TRACE_SAMPLES = 250
@@ -61,28 +65,40 @@ def _plain(value: object) -> object:
 
 def write(path: Path, arrays: Mapping[str, Any]) -> None:
     """Write the results at once: an interrupted run leaves the file complete or absent."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, **arrays)
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    kept = {name: np.asarray(values) for name, values in arrays.items()}
+    kept[_DIGEST] = np.array(_digest(kept))
+    write_whole(path, lambda file: np.savez_compressed(file, **kept))  # type: ignore[arg-type]
 
 
 def read(path: Path) -> dict[str, np.ndarray] | None:
-    """Return the arrays of a result file; None if there is none, or, with a warning, if it cannot be read."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
-    except FileNotFoundError:
+    """Return the arrays of a result file; None if there is none, or, with a warning, if it is not as it was written."""
+    if not path.exists():
         return None
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if sum(member.file_size for member in archive.infolist()) > _LARGEST_BYTES:
+                raise ValueError(f"it would unpack to more than {_LARGEST_BYTES} bytes")
+        with np.load(path, allow_pickle=False) as file:
+            found = {name: file[name] for name in file.files}
+        if str(found.pop(_DIGEST, "")) != _digest(found):
+            raise ValueError("its digest is another")
+        if missing := [name for name in _KEYS if name not in found]:
+            raise ValueError(f"it lacks {', '.join(missing)}")
+        if len({len(found[name]) for name in _EACH_STOP}) != 1:
+            raise ValueError("its columns differ in length")
+    except Exception as error:  # zipfile, zlib and numpy raise whatever they stumble over
         warnings.warn(f"{path} cannot be read and is computed again ({error})", stacklevel=2)
         return None
+    return found
+
+
+def _digest(arrays: Mapping[str, np.ndarray]) -> str:
+    """Return a hash of names, types, shapes and numbers."""
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        values = arrays[name]
+        digest.update(f"{name} {values.dtype.str} {values.shape} ".encode() + np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()
 
 
 def traces(result: StopRecords) -> dict[str, np.ndarray]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from wsp_env.child import TookTooLongError, limited
 from wsp_env.evaluation.controller import Controller
 from wsp_env.evaluation.policy import Policy
 from wsp_env.parameters.vehicle import Vehicle
@@ -15,6 +16,10 @@ from wsp_env.plant.port import Measurement, Plant, Setup, Stop, given_up
 
 #: Time between two commands [s], as in the environments; a WSP decides some 50 times a second (assumption).
 CONTROL_INTERVAL_S = 0.02
+
+#: Time that a controller may take for one decision [s] of the processor: it may compile or load a lot at its first one
+#: (assumption); see `wsp_env.child.limited`.
+DECISION_LIMIT_S = 30.0
 
 #: A stop that has not ended after so long is given up [s]: a locked coach on soap needs some 250 s from 200 km/h.
 TIME_LIMIT_S = 400.0
@@ -176,7 +181,11 @@ def check_command(controller: Controller, given: Any, shape: tuple[int, ...], ti
 
 def _guarded(controller: Controller, method: str, time: float, *arguments: Any) -> Any:
     try:
-        return getattr(controller, method)(*arguments)
+        with limited(DECISION_LIMIT_S):
+            return getattr(controller, method)(*arguments)
+    except TookTooLongError:
+        what = f"{type(controller).__name__}.{method} took more than {DECISION_LIMIT_S:g} s of the processor"
+        raise ControllerFailure(f"{what} at {time:.2f} s") from None
     except (Exception, SystemExit) as error:  # whatever a third-party controller raises
         what = f"{type(controller).__name__}.{method} raised {type(error).__name__} at {time:.2f} s: {error}"
         raise ControllerFailure(what) from error

@@ -49,7 +49,7 @@ class CampaignVehicle(Checked):
             raise ParameterError(f"resistance_n must be the three numbers [A, B, C], got {list(self.resistance_n)}")
         if self.brake_torque_source != "measured" and "pressure" not in str(self.brake_torque_source):
             raise ParameterError(
-                f'brake_torque_source = {self.brake_torque_source!r} is unknown; valid: "measured", '
+                f'brake_torque_source = {shown(self.brake_torque_source)} is unknown; valid: "measured", '
                 '"cylinder pressure times the nominal gain"'
             )
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 import reprlib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -12,8 +13,41 @@ if TYPE_CHECKING:
 Record = TypeVar("Record", bound="DataclassInstance")
 
 
+#: Characters of a line of a message, of which some quote what others wrote.
+_LONGEST_LINE = 1000
+
+
 class ParameterError(ValueError):
     """A parameter that does not exist or cannot be; the message says which, why, and what is possible."""
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(readable(str(message)))
+
+
+def readable(message: str) -> str:
+    """Return a message without control characters, its lines cut in the middle where they are longer than a screen.
+
+    Lines after the first begin with blanks; any other line break came along with what is quoted.
+    """
+    lines = re.split(r"\n(?=  )", message)
+    return "\n".join(_cut("".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in line)) for line in lines)
+
+
+def _cut(line: str) -> str:
+    if len(line) <= _LONGEST_LINE:
+        return line
+    return f"{line[: _LONGEST_LINE * 2 // 3]} ... {line[-_LONGEST_LINE // 3 :]}"
+
+
+def number(value: object) -> float:
+    """Return a number as a float; nan for what is none, is not finite, or is beyond the floats."""
+    if isinstance(value, str | bytes | bool | None):
+        return math.nan
+    try:
+        found = float(value)  # type: ignore[arg-type]  # whatever it is
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+    return found if math.isfinite(found) else math.nan
 
 
 def quantity(
@@ -85,9 +119,9 @@ def replace(record: Record, changes: Mapping[str, object], what: str) -> Record:
     A field that is itself a record takes a dictionary of changes; a field that is a tuple takes a list too, nested or not.
     """
     names = [field.name for field in dataclasses.fields(record) if field.init]
-    unknown = sorted(set(changes) - set(names))
+    unknown = sorted(set(map(str, changes)) - set(names))
     if unknown:
-        raise ParameterError(f"unknown {what} {', '.join(unknown)}; valid: {', '.join(names)}")
+        raise ParameterError(f"unknown {what} {', '.join(map(str, unknown))}; valid: {', '.join(names)}")
     values = {}
     for name, value in changes.items():
         present = getattr(record, name)

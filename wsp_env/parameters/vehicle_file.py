@@ -9,12 +9,12 @@ import difflib
 import json
 import math
 import os
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from wsp_env.contact.port import LAWS
+from wsp_env.parameters.document import DocumentError, read_toml
 from wsp_env.parameters.quantity import ParameterError, check, replace, shown
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
@@ -22,7 +22,6 @@ from wsp_env.parameters.vehicle import Vehicle
 #: Keys that a file must have: what no vehicle has in common with another.
 REQUIRED = ("name", "axle_positions_m", "mass_kg", "wheelset_inertia_kgm2", "wheel_radius_m")
 
-_LARGEST_BYTES = 1_000_000  # a vehicle file has some thousand
 _WIDTH = 110  # of a list of numbers before it is broken into lines
 _WHAT = {
     "name": "what it is called",
@@ -111,22 +110,10 @@ def write_vehicle(vehicle: Vehicle) -> str:
 
 def _document(path: str | os.PathLike[str]) -> dict[str, Any]:
     try:
-        with Path(path).open("rb") as file:
-            content = file.read(_LARGEST_BYTES + 1)
-        if len(content) > _LARGEST_BYTES:
-            raise ParameterError(f"vehicle file {path} is larger than {_LARGEST_BYTES} bytes: no vehicle needs so many")
-        return tomllib.loads(content.decode("utf-8"))
-    except OSError as error:
-        raise ParameterError(
-            f"vehicle file {path} cannot be read: {error.strerror or error}; wsp vehicle show coach > mine.toml writes one"
-        ) from None
-    except ParameterError:
-        raise
-    except UnicodeDecodeError:
-        raise ParameterError(f"vehicle file {path} is no text in UTF-8") from None
-    except (ValueError, RecursionError) as error:  # the latter: nested a thousand deep
-        what = "nested too deep" if isinstance(error, RecursionError) else error
-        raise ParameterError(f"vehicle file {path} is not valid TOML: {what}") from None
+        return read_toml(Path(path))
+    except DocumentError as error:
+        advice = "; wsp vehicle show coach > mine.toml writes one" if "cannot be read" in str(error) else ""
+        raise ParameterError(f"vehicle file {path} {error}{advice}") from None
 
 
 def _part(field: "dataclasses.Field[Any]") -> type | None:

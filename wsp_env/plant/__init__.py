@@ -3,7 +3,7 @@
 import importlib
 from typing import Any
 
-from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.quantity import ParameterError, shown
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.port import MEMBERS, Plant, Setup
 
@@ -22,18 +22,18 @@ def make_plant(vehicle: Vehicle, n: int = 1, setup: Setup | None = None, name: s
     """
     module, colon, attribute = PLANTS.get(name, name).partition(":") if isinstance(name, str) else ("", "", "")
     if not (module.strip(".") and colon and attribute):
-        raise ParameterError(f"unknown plant {name!r}; valid: {', '.join(PLANTS)}, or package.module:Class")
+        raise ParameterError(f"unknown plant {shown(name)}; valid: {', '.join(PLANTS)}, or package.module:Class")
     try:
         found: Any = getattr(importlib.import_module(module), attribute)
     except Exception as error:  # whatever a module of somebody else raises
         hint = "; PYTHONPATH=. finds a module in this folder" if isinstance(error, ModuleNotFoundError) else ""
-        raise ParameterError(f"plant {name!r} cannot be loaded: {error}{hint}") from error
+        raise ParameterError(f"plant {shown(name)} cannot be loaded: {error}{hint}") from error
     try:
         plant: Plant = found(vehicle, n, setup or Setup())
     except ParameterError:
         raise
     except Exception as error:
-        raise ParameterError(f"plant {name!r} cannot be made: {type(error).__name__}: {error}") from error
+        raise ParameterError(f"plant {shown(name)} cannot be made: {type(error).__name__}: {error}") from error
     if missing := [member for member in MEMBERS if not hasattr(plant, member)]:
-        raise ParameterError(f"plant {name!r} is none: it lacks {', '.join(missing)}; see wsp_env/plant/port.py")
+        raise ParameterError(f"plant {shown(name)} is none: it lacks {', '.join(missing)}; see wsp_env/plant/port.py")
     return plant

@@ -15,7 +15,6 @@ Columns of a file in the native format: `time_s`, `vehicle_speed_mps`, and per a
 """
 
 import dataclasses
-import tomllib
 from importlib.resources import files
 from pathlib import Path
 
@@ -24,7 +23,8 @@ import numpy as np
 from wsp_env.parameters import velim
 from wsp_env.parameters.campaign_vehicle import CampaignVehicle, check_missing
 from wsp_env.parameters.contact import ContactParameters
-from wsp_env.parameters.quantity import ParameterError, replace
+from wsp_env.parameters.document import DocumentError, read_toml
+from wsp_env.parameters.quantity import ParameterError, number, replace, shown
 from wsp_env.recordings import channels
 from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.reading import read_recording
@@ -33,6 +33,7 @@ from wsp_env.recordings.recording import Recording
 #: Parameter sets that `[contact] set` may name.
 CONTACT_SETS = {"velim": velim.CONTACT}
 
+_SAMPLE_TIMES_S = (1e-4, 1.0)  # loggers take up to some thousand samples a second; beyond a second no slide is seen
 _APART_M = 50.0  # between stretches of track that belong to single runs: longer than anything that varies along it
 _TABLES = ("campaign", "vehicle", "contact", "channels", "runs")
 _CAMPAIGN_KEYS = ("name", "tune", "validate", "sample_time_s")
@@ -79,17 +80,22 @@ def read_campaign(folder: Path) -> Campaign:
 
     """
     path = Path(folder) / "campaign.toml"
-    if not path.is_file():
+    if not is_file(path):
         raise CampaignError(f"{path} does not exist: a campaign is a folder that holds campaign.toml and one table per run")
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise CampaignError(f"{path} is not valid TOML: {error}") from None
+        document = read_toml(path)
+    except DocumentError as error:
+        raise CampaignError(f"{path} {error}") from None
     _known(path, "the top level", document, _TABLES)
     head = _table(path, document, "campaign")
     _known(path, "[campaign]", head, _CAMPAIGN_KEYS)
     _required(path, "[campaign]", head, ("name", "tune", "sample_time_s"))
     sample_time = _number(path, "[campaign] sample_time_s", head["sample_time_s"], above=0.0)
+    if not _SAMPLE_TIMES_S[0] <= sample_time <= _SAMPLE_TIMES_S[1]:
+        low, high = _SAMPLE_TIMES_S
+        raise CampaignError(
+            f"{path}: [campaign] sample_time_s = {sample_time:g} s is impossible: it must lie in [{low:g}, {high:g}]"
+        )
     described = _table(path, document, "runs")
     tune, validate = _groups(path, head, described)
     try:
@@ -134,11 +140,13 @@ def _groups(path: Path, head: dict[str, object], described: dict[str, object]) -
     for key in ("tune", "validate"):
         names = head.get(key, [])
         if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-            raise CampaignError(f'{path}: [campaign] {key} must be a list of run names such as ["A1", "A2"], got {names!r}')
+            raise CampaignError(
+                f'{path}: [campaign] {key} must be a list of run names such as ["A1", "A2"], got {shown(names)}'
+            )
         for name in names:
             if name not in described:
                 raise CampaignError(
-                    f"{path}: run {name!r} is in [campaign] {key} but not described; add [runs.{name}] "
+                    f"{path}: run {shown(name)} is in [campaign] {key} but not described; add [runs.{name}] "
                     f"(described: {', '.join(described) or 'none'})"
                 )
         groups.append(tuple(dict.fromkeys(names)))
@@ -154,17 +162,17 @@ def _vehicle(path: Path, table: dict[str, object]) -> CampaignVehicle:
     _required(path, "[vehicle]", table, _REQUIRED_VEHICLE_KEYS)
     changes = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
     if type(changes["axles"]) is not int:
-        raise ParameterError(f"[vehicle] axles must be a whole number, got {changes['axles']!r}")
+        raise ParameterError(f"[vehicle] axles must be a whole number, got {shown(changes['axles'])}")
     return replace(CampaignVehicle(), changes, "key in [vehicle]")
 
 
 def _contact(path: Path, table: object) -> ContactParameters:
     if not isinstance(table, dict):
-        raise CampaignError(f'{path}: [contact] must be a table such as set = "velim", got {table!r}')
+        raise CampaignError(f'{path}: [contact] must be a table such as set = "velim", got {shown(table)}')
     changes = dict(table)
     name = changes.pop("set", "velim")
     if not isinstance(name, str) or name not in CONTACT_SETS:
-        raise CampaignError(f"{path}: [contact] set = {name!r} is unknown; valid: {', '.join(CONTACT_SETS)}")
+        raise CampaignError(f"{path}: [contact] set = {shown(name)} is unknown; valid: {', '.join(CONTACT_SETS)}")
     return replace(CONTACT_SETS[name], changes, "key in [contact]")
 
 
@@ -174,11 +182,13 @@ def _described(
     """Return a run's file, and what campaign.toml says of it as a recording without samples."""
     where = f"[runs.{name}]"
     if not isinstance(entry, dict):
-        raise CampaignError(f"{path}: {where} must be a table with at least file, got {entry!r}")
+        raise CampaignError(f"{path}: {where} must be a table with at least file, got {shown(entry)}")
     _known(path, where, entry, _RUN_KEYS)
     _required(path, where, entry, ("file",))
-    file = path.parent / str(entry["file"])
-    if not file.is_file():
+    if not isinstance(entry["file"], str):
+        raise CampaignError(f"{path}: {where} file must be the name of a file, got {shown(entry['file'])}")
+    file = path.parent / entry["file"]
+    if not is_file(file):
         raise CampaignError(f"{file} does not exist: {path} names it as the file of run {name}; correct `file` or add it")
     friction = _number(path, f"{where} kinetic_friction_d", entry.get("kinetic_friction_d", contact.kinetic_friction_d), 0.0)
     if friction >= contact.kinetic_friction_r:
@@ -230,7 +240,15 @@ def _required(path: Path, where: str, table: dict[str, object], keys: tuple[str,
 
 
 def _number(path: Path, what: str, value: object, above: float = -np.inf) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not above < value < np.inf:
+    if not above < (found := number(value)) < np.inf:
         bound = "" if above == -np.inf else f" above {above:g}"
-        raise CampaignError(f"{path}: {what} must be a finite number{bound}, got {value!r}")
-    return float(value)
+        raise CampaignError(f"{path}: {what} must be a finite number{bound}, got {shown(value)}")
+    return found
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; False too for a name that no file can have."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False

@@ -14,6 +14,7 @@ import dataclasses
 import re
 from pathlib import Path
 
+from wsp_env.parameters.quantity import number, shown
 from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.units import conversion, counts_radians, is_compatible
 
@@ -83,7 +84,9 @@ def parse(path: Path, table: object, axles: int) -> dict[str, Source]:
 
     """
     if not isinstance(table, dict):
-        raise CampaignError(f'{path}: [channels] must be a table such as time = {{column = "t", unit = "s"}}, got {table!r}')
+        raise CampaignError(
+            f'{path}: [channels] must be a table such as time = {{column = "t", unit = "s"}}, got {shown(table)}'
+        )
     valid = names(axles)
     sources = {}
     for name, entry in table.items():
@@ -96,11 +99,11 @@ def parse(path: Path, table: object, axles: int) -> dict[str, Source]:
         if unknown := sorted(set(entry) - set(_KEYS)):
             raise CampaignError(f"{path}: unknown key {', '.join(unknown)} in [channels] {name}; valid: {', '.join(_KEYS)}")
         scale = entry.get("scale", 1.0)
-        if isinstance(scale, bool) or not isinstance(scale, int | float) or not 0.0 < abs(scale) < float("inf"):
-            raise CampaignError(f"{path}: [channels] {name} scale must be a finite number other than 0, got {scale!r}")
+        if not abs(number(scale)) > 0.0:
+            raise CampaignError(f"{path}: [channels] {name} scale must be a finite number other than 0, got {shown(scale)}")
         for key in ("unit", "time"):
             if not isinstance(entry.get(key, ""), str):
-                raise CampaignError(f"{path}: [channels] {name} {key} must be text, got {entry[key]!r}")
+                raise CampaignError(f"{path}: [channels] {name} {key} must be text, got {shown(entry[key])}")
         source = Source(entry["column"], entry.get("unit"), float(scale), entry.get("time"))
         if source.unit is not None:
             factor(source.unit, name, 1.0, f"{path}: [channels] {name}")

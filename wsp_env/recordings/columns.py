@@ -15,6 +15,10 @@ from wsp_env.recordings.readers import open_file
 from wsp_env.recordings.readers.channel_file import ChannelFile, Samples
 
 _LEAST_SAMPLES = 4  # for one third difference
+_LEAST_ALIKE = 2  # notes besides the first that say the same: from three on they are one line
+_EVEN_SHARE = 0.9  # of the steps of a channel between blank cells that must be alike
+_FINEST_S = 1e-6  # between samples: no logger of speeds takes a million a second
+_LONGEST_S = 86400.0  # of a file: no stop lasts a day
 
 
 @dataclasses.dataclass
@@ -88,7 +92,9 @@ class _Reader:
 
     def gather(self, raw: dict[str, Samples], wanted: list[str], step_s: float) -> Columns:
         """Return the channels on a clock of even steps over the time that all of them cover."""
+        self._part(raw, wanted)
         clocks = {name: self.clock(raw, name) for name in wanted}
+        self._check_steps(clocks, step_s)
         first = clocks[wanted[0]]
         start = max(c.time_s[0] for c in clocks.values())
         end = min(c.time_s[-1] for c in clocks.values())
@@ -108,7 +114,43 @@ class _Reader:
             if sum(self.sources[other].column == column for other in wanted) == 1:
                 del raw[column]  # a file may fill half the memory
             self._bring(name, values, clocks[name], step_s, result)
+        result.notes = condensed(self.file, self.notes)
         return result
+
+    def _part(self, raw: dict[str, Samples], wanted: list[str]) -> None:
+        """Give channels of a table whose cells are blank at an even pace, each at its own rate, the clock of their rows."""
+        sparse: dict[str, list[str]] = {}
+        for name in wanted:
+            column, time = self.sources[name].column, self.sources[name].time or self.sources["time"].column
+            samples = raw[column]
+            filled = np.isfinite(samples.values)
+            if samples.time_s is not None or filled.mean() > 1.0 - clock.MOST_REPAIRED or len(raw[time].values) != len(filled):
+                continue
+            own = self.convert("time", raw[time].values, time)[filled]
+            steps = np.diff(own)
+            if len(steps) and np.mean(np.abs(steps - np.median(steps)) < clock.JITTER * abs(np.median(steps))) > _EVEN_SHARE:
+                raw[column] = Samples(samples.values[filled], own)
+                sparse.setdefault(f"{np.median(steps):.4g}", []).append(column)
+        for step, columns in sparse.items():
+            few = ", ".join(columns[:3]) + (", ..." if len(columns) > 3 else "")
+            self.notes.append(
+                f"{self.file}: cells of {few} are blank but every {step} s; read at that rate, other rows left out"
+            )
+
+    def _check_steps(self, clocks: dict[str, Clock], step_s: float) -> None:
+        """Refuse clocks in another unit, and spans that no stop lasts."""
+        for name, own in clocks.items():
+            column = self.sources[name].time or self.sources["time"].column
+            if channels.channel(name).required and not _FINEST_S <= own.step_s <= clock.LONGEST_GAP_S:
+                unit = "ms" if own.step_s > clock.LONGEST_GAP_S else "min"
+                raise CampaignError(
+                    f"{self.file}, column {column}: a sample every {own.step_s:.3g} s says nothing of a slide; is the time in "
+                    f'another unit? Give it, such as unit = "{unit}", to time in [channels]'
+                )
+            if own.time_s[-1] - own.time_s[0] > _LONGEST_S:
+                raise CampaignError(
+                    f"{self.file}, column {column}: the clock spans {own.time_s[-1] - own.time_s[0]:.3g} s; cut out the stop"
+                )
 
     def clock(self, raw: dict[str, Samples], name: str) -> Clock:
         """Return the repaired clock of a channel; each is repaired once."""
@@ -174,6 +216,26 @@ class _Reader:
             bad = clock.spread(grid, bad, result.time_s)
         result.values[name] = values
         result.suspect[name] = bad
+
+
+def condensed(file: Path, notes: list[str]) -> list[str]:
+    """Return notes of which those that say the same of several columns, but for numbers, are one line."""
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for note in notes:
+        where, _, rest = note.removeprefix(f"{file}, ").partition(": ")
+        named = note.startswith((f"{file}, column ", f"{file}, clock of ")) and rest
+        kind = re.sub(r"[\d.]+(e-?\d+)?", "#", rest) if named else note
+        groups.setdefault(kind, []).append((re.sub("^(column|clock of) ", "", where), note))
+    found = []
+    for group in groups.values():
+        (first, note), others = group[0], len(group) - 1
+        names = ", ".join(name for name, _ in group[:4]) + (", ..." if others > 3 else "")
+        found.append(
+            note
+            if others < _LEAST_ALIKE
+            else f"{file}: {others + 1} channels ({names}), such as {first}: {note.partition(': ')[2]}"
+        )
+    return [one for one in found if one]
 
 
 def _fits(own: Clock, start_s: float, step_s: float) -> bool:

@@ -10,7 +10,6 @@ Columns of a file: `creepage` and `adhesion_coefficient`, both [-] and positive;
 """
 
 import dataclasses
-import tomllib
 from importlib.resources import files
 from pathlib import Path
 
@@ -19,7 +18,8 @@ import numpy as np
 from wsp_env.contact.hertz import hertz
 from wsp_env.contact.kalker import Patch, kalker_coefficients
 from wsp_env.parameters.contact import ContactParameters
-from wsp_env.parameters.quantity import Checked, quantity, replace
+from wsp_env.parameters.document import DocumentError, read_toml
+from wsp_env.parameters.quantity import Checked, number, quantity, replace, shown
 from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.readers import open_file
 
@@ -86,8 +86,8 @@ def eurosprinter_curve() -> Path:
 def holds_creep_curves(folder: Path) -> bool:
     """Whether a folder's campaign.toml says that it holds creep curves; False for one that is missing or damaged too."""
     try:
-        document = tomllib.loads((Path(folder) / "campaign.toml").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        document = read_toml(Path(folder) / "campaign.toml")
+    except DocumentError:
         return False
     head = document.get("campaign")
     return isinstance(head, dict) and head.get("kind") == KIND
@@ -104,15 +104,15 @@ def read_creep_curves(folder: Path) -> CreepCurves:
     """
     path = Path(folder) / "campaign.toml"
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise CampaignError(f"{path} cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise CampaignError(f"{path} is not valid TOML: {error}") from None
+        document = read_toml(path)
+    except DocumentError as error:
+        raise CampaignError(f"{path} {error}") from None
     _keys(path, "the top level", document, ("campaign", "contact", "curves"), ())
     head = _keys(path, "[campaign]", document["campaign"], ("name", "kind"), ())
     if head["kind"] != KIND:
-        raise CampaignError(f'{path}: [campaign] kind = {head["kind"]!r} is unknown; valid: "{KIND}", or no kind for stops')
+        raise CampaignError(
+            f'{path}: [campaign] kind = {shown(head["kind"])} is unknown; valid: "{KIND}", or no kind for stops'
+        )
     if not isinstance(document["contact"], dict) or {"wheel_load_n", "wheel_radius_m"} - set(document["contact"]):
         raise CampaignError(f"{path}: [contact] needs wheel_load_n [N] and wheel_radius_m [m]; add them")
     try:
@@ -133,8 +133,8 @@ def _curve(path: Path, name: str, entry: object) -> CreepCurve:
     where = f"[curves.{name}]"
     table = _keys(path, where, entry, ("file", "speed_mps"), ("notes",))
     speed, file = table["speed_mps"], path.parent / str(table["file"])
-    if isinstance(speed, bool) or not isinstance(speed, int | float) or not 0.0 < speed < np.inf:
-        raise CampaignError(f"{path}: {where} speed_mps must be a finite number above 0, got {speed!r}")
+    if not number(speed) > 0.0:
+        raise CampaignError(f"{path}: {where} speed_mps must be a finite number above 0, got {shown(speed)}")
     opened = open_file(file)
     opened.require(list(_COLUMNS))
     read = opened.read(list(_COLUMNS))
@@ -149,12 +149,12 @@ def _curve(path: Path, name: str, entry: object) -> CreepCurve:
                 "(a curve in traction: both columns with their sign turned)"
             )
     order = np.argsort(creepage, kind="stable")
-    return CreepCurve(float(speed), creepage[order], adhesion[order])
+    return CreepCurve(number(speed), creepage[order], adhesion[order])
 
 
 def _keys(path: Path, where: str, table: object, required: tuple[str, ...], optional: tuple[str, ...]) -> dict[str, object]:
     if not isinstance(table, dict):
-        raise CampaignError(f"{path}: {where} must be a table, got {table!r}")
+        raise CampaignError(f"{path}: {where} must be a table, got {shown(table)}")
     if missing := [key for key in required if key not in table]:
         raise CampaignError(f"{path}: {where} lacks {', '.join(missing)}; add it")
     if unknown := sorted(set(table) - {*required, *optional}):

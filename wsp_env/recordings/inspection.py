@@ -5,46 +5,24 @@ Guesses are for a person to confirm: they are only ever written into a commented
 
 import dataclasses
 import json
+import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from wsp_env.recordings import channels, clock, quality, units
-from wsp_env.recordings.channels import CHANNELS, Source
+from wsp_env.recordings import channels, clock, guessing, quality
+from wsp_env.recordings.channels import Source
 from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.quality import Quality
 from wsp_env.recordings.readers import open_file
-from wsp_env.recordings.readers.channel_file import ChannelFile
 
-#: Words (beginnings of words) in names that speak for a channel, and the unit it has where none is stated.
-_WORDS = {
-    "wheel_speed": (("speed", "vel", "omega", "rpm", "drehz", "wheel"), "rad/s"),
-    "brake_torque": (("torq", "moment", "mbr"), "N*m"),
-    "cylinder_pressure": (("press", "bcp", "cyl", "druck", "pbr"), "bar"),
-    "wheel_load": (("load", "vertical", "last"), "N"),
-    "valve_command": (("valve", "cmd", "command", "ventil", "dump"), ""),
-    "vehicle_speed": (("speed", "vel", "geschw"), "m/s"),
-    "position": (("pos", "dist", "chain", "weg"), "m"),
-    "time": (("time", "zeit", "timestamp"), "s"),
-}
-
-# Endings of names that are units; longer ones first.
-_ENDINGS = {
-    "radps": "rad/s", "rads": "rad/s", "kmph": "km/h", "kmh": "km/h", "kph": "km/h", "mph": "mph", "mps": "m/s", "rpm": "rpm",
-    "mbar": "mbar", "bar": "bar", "kpa": "kPa", "psi": "psi", "knm": "kN*m", "nm": "N*m", "kn": "kN", "n": "N", "km": "km",
-    "m": "m", "ms": "ms", "s": "s",
-}  # fmt: skip
-
-_AXLE = re.compile(r"(?:axle|axl|ax|wheelset|wheel|ws|achse|rad|w|a)[ _.-]?(\d{1,2})(?!\d)", re.IGNORECASE)
-_BY_UNIT = ("wheel_speed", "brake_torque", "cylinder_pressure")  # what a unit and a number in the name may speak for
-_MOST_AXLES = 8
 _MEASURED = ('brake_torque_source = "measured"    # or "cylinder pressure times the nominal gain"',)
 _FROM_PRESSURES = (  # of a draft
     "# torque_per_bar_nm = ...           # EDIT: required, torque of a wheelset for one bar in its brake cylinders",
     'brake_torque_source = "cylinder pressure times the nominal gain"   # no torques found in the file',
 )
-_FASTEST_MPS = 60.0  # a vehicle speed without unit above this is taken for km/h
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,7 +60,7 @@ def inspect(file: Path) -> list[InspectedChannel]:
         raw[name] = (samples.values, samples.time_s)
     if not raw:
         raise problem
-    guesses = guess(opened, {name: _highest(values) for name, (values, _) in raw.items()})
+    guesses = guessing.guess(opened, {name: _highest(values) for name, (values, _) in raw.items()})
     by_name = {source.column: (channel, source.unit or "") for channel, source in guesses.items()}
     time = guesses.get("time")
     found = []
@@ -94,30 +72,6 @@ def inspect(file: Path) -> list[InspectedChannel]:
         described = quality.describe(values) if missing < len(values) else Quality(np.nan, 0.0, np.nan, np.nan)
         found.append(InspectedChannel(name, opened.units[name], len(values), missing, rate, described, channel, unit))
     return found
-
-
-def guess(opened: ChannelFile, highest: dict[str, float]) -> dict[str, Source]:
-    """Guess which column is which channel, from native and common names and the units in them; the first that fits is taken."""
-    guessed: dict[str, Source] = {}
-    used = set()
-    for by_unit in (False, True):  # names first; what they leave open, units and numbers may tell
-        for column, stated in opened.units.items():
-            if column not in highest or column in used:
-                continue
-            unit = stated or _ending(column)
-            name = _measured(column, unit) if by_unit else _named(column, unit)
-            if not name or name in guessed:
-                continue
-            kind = name.split("_", 1)[1] if name.startswith("axle") else name
-            if kind == "wheel_speed" and unit in units.TURNS:
-                unit = "rpm"
-            if not unit:
-                unit = _WORDS[kind][1]
-                if name == "vehicle_speed" and highest[column] > _FASTEST_MPS:
-                    unit = "km/h"
-            guessed[name] = Source(column, unit)
-            used.add(column)
-    return guessed
 
 
 def alike(file: Path, found: list[InspectedChannel]) -> list[Path]:
@@ -141,6 +95,12 @@ def dead(found: list[InspectedChannel]) -> list[InspectedChannel]:
     return [channel for channel in wheels if moving and channel.quality.highest == channel.quality.lowest]
 
 
+def absent(found: list[InspectedChannel], axles: int) -> set[int]:
+    """Return the axles without a wheel speed, where others have one; none where all are left out."""
+    there = {_axle(channel) for channel in found if channel.guess.endswith("_wheel_speed")}
+    return set(range(1, axles + 1)) - there if there else set()
+
+
 def suspicions(found: list[InspectedChannel]) -> list[str]:
     """Say which channels of a single file look dead, each with what to do."""
     return [
@@ -154,24 +114,34 @@ def _axle(channel: InspectedChannel) -> int:
     return int(channel.guess.removeprefix("axle").split("_")[0])
 
 
-def draft(file: Path, found: list[InspectedChannel]) -> str:
+def draft(file: Path, found: list[InspectedChannel], runs: Sequence[Path] = (), folder: Path | None = None) -> str:
     """Return a campaign.toml to edit: what is known is filled in, what only a person can know is left out and asked for.
 
-    Its runs are the file and those like it beside it, see `alike`.
+    Parameters
+    ----------
+    file, found : one file, and its channels
+    runs : files of the campaign; none: the file and those like it beside it, see `alike`
+    folder : that campaign.toml will stand in; None: that of the file
+
     """
-    runs = alike(file, found)
+    runs = runs or alike(file, found)
+    stems = [run.stem for run in runs]
+    places = {run: Path(os.path.relpath(run, folder or file.parent)).as_posix() for run in runs}
+    named = {run: run.stem if stems.count(run.stem) == 1 else str(Path(places[run]).with_suffix("")) for run in runs}
     guesses = {channel.guess: channel for channel in found if channel.guess}
     axles = max((int(match[1]) for name in guesses if (match := re.match(r"axle(\d+)_", name))), default=4)
     rates = [channel.rate_hz for channel in found if channel.rate_hz and channel.guess]
     step = 1.0 / max(rates) if rates and max(rates) < 100.0 else 0.01
     pressures = any("pressure" in name for name in guesses) and not any("torque" in name for name in guesses)
     clocked = all(channel.rate_hz for channel in found)  # every channel brings its clock
-    silent = sorted({_axle(channel) for channel in dead(found) if channel.guess.endswith("_wheel_speed")})
+    silent = sorted(
+        {_axle(channel) for channel in dead(found) if channel.guess.endswith("_wheel_speed")} | absent(found, axles)
+    )
     lines = [
         f"# Draft by `wsp inspect` from {file.name}. Lines with EDIT need you; check every guess.",
         "[campaign]",
         f"name = {json.dumps(file.stem)}",
-        f"tune = {json.dumps([run.stem for run in runs])}      # EDIT: runs to tune on",
+        f"tune = {json.dumps(list(named.values()))}      # EDIT: runs to tune on",
         "validate = []             # EDIT: runs that are only scored",
         f"sample_time_s = {step:.4g}      # all channels are brought to this clock",
         "",
@@ -181,7 +151,11 @@ def draft(file: Path, found: list[InspectedChannel]) -> str:
         "# mass_kg = ...                     # EDIT: required",
         "# wheelset_inertia_kgm2 = ...       # EDIT: required; 160 for a coach's wheelset with discs",
         "# wheel_radius_m = ...              # EDIT: required",
-        *([f"# missing_axles = {silent}             # EDIT: their wheel speed never changes"] if silent else []),
+        *(
+            [f"missing_axles = {silent}                # EDIT: no wheel speed found, or one that never changes"]
+            if silent
+            else []
+        ),
         *(_FROM_PRESSURES if pressures else _MEASURED),
         "",
         "[contact]",
@@ -194,61 +168,18 @@ def draft(file: Path, found: list[InspectedChannel]) -> str:
         if name in guesses:
             entry = f"{{column = {json.dumps(guesses[name].name)}, unit = {json.dumps(guesses[name].guessed_unit)}}}"
             lines.append(f"{name} = {entry}   # guessed")
-        elif kind.required and not (name == "time" and clocked) and not (pressures and name.endswith("brake_torque")):
+        elif kind.required and not (
+            (name == "time" and clocked)
+            or (pressures and name.endswith("brake_torque"))
+            or any(name.startswith(f"axle{k}_") for k in silent)
+        ):
             example = f'{{column = "...", unit = "{kind.unit}"}}'
             unless = ", or pressures and torque_per_bar_nm" if name.endswith("brake_torque") else ""
             lines.append(f"# {name} = {example}   # EDIT: required{unless}; none found")
     for run in runs:
         place = "# start_position_m = ...           # of the leading axle along the track; leave it out where nobody knows"
-        lines += ["", f"[runs.{json.dumps(run.stem)}]", f"file = {json.dumps(run.name)}", place]
+        lines += ["", f"[runs.{json.dumps(named[run])}]", f"file = {json.dumps(places[run])}", place]
     return "\n".join(lines) + "\n"
-
-
-def _named(column: str, unit: str) -> str:
-    """Name the channel that a column may be, "" for none."""
-    for name, kind in CHANNELS.items():
-        pattern = re.escape(kind.column).replace(r"\{k\}", r"(\d+)")
-        if match := re.fullmatch(pattern, column):
-            return name.replace("{k}", match[1]) if match.groups() else name
-    words = [word.lower() for word in re.findall(r"[A-Za-z]+?(?=[A-Z][a-z]|\d|[^A-Za-z]|$)", column)]
-    axle = _AXLE.search(column)
-    for kind_name, (beginnings, _) in _WORDS.items():
-        name = f"axle{axle[1]}_{kind_name}" if axle and f"axle{{k}}_{kind_name}" in CHANNELS else kind_name
-        if name not in CHANNELS and not name.startswith("axle"):
-            continue
-        if axle and not name.startswith("axle"):
-            continue
-        spoken = any(word.startswith(beginnings) for word in words) or (kind_name == "time" and words[:1] == ["t"])
-        if spoken and _fits(unit, name):
-            return name
-    return ""
-
-
-def _measured(column: str, unit: str) -> str:
-    """Name the channel that a column may be by its unit and the last number in its name, "" for none."""
-    if not unit:
-        return ""
-    number = re.search(r"(\d+)\D*$", re.sub(r"[\[(].*", "", column))
-    if not number:
-        return "vehicle_speed" if _fits(unit, "vehicle_speed") else ""
-    axle = int(number[1])
-    names = [f"axle{axle}_{kind}" for kind in _BY_UNIT] if 1 <= axle <= _MOST_AXLES else []
-    return next((name for name in names if _fits(unit, name)), "")
-
-
-def _fits(unit: str, name: str) -> bool:
-    if not unit or (unit in units.TURNS and name.endswith("_wheel_speed")):
-        return True
-    try:
-        channels.factor(unit, name, 1.0, "")
-    except CampaignError:
-        return False
-    return True
-
-
-def _ending(column: str) -> str:
-    last = re.split(r"[ _.\-]", column.lower())[-1]
-    return _ENDINGS.get(last, "")
 
 
 def _highest(values: np.ndarray) -> float:

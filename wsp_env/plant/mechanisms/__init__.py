@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 
 from wsp_env.compiled import generated, third_party_mechanisms
-from wsp_env.parameters.quantity import ParameterError, check
+from wsp_env.parameters.quantity import ParameterError, check, shown
 from wsp_env.plant.card import Card, check_card
 
 _FILES = (
@@ -104,7 +104,7 @@ def make(choice: Mapping[str, Mapping[str, float]] | None = None) -> Mechanisms:
 def _record(card: Card, given: Mapping[str, float]) -> tuple[float, ...]:
     names = [parameter.name for parameter in card.parameters]
     if not isinstance(given, Mapping):
-        raise ParameterError(f"mechanism {card.name} = {given!r} must be a dictionary of any of {', '.join(names)}")
+        raise ParameterError(f"mechanism {card.name} = {shown(given)} must be a dictionary of any of {', '.join(names)}")
     wrong = sorted(set(given) - set(names))
     if wrong:
         raise ParameterError(f"mechanism {card.name} has no parameter {', '.join(wrong)}; valid: {', '.join(names)}")

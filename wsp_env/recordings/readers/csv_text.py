@@ -3,20 +3,23 @@
 Before the line of names there may be lines on the test, and after it one line of units, as many loggers write them.
 """
 
-import codecs
 import csv
 import dataclasses
+import io
+import itertools
 import re
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import polars as pl
 
 from wsp_env.recordings.errors import CampaignError, first_line
 from wsp_env.recordings.readers.channel_file import ChannelFile, Samples
+from wsp_env.recordings.readers.text import file_head, is_clock, plain, seconds
 from wsp_env.recordings.units import is_unit, stated_unit
 
-_HEAD_BYTES = 1 << 20  # a header and a few lines fit in here
+MOST_COLUMNS = 20_000  # see `readers.MOST_CHANNELS`
 _SEPARATORS = ",;\t"
 _NUMBER = re.compile(r'[\s"]*[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?[\s"]*', re.IGNORECASE)
 
@@ -37,7 +40,11 @@ class Csv(ChannelFile):
     """Text with a line of names, then one line per sample."""
 
     def __init__(self, file: Path):
-        lines = _head(file)
+        head = file_head(file)
+        self._content = None if head.is_plain else plain(file, head)
+        lines = head.lines
+        if (most := max(map(lines[0].count, _SEPARATORS))) >= MOST_COLUMNS:
+            raise CampaignError(f"{file} has {most + 1} columns, more than {MOST_COLUMNS}: export those of a stop only")
         layout = _layout(lines)
         self._names, self._separator, self._skip = layout.names, layout.separator, layout.skip
         named = [name for name in self._names if not name.startswith("\0")]
@@ -50,6 +57,9 @@ class Csv(ChannelFile):
         self._decimal_comma = self._separator != "," and commas > points
         self.first_line = self._skip + 1
         stated = layout.units or [""] * len(self._names)
+        first = _cells(lines[self._skip], self._separator) if self._skip < len(lines) else []
+        clocks = [cell is not None and is_clock(cell) for cell, _ in itertools.zip_longest(first, self._names)]
+        stated = ["s" if is_time else unit for unit, is_time in zip(stated, clocks, strict=False)]
         super().__init__(
             file,
             {name: unit or stated_unit(name) for name, unit in zip(self._names, stated, strict=True) if name in named},
@@ -66,6 +76,9 @@ class Csv(ChannelFile):
         if unread:  # a number in quotes or blanks, a text, an empty cell, a short line
             text = self._scan(dict.fromkeys(self._names, pl.String), sorted(unread, key=self._names.index))
             frame = frame.with_columns(_numbers(text[name], self._decimal_comma) for name in unread)
+            for name in unread:  # times of day are no numbers: "12:03:04.123"
+                if self.units.get(name) == "s" and frame[name].null_count() > frame.height // 2:
+                    frame = frame.with_columns(pl.Series(name, seconds(text[name])))
         columns = {}
         for name in names:
             values = frame.drop_in_place(name).to_numpy()
@@ -77,7 +90,7 @@ class Csv(ChannelFile):
     def _scan(self, schema: dict[str, type[pl.DataType]], names: list[str]) -> pl.DataFrame:
         try:
             return pl.read_csv(
-                self.file,
+                self.file if self._content is None else self._content,
                 has_header=False,
                 skip_rows=self._skip,
                 schema=schema,
@@ -90,14 +103,17 @@ class Csv(ChannelFile):
             )
         except pl.exceptions.NoDataError:
             raise CampaignError(f"{self.file} is empty: it has a header but no samples") from None
-        except (pl.exceptions.PolarsError, OSError) as error:
+        except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
             raise CampaignError(f"{self.file} cannot be read: {self._long_line() or first_line(error)}") from None
+
+    def _open(self) -> BinaryIO:
+        return self.file.open("rb") if self._content is None else io.BytesIO(self._content)
 
     def _short(self, rows: int) -> np.ndarray:
         """Return which rows (rows,) have fewer cells than the header."""
         short: np.ndarray = np.zeros(rows, dtype=bool)
         separators, separator = len(self._names) - 1, self._separator.encode()
-        with self.file.open("rb") as stream:
+        with self._open() as stream:
             for row, line in enumerate(stream, start=-self._skip):
                 if 0 <= row < rows and line.count(separator) < separators:
                     short[row] = True
@@ -107,7 +123,7 @@ class Csv(ChannelFile):
         """Say which line has more cells than the header."""
         cells = len(self._names)
         separator = self._separator.encode()
-        with self.file.open("rb") as stream:
+        with self._open() as stream:
             for number, line in enumerate(stream, start=1):
                 if number > self._skip and line.count(separator) >= cells:
                     return (
@@ -119,19 +135,6 @@ class Csv(ChannelFile):
 def open_file(file: Path) -> Csv:
     """Open a text file; `CampaignError` for one that is no table."""
     return Csv(file)
-
-
-def _head(file: Path) -> list[str]:
-    """Return the file's first lines, as UTF-8 or else as Western European text."""
-    with file.open("rb") as stream:
-        head = stream.read(_HEAD_BYTES)
-    try:
-        text = codecs.getincrementaldecoder("utf-8-sig")().decode(head)
-    except UnicodeDecodeError:
-        text = head.decode("cp1252", errors="replace")
-    if "\0" in text.split("\n", 1)[0]:
-        raise CampaignError(f"{file} is empty or no CSV table: its first line is not text")
-    return [line.rstrip("\r") for line in text.split("\n")]
 
 
 def _layout(lines: list[str]) -> _Layout:
@@ -159,7 +162,7 @@ def _separator(line: str) -> str:
 
     def numbers(separator: str) -> tuple[float, int]:
         cells = [cell for cell in line.split(separator) if cell.strip()]
-        found = sum(_NUMBER.fullmatch(cell) is not None for cell in cells)
+        found = sum(_NUMBER.fullmatch(cell) is not None or is_clock(cell) for cell in cells)
         return (found / len(cells) if found > 1 else 0.0), found
 
     best = max(_SEPARATORS, key=numbers)
@@ -186,6 +189,8 @@ def _units(line: str, separator: str, columns: int) -> list[str]:
 
 def _numbers(text: pl.Series, decimal_comma: bool) -> pl.Series:
     text = text.str.strip_chars(' "')
-    if decimal_comma:
+    if decimal_comma:  # a point then parts thousands
+        whole = text.str.contains(r"^[-+]?\d{1,3}(\.\d{3})+(,\d*)?$")
+        text = pl.select(pl.when(whole).then(text.str.replace_all(".", "", literal=True)).otherwise(text)).to_series()
         text = text.str.replace(",", ".", literal=True)
     return text.cast(pl.Float64, strict=False)

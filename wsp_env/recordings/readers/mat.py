@@ -10,6 +10,7 @@ from wsp_env.recordings.readers.channel_file import ChannelFile, Samples
 from wsp_env.recordings.readers.mat5 import read_mat5
 from wsp_env.recordings.readers.third_party import extra, one_sentence, vector
 
+_MOST_COLUMNS = 64  # of a matrix of channels, one for each axle
 _HDF5 = b"\x89HDF\r\n\x1a\n"  # how an HDF5 file begins, in a MAT file after 512 bytes
 
 
@@ -23,10 +24,14 @@ class _Stored(Protocol):
 
 
 class Mat(ChannelFile):
-    """Vectors of a MAT file, also in structures (`structure.field`)."""
+    """Vectors of a MAT file, also in structures (`structure.field`), and columns of matrices (`matrix.1`)."""
 
     def __init__(self, file: Path, vectors: Mapping[str, _Stored]):
-        super().__init__(file, dict.fromkeys(vectors, ""))
+        names: list[str] = []
+        for name, stored in vectors.items():
+            lengths = sorted(one for one in stored.shape if one > 1)
+            names += [name] if len(lengths) == 1 else [f"{name}.{k}" for k in range(1, lengths[0] + 1)]
+        super().__init__(file, dict.fromkeys(names, ""))
         self._vectors = vectors
 
     def read(self, names: list[str]) -> dict[str, Samples]:
@@ -34,7 +39,11 @@ class Mat(ChannelFile):
         columns = {}
         for name in names:
             with one_sentence(self.file, "a MAT file"):
-                columns[name] = Samples(vector(self.file, name, np.asarray(self._vectors[name][()])))
+                whole, _, column = (name, "", "") if name in self._vectors else name.rpartition(".")
+                values = np.asarray(self._vectors[whole][()])
+                if column:
+                    values = np.take(values, int(column) - 1, axis=int(np.argmin(values.shape)))
+                columns[name] = Samples(vector(self.file, name, values))
         return columns
 
 
@@ -59,9 +68,12 @@ def open_file(file: Path) -> Mat:
 
 
 def _long(vectors: Mapping[str, _Stored]) -> dict[str, _Stored]:
-    """Keep what may be a channel: more than one number in a row or column."""
-    return {
-        name: value
-        for name, value in vectors.items()
-        if np.prod(value.shape) > 1 and np.max(value.shape) == np.prod(value.shape)
-    }
+    """Keep what may be channels: more than one number in a row or column, or some columns of many."""
+    return {name: value for name, value in vectors.items() if _is_long(value.shape)}
+
+
+def _is_long(shape: tuple[int, ...]) -> bool:
+    lengths = sorted(one for one in shape if one != 1)
+    if len(lengths) == 2:
+        return 0 < lengths[0] <= _MOST_COLUMNS and lengths[1] > lengths[0] and len(shape) == 2
+    return len(lengths) == 1 and lengths[0] > 1

@@ -1,0 +1,233 @@
+"""Code of others has its time, its process ends with ours, and a network that nothing could interrupt is refused."""
+
+import itertools
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import deque
+
+import numpy as np
+import pytest
+from onnx import TensorProto, helper
+from test_policy import network, stop, write
+
+from wsp_env import child
+from wsp_env.child import TookTooLongError, limited
+from wsp_env.evaluation import runner
+from wsp_env.evaluation.controller import load
+from wsp_env.evaluation.network import check_network
+from wsp_env.evaluation.processes import work_in_processes
+from wsp_env.evaluation.runner import ControllerFailure
+from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.uic_z1 import BOGIE
+
+posix = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+
+
+@posix
+def test_time_is_limited_and_other_timers_go_on():
+    heard = []
+    before = signal.signal(signal.SIGALRM, lambda *_: heard.append(1))
+    signal.setitimer(signal.ITIMER_REAL, 100.0)
+    try:
+        with pytest.raises(TookTooLongError):
+            _wait_limited(0.2)
+        left, _ = signal.setitimer(signal.ITIMER_REAL, 0.0)
+        assert 0.0 < left <= 100.0
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert not heard
+
+
+def _wait_limited(seconds):
+    with limited(seconds):
+        while True:
+            pass
+
+
+class Endless:
+    """Never answers, and lets no exception through."""
+
+    def reset(self, n, vehicle):
+        """Begin."""
+
+    def act(self, measurement):
+        while True:
+            try:
+                while True:
+                    pass
+            except Exception:
+                continue
+
+
+@posix
+def test_a_decision_has_a_limit(monkeypatch):
+    monkeypatch.setattr(runner, "DECISION_LIMIT_S", 0.2)
+    with pytest.raises(ControllerFailure, match=r"Endless.act took more than 0.2 s of the processor at 0.00 s"):
+        runner.run(Endless(), BOGIE, [stop()])
+
+
+@posix
+def test_a_file_that_never_ends_is_not_waited_for(tmp_path, monkeypatch):
+    monkeypatch.setattr("wsp_env.evaluation.controller.LOADING_LIMIT_S", 0.2)
+    (tmp_path / "endless.py").write_text("while True:\n    pass\n")
+    with pytest.raises(ParameterError, match="of the processor to be loaded"):
+        load(str(tmp_path / "endless.py"))
+
+
+def task(what):
+    """Do what a controller may do in its process."""
+    if what == "dies":
+        os._exit(3)
+    if what == "raises":
+        raise ParameterError("no")
+    if what == "swallows":
+        child._GRACE_S = 0.3
+        with limited(0.2):
+            while True:
+                try:
+                    while True:
+                        pass
+                except BaseException:
+                    continue
+    if what == "native":  # a single call into compiled code
+        child._GRACE_S = 0.3
+        with limited(0.2):
+            deque(itertools.repeat(0), maxlen=0)
+    return None if what == "works" else f"{what} failed"
+
+
+@posix
+def test_workers_die_alone():
+    tasks = ["works", "dies", "swallows", "fails", "native"]
+    found = dict(work_in_processes(task, tasks, 2))
+    assert found["works"] is None
+    assert found["fails"] == "fails failed"
+    assert found["dies"] == "ended the process it ran in"
+    assert found["swallows"] == found["native"] == "took too long and was ended"
+
+
+def test_what_a_worker_raises_is_raised():
+    with pytest.raises(ParameterError, match="no"):
+        list(work_in_processes(task, ["raises"], 1))
+
+
+PARENT = """
+import sys, time
+sys.path.insert(0, {tests!r})
+import test_limits
+from wsp_env.evaluation.processes import work_in_processes
+if __name__ == "__main__":
+    for _ in work_in_processes(test_limits.lingers, ["{file}"], 1):
+        pass
+"""
+
+
+def lingers(file):
+    """Say who it is, then never end."""
+    with open(file, "w") as out:
+        json.dump(os.getpid(), out)
+    while True:
+        pass
+
+
+@posix
+@pytest.mark.parametrize("ended_by", [signal.SIGINT, signal.SIGKILL])
+def test_no_worker_outlives_its_parent(tmp_path, ended_by):
+    file = tmp_path / "worker"
+    code = tmp_path / "parent.py"
+    code.write_text(PARENT.format(tests=os.path.dirname(__file__), file=file))
+    parent = subprocess.Popen([sys.executable, str(code)], stderr=subprocess.DEVNULL)
+    _until(lambda: file.exists() and file.read_text())
+    worker = json.loads(file.read_text())
+    parent.send_signal(ended_by)
+    parent.wait(60)
+    _until(lambda: not _runs(worker))
+
+
+def _until(holds, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def _runs(process):
+    try:
+        with open(f"/proc/{process}/stat") as file:
+            return file.read().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def model(nodes, outputs=(("command", TensorProto.FLOAT, ["N", 2]),), constants=(), functions=(), domains=("",)):
+    inputs = [helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["N", 34])]
+    made = [helper.make_tensor_value_info(*one) for one in outputs]
+    graph = helper.make_graph(nodes, "g", inputs, made, constants)
+    opsets = [helper.make_opsetid(domain, 17) for domain in domains]
+    return helper.make_model(graph, opset_imports=opsets, ir_version=9, functions=functions).SerializeToString()
+
+
+def endless_loop():
+    """A loop of 2**62 rounds."""
+    body = helper.make_graph(
+        [helper.make_node("Identity", ["go"], ["on"])], "body",
+        [helper.make_tensor_value_info("i", TensorProto.INT64, []), helper.make_tensor_value_info("go", TensorProto.BOOL, [])],
+        [helper.make_tensor_value_info("on", TensorProto.BOOL, [])],
+    )  # fmt: skip
+    numbers = [
+        helper.make_tensor("times", TensorProto.INT64, [], [2**62]),
+        helper.make_tensor("yes", TensorProto.BOOL, [], [1]),
+    ]
+    return model([helper.make_node("Loop", ["times", "yes"], [], body=body)], constants=numbers)
+
+
+def elsewhere():
+    kept = helper.make_tensor("w", TensorProto.FLOAT, [2], [1.0, 2.0])
+    kept.ClearField("float_data")
+    kept.data_location = TensorProto.EXTERNAL
+    kept.external_data.add(key="location", value="/etc/passwd")
+    return model([helper.make_node("Add", ["observation", "w"], ["command"])], constants=[kept])
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (endless_loop(), "graph within a graph"),
+        (elsewhere(), "numbers in other files"),
+        (model([helper.make_node("SequenceConstruct", ["observation"], ["command"])]), "'SequenceConstruct'"),
+        (model([helper.make_node("Optional", ["observation"], ["command"])]), "'Optional'"),
+        (model([helper.make_node("Run", ["observation"], ["command"], domain="evil")], domains=("", "evil")), "of 'evil'"),
+        (b"", "no graph"),
+        (b"\xff" * 50, "damaged"),
+        (network()[:-7], "damaged"),
+    ],
+)
+def test_networks_that_are_refused_before_they_are_loaded(content, said, tmp_path):
+    with pytest.raises(ValueError, match=said):
+        check_network(content)
+    with pytest.raises(ParameterError, match=f"policy.onnx is refused: .*{said}"):
+        load(write(tmp_path, content=content))
+
+
+@pytest.mark.parametrize("shape", [[], [2], ["N", 3], ["N", 2, 1]])
+def test_outputs_that_are_no_table_are_refused(shape, tmp_path):
+    axes = helper.make_tensor("axes", TensorProto.INT64, [2], [0, 1])
+    zero = helper.make_tensor(
+        "zero",
+        TensorProto.FLOAT,
+        shape if "N" not in shape else [1] * len(shape),
+        [0.0] * max(int(np.prod([one for one in shape if one != "N"])) if "N" not in shape else 1, 1),
+    )
+    content = model(
+        [helper.make_node("Identity", ["zero"], ["command"])], (("command", TensorProto.FLOAT, shape),), [zero, axes]
+    )
+    with pytest.raises(ParameterError, match=r"tables of floats|cannot be loaded"):
+        load(write(tmp_path, content=content))
+
+
+def test_what_came_along_is_not_refused():
+    check_network(network())

@@ -1,0 +1,120 @@
+"""Limits on code that is not ours: time for one call, and processes that do not outlive their parent.
+
+Time is the processor's, so that a busy machine fails nobody, beside a much longer one by the clock for what only waits. POSIX
+alone has both; elsewhere nothing is limited.
+"""
+
+import contextlib
+import ctypes
+import math
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from multiprocessing import connection, parent_process
+from types import FrameType
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
+
+#: Clock time per processor time that is allowed: so slow a busy machine may be (assumption).
+CLOCK_PER_CPU = 30.0
+
+_GRACE_S = 5.0  # of the processor, for code that swallows the exception; then its process is ended, if it is a worker
+_PR_SET_PDEATHSIG = 1  # prctl(2)
+
+
+class TookTooLongError(BaseException):
+    """What is raised in code whose time is over; no `Exception`, which third-party code may well swallow."""
+
+
+class _Process:
+    expendable = False  # whether this process may be ended by a signal: a worker's
+
+
+def become_worker() -> None:
+    """Say that this process may be ended; it ends with its parent, and leaves Ctrl-C to it."""
+    _Process.expendable = True
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent()
+    parent = parent_process()
+    if parent is not None:  # of `multiprocessing`; also where the system does not see to it
+        threading.Thread(target=lambda: (connection.wait([parent.sentinel]), os._exit(1)), daemon=True).start()
+
+
+def end_with_parent() -> None:
+    """Let the system end this process when the parent's thread that began it ends (Linux)."""
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+@contextlib.contextmanager
+def limited(cpu_s: float) -> Iterator[None]:
+    """Raise `TookTooLongError` in what runs here for longer than so many seconds of the processor.
+
+    Or for longer than `CLOCK_PER_CPU` times that by the clock. A worker is ended where even that does not help: in compiled
+    code, or where everything is caught. Only the main thread can be limited.
+    """
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
+        yield
+        return
+    timers = ((signal.ITIMER_PROF, signal.SIGPROF, cpu_s), (signal.ITIMER_REAL, signal.SIGALRM, CLOCK_PER_CPU * cpu_s))
+    handlers = [signal.signal(number, _over) for _, number, _ in timers]
+    before = [signal.setitimer(timer, seconds) for timer, _, seconds in timers]
+    _limit_processor(2.0 * cpu_s + _GRACE_S)
+    try:
+        yield
+    finally:
+        _limit_processor(math.inf)
+        for (timer, number, _), handler, (left, interval) in zip(timers, handlers, before, strict=True):
+            signal.setitimer(timer, left, interval)
+            signal.signal(number, handler)
+
+
+def _over(number: int, frame: FrameType | None) -> None:
+    if _Process.expendable:
+        signal.signal(signal.SIGPROF, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_PROF, _GRACE_S)
+    raise TookTooLongError
+
+
+def _limit_processor(seconds: float) -> None:
+    """Let the system end this process, if it is a worker, once it has taken so much more of the processor."""
+    if _Process.expendable and resource is not None:
+        limit_processor(seconds)
+
+
+def limit_processor(seconds: float) -> None:
+    """Let the system end this process once it has taken so much more of the processor [s]; inf: never."""
+    if resource is None:
+        return
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    _, hard = resource.getrlimit(resource.RLIMIT_CPU)
+    soft = hard if math.isinf(seconds) else math.ceil(used.ru_utime + used.ru_stime + seconds)
+    resource.setrlimit(resource.RLIMIT_CPU, (soft if hard == resource.RLIM_INFINITY else min(soft, hard), hard))
+
+
+def limit_memory(more: int) -> None:
+    """Let this process take so many bytes more at most."""
+    if resource is None:
+        return
+    try:
+        with open("/proc/self/statm", encoding="ascii") as file:
+            now = int(file.read().split()[0]) * resource.getpagesize()
+    except OSError:
+        now = 0
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    with contextlib.suppress(ValueError, OSError):  # not on macOS
+        resource.setrlimit(resource.RLIMIT_AS, (now + more, hard))
+
+
+def ended_by(exit_code: int | None) -> str:
+    """Say how a process ended."""
+    over = {-getattr(signal, name) for name in ("SIGPROF", "SIGXCPU", "SIGALRM") if hasattr(signal, name)}
+    if exit_code in over:
+        return "took too long and was ended"
+    return "ended the process it ran in"

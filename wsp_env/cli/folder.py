@@ -1,0 +1,79 @@
+"""A folder of recorded files made a campaign: what `wsp inspect FOLDER` and `wsp diagnose FOLDER` share."""
+
+import sys
+import warnings
+from pathlib import Path
+
+from rich.console import Console
+
+from wsp_env.output import ready, write_text
+from wsp_env.parameters.quantity import number
+from wsp_env.parameters.vehicle_file import find_vehicle
+from wsp_env.recordings import CampaignError, CampaignWarning, read_campaign
+from wsp_env.recordings.folder import ASKED, Found, find, of_vehicle, open_questions, split, unused, write
+
+_SHOWN = 12  # names of a list
+
+
+def make_campaign(folder: Path, vehicle: str, out: Path | None, console: Console) -> Path:
+    """Write the campaign.toml of a folder of recorded files; return its folder.
+
+    What nobody but a person knows comes from a vehicle file or is asked for on a terminal; elsewhere it stays open.
+
+    Raises
+    ------
+    CampaignError
+        where no stop is found, or a campaign.toml is there already
+
+    """
+    file = out or folder / "campaign.toml"
+    if file.exists():
+        raise CampaignError(f"{file} exists already; name another file with --out, or remove it")
+    known = of_vehicle(find_vehicle(vehicle)) if vehicle else {}
+    ready(file)
+    found = find(folder)
+    text = write(found, file.parent, known)
+    if not vehicle and (asked := open_questions(text)) and sys.stdin.isatty():
+        text = write(found, file.parent, {key: _answer(ASKED[key]) for key in asked})
+    write_text(file, text)
+    _tell(found, file, console)
+    for reason in found.left.values():
+        warnings.warn(f"left out: {reason}", CampaignWarning, stacklevel=2)
+    if asked := open_questions(text):
+        console.print(
+            f"Still open in it: {', '.join(asked)}; give a vehicle file with --vehicle, or write them in", markup=False
+        )
+    return file.parent
+
+
+def pictured(folder: Path, page: Path, console: Console) -> None:
+    """Write a page with every signal of a campaign, as read and before any model."""
+    from wsp_env.recordings.signals import write_signals
+
+    try:
+        write_signals(page, read_campaign(folder))
+    except (CampaignError, ModuleNotFoundError) as error:
+        console.print(f"no page of signals: {error}", markup=False)
+    else:
+        console.print(f"Signals, with what was repaired or rejected: {page}", markup=False)
+
+
+def _tell(found: Found, file: Path, console: Console) -> None:
+    tune, validate = split(found.runs)
+    console.print(f"Written: {file}", markup=False)
+    console.print(f"  {len(tune)} runs tune, {len(validate)} validate, {len(found.left)} files left out", markup=False)
+    if names := unused(found.channels):
+        more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+        console.print(f"  columns not used: {', '.join(names[:_SHOWN])}{more}", markup=False)
+
+
+def _answer(question: str) -> float:
+    while True:
+        given = input(f"{question}: ")
+        try:
+            value = float(given.replace(",", "."))
+        except ValueError:
+            value = float("nan")
+        if number(value) > 0.0:
+            return value
+        print("a number above zero, please")

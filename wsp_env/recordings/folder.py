@@ -1,0 +1,131 @@
+"""From a folder of recorded files to a campaign.toml: which files are stops of one logger, which tune and which validate."""
+
+import dataclasses
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.recordings.errors import CampaignError
+from wsp_env.recordings.inspection import InspectedChannel, draft, inspect
+from wsp_env.recordings.readers import FORMATS
+
+#: What a draft must say of the vehicle, with what it is; the last only where pressures stand for torques.
+ASKED = {
+    "mass_kg": "mass of the vehicle as tested [kg]",
+    "wheelset_inertia_kgm2": "moment of inertia of a wheelset about its axle [kg m2]",
+    "wheel_radius_m": "wheel radius [m]",
+    "torque_per_bar_nm": "brake torque of a wheelset for one bar in its cylinders [N m/bar]",
+}
+
+_MOST_FILES = 500  # of a folder that are looked at
+_VALIDATES = 3  # one run of so many validates
+
+
+@dataclasses.dataclass(frozen=True)
+class Found:
+    """What is in a folder."""
+
+    runs: tuple[Path, ...]  # with the same columns, by the speed they begin with
+    channels: list[InspectedChannel]  # of the first of them
+    left: dict[Path, str]  # file -> why it is no run
+
+
+def find(folder: Path) -> Found:
+    """Look at all files of known formats in a folder and below; `CampaignError` where none is a recorded stop."""
+    suffixes = {suffix for group in FORMATS for suffix in group}
+    files = sorted(file for file in folder.rglob("*") if file.suffix.lower() in suffixes and file.is_file())
+    if not files:
+        raise CampaignError(f"{folder} holds no file of a known format ({', '.join(sorted(suffixes))})")
+    if len(files) > _MOST_FILES:
+        raise CampaignError(
+            f"{folder} holds {len(files)} files, more than {_MOST_FILES}: name a folder with one campaign's stops"
+        )
+    left: dict[Path, str] = {}
+    inspected = {}
+    for file in files:
+        try:
+            inspected[file] = inspect(file)
+        except CampaignError as error:
+            left[file] = str(error)
+    groups: dict[frozenset[tuple[str, str]], list[Path]] = {}
+    for file, channels in inspected.items():
+        guessed = {channel.guess: channel for channel in channels if channel.guess}
+        if "vehicle_speed" not in guessed or not any(name.endswith("_wheel_speed") for name in guessed):
+            left[file] = f"{file}: no speed of a vehicle with those of its wheels was found in it"
+            continue
+        groups.setdefault(frozenset((name, channel.name) for name, channel in guessed.items()), []).append(file)
+    if not groups:
+        raise CampaignError(next(iter(left.values())))
+    chosen = max(groups.values(), key=len)
+    for group in groups.values():
+        left |= (
+            {}
+            if group is chosen
+            else {file: f"{file}: its columns are others than those of {chosen[0].name}" for file in group}
+        )
+    runs = tuple(sorted(chosen, key=lambda file: (_speed(inspected[file]), file)))
+    return Found(runs, inspected[runs[0]], left)
+
+
+def split(runs: tuple[Path, ...]) -> tuple[list[Path], list[Path]]:
+    """Return which runs tune and which validate: every third validates, so that both have slow stops and fast ones."""
+    validate = [run for index, run in enumerate(runs) if index % _VALIDATES == 1]
+    return [run for run in runs if run not in validate], validate
+
+
+def write(found: Found, folder: Path, known: Mapping[str, float]) -> str:
+    """Return the campaign.toml of a folder.
+
+    Parameters
+    ----------
+    folder : that it will stand in
+    known : of the vehicle, see `ASKED`; also `axle_positions_m`, a list
+
+    """
+    tune, validate = split(found.runs)
+    text = draft(found.runs[0], found.channels, found.runs, folder)
+    names = run_names(found.runs, folder)
+    for key, group in (("tune", tune), ("validate", validate)):
+        start = text.index(f"\n{key} = ") + 1
+        listed = ", ".join(f'"{names[run]}"' for run in group)
+        text = f"{text[:start]}{key} = [{listed}]   # every third by speed validates\n{text[text.index(chr(10), start) + 1 :]}"
+    for key, value in known.items():
+        start = text.find(f"\n# {key} = ...") + 1
+        if start:
+            text = f"{text[:start]}{key} = {value!r}\n{text[text.index(chr(10), start) + 1 :]}"
+    return text
+
+
+def run_names(runs: tuple[Path, ...], folder: Path) -> dict[Path, str]:
+    """Return a name for each run: its file's, with its folder where two files are called the same."""
+    stems = [run.stem for run in runs]
+    relative = {run: Path(os.path.relpath(run, folder)).with_suffix("").as_posix() for run in runs}
+    return {run: run.stem if stems.count(run.stem) == 1 else relative[run] for run in runs}
+
+
+def of_vehicle(vehicle: Vehicle) -> dict[str, float]:
+    """Return what a draft asks for, of a described vehicle."""
+    return {
+        "mass_kg": vehicle.mass_kg,
+        "wheelset_inertia_kgm2": vehicle.wheelset_inertia_kgm2,
+        "wheel_radius_m": vehicle.wheel_radius_m,
+        "torque_per_bar_nm": vehicle.brake.torque_per_bar_nm,
+    }
+
+
+def open_questions(text: str) -> list[str]:
+    """Return what a draft still asks for."""
+    return [key for key in ASKED if f"\n# {key} = ..." in text]
+
+
+def unused(channels: list[InspectedChannel]) -> list[str]:
+    """Return the columns that no channel was found for."""
+    return [channel.name for channel in channels if not channel.guess]
+
+
+def _speed(channels: list[InspectedChannel]) -> float:
+    highest = next(channel.quality.highest for channel in channels if channel.guess == "vehicle_speed")
+    return float(np.nan_to_num(highest))
