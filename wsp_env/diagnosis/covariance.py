@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy import linalg
+from scipy.linalg import lapack
 
 from wsp_env.diagnosis.balances import BALANCES, Balances, Whitening
 from wsp_env.diagnosis.replica import Replica
@@ -93,7 +94,7 @@ class Evidence:
             scaled[np.diag_indices_from(scaled)] += 1.0
             factor = linalg.cho_factor(scaled, lower=True, check_finite=False)
             unit = linalg.cho_solve(factor, deviation * whole[:-1, -1], check_finite=False)
-            inverse = linalg.cho_solve(factor, np.eye(p), check_finite=False)
+            inverse = inverse_of(factor[0])
             second = (unit**2 + np.diag(inverse)) * deviation**2
             total = np.bincount(self.group, weights=second, minlength=len(self.names))
             new = np.sqrt((total + _PRIOR_WEIGHT) / (counts + _PRIOR_WEIGHT))
@@ -105,3 +106,10 @@ class Evidence:
                 left += float(np.sum(covariance * g[:-1, :-1]))
                 noise[k] = max(np.sqrt((left + _PRIOR_WEIGHT) / (self.rows[k] + _PRIOR_WEIGHT)), _LEAST_NOISE)
         return Sizes(scale, noise)
+
+
+def inverse_of(factor: np.ndarray) -> np.ndarray:
+    """Return the inverse (p, p) of a matrix from its lower Cholesky factor: a third of the work of solving for it."""
+    half = np.tril(lapack.dpotri(factor, lower=1)[0])
+    result: np.ndarray = half + np.tril(half, -1).T
+    return result

@@ -111,7 +111,8 @@ def select(
     accepted: list[Accepted] = []
     while len(accepted) < MOST:
         progress(f"refitting {len(accepted) + 1} of {MOST}")
-        trials = _trials(replica, seen, fitted, pool)
+        weights = _weights(replica, seen)
+        trials = _trials(replica, seen, fitted, weights, pool)
         # What the form of those before may leave of what they explain looks like another.
         form = FORM**2 * sum(one.trial.evidence for one in accepted)
         sure = [one for one in trials if odds(one.listed, one.evidence) > max(SURE, form)]
@@ -122,7 +123,7 @@ def select(
         fitted = best.fitted
         for _ in range(_REPLICAS):
             replica = Replica(replica.recorded, _with_sensors_as_read(fitted.model))
-            fitted = refit(replica, fitted.model, fitted.variants, _weights(replica, seen))
+            fitted = refit(replica, fitted.model, fitted.variants, weights)
         accepted = [one.sized(net_effect(replica, fitted.model, one.trial.variant, seen.whitening)) for one in accepted]
         left = [one for one in tried if one.name not in fitted.model.choice]
         left += terms(replica, 1 + sum(len(one.trial.listed.sizes) for one in accepted if one.trial.listed.family))
@@ -159,7 +160,7 @@ def _compensates(replica: Replica, trial: Trial, accepted: Sequence[Accepted], s
     return False
 
 
-def _trials(replica: Replica, seen: Screen, fitted: Fitted, pool: Executor) -> list[Trial]:
+def _trials(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor) -> list[Trial]:
     """Refit the mechanisms that promise most; the best first."""
     promising = sorted(seen.found, key=lambda one: -odds(one.candidate.variant, one.evidence))[:TRIED]
     promising = [one for one in promising if odds(one.candidate.variant, one.evidence) > 0.0]
@@ -168,7 +169,6 @@ def _trials(replica: Replica, seen: Screen, fitted: Fitted, pool: Executor) -> l
     # A refit moves where a mechanism acts only from near: its next best place or band may be the better one to begin with.
     seconds = [seen.second[one.name] for one in promising if one.name in seen.second]
     promising += [one for one in seconds if len(refined(one.candidate.variant).sizes) > len(one.candidate.variant.sizes)]
-    weights = _weights(replica, seen)
     start = refit(replica, fitted.model, fitted.variants, weights)
 
     def trial(one: Found) -> Trial:

@@ -15,7 +15,7 @@ from scipy import linalg
 
 from wsp_env.diagnosis.balances import Rows, Whitening
 from wsp_env.diagnosis.candidates import Candidate, Variant, columns, parameter_of, switched, without
-from wsp_env.diagnosis.covariance import Evidence, Sizes
+from wsp_env.diagnosis.covariance import Evidence, Sizes, inverse_of
 from wsp_env.diagnosis.evaluate import Evaluation, Model
 from wsp_env.diagnosis.interest import StopChange, change, only_sensors
 from wsp_env.diagnosis.replica import Replica
@@ -253,7 +253,7 @@ def _posterior(
         spread = np.linalg.inv(own + 1e-9 * max(float(np.trace(own)), 1e-12) * np.eye(len(own)))
         return spread @ against[mine], spread
 
-    return mean, linalg.cho_solve(factor, np.eye(p), check_finite=False), alone
+    return mean, inverse_of(factor[0]), alone
 
 
 def _shares(named: Sequence[Candidate]) -> list[float]:

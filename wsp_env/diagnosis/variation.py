@@ -6,6 +6,7 @@ times is only begun with: how large it is the recordings at hand say themselves,
 """
 
 import dataclasses
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -188,7 +189,12 @@ def _slips(balances: Balances | Replica, model: Model) -> tuple[np.ndarray, np.n
 
 def _track(place: np.ndarray, used: np.ndarray, length_m: float) -> np.ndarray:
     """Weights (n, m) of the directions in which friction varies along the track, alike over a length."""
-    hats = _hats(place, 0.5 * length_m, used)
+    return _kept_track(place.tobytes(), used.tobytes(), length_m)
+
+
+@functools.lru_cache(maxsize=4)  # every replica of a campaign has the same places
+def _kept_track(place: bytes, used: bytes, length_m: float) -> np.ndarray:
+    hats = _hats(np.frombuffer(place), 0.5 * length_m, np.frombuffer(used, dtype=bool))
     node = np.arange(hats.shape[1])
     values, vectors = np.linalg.eigh(np.exp(-0.5 * (0.5 * np.subtract.outer(node, node)) ** 2))
     kept = values > 0.01 * values[-1]
