@@ -21,7 +21,7 @@ from scipy import linalg
 
 from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
 from wsp_env.diagnosis.speed import NODE_S
-from wsp_env.diagnosis.stops import BLOCK_S, ROLLING_SHARE, VEHICLE_BLOCK_S, PreparedStop, thinned
+from wsp_env.diagnosis.stops import BLOCK_S, ROLLING_SHARE, VEHICLE_BLOCK_S, PreparedStop, least_slip, thinned
 from wsp_env.recordings import Campaign
 
 #: Error of the vehicle balance beside noise [m/s]: quantisation and the trapezoidal sum.
@@ -61,6 +61,12 @@ class Rows:
     def wheels(self) -> np.ndarray:
         """Rows (n,) bool of the wheels' contacts, sliding or rolling."""
         result: np.ndarray = (self.balance == ADHESION) | (self.balance == KINEMATICS)
+        return result
+
+    @property
+    def slides(self) -> np.ndarray:
+        """Rows (n,) bool of the adhesion of wheels that slide."""
+        result: np.ndarray = (self.balance == ADHESION) & (self.slip > least_slip(self.speed))
         return result
 
 

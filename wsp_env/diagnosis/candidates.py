@@ -77,8 +77,7 @@ def unavailable(balances: Balances | Replica) -> dict[str, str]:
 def variants(balances: Balances | Replica) -> Iterator[Variant]:
     """Every mechanism that these recordings can show, in all its variants."""
     closed, rows = unavailable(balances), balances.rows
-    slides = (rows.balance == ADHESION) & (rows.slip > 0.005 * rows.speed)
-    recorded = Recorded(balances.axles, rows.place[slides])
+    recorded = Recorded(balances.axles, rows.place[rows.slides])
     for name, card in LIBRARY.items():
         if name not in closed:
             sizes = tuple(size.name for size in card.sizes if size.fitted)

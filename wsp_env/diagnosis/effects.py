@@ -123,7 +123,7 @@ def course(balances: Balances, before: Model, after: Model, where: Sequence[Loca
     def size(mine: np.ndarray) -> float:
         if after.choice:
             return _mean_square(base - extended, mine)
-        return _systematic(base[mine & (~rows.wheels | (rows.slip > _SLIDES * rows.speed))])
+        return _systematic(base[mine & (~rows.wheels | rows.slides)])
 
     def worst(k: int) -> float:
         return max(size(wheels & (rows.axle == k) & (rows.run == i)) for i in range(len(balances.stops)))
@@ -202,7 +202,7 @@ def _adhesion_errors(balances: Balances, i: int, measured: np.ndarray, raw: np.n
     recorded[(rows.run == i) & rows.wheels] = part.wheel_rows(measured)
     errors: list[float | None] = []
     for axle in range(balances.axles):
-        mine = (rows.run == i) & (rows.axle == axle) & (rows.balance == ADHESION) & (rows.slip > _SLIDES * rows.speed)
+        mine = (rows.run == i) & (rows.axle == axle) & rows.slides
         enough = mine.sum() >= _LEAST_ROWS
         errors.append(float(np.abs(raw[mine]).mean() / np.abs(recorded[mine]).mean()) if enough else None)
     return tuple(errors)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from wsp_env.diagnosis import candidates
-from wsp_env.diagnosis.balances import ADHESION, Balances, Whitening
+from wsp_env.diagnosis.balances import Balances, Whitening
 from wsp_env.diagnosis.candidates import Variant
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.evaluate import Model
@@ -87,8 +87,7 @@ def _law_fitted(balances: Balances | Replica, model: Model) -> Model:
 def sliding(balances: Balances | Replica) -> np.ndarray:
     """Which runs (runs,) slide enough to show their friction."""
     rows = balances.rows
-    slides = (rows.balance == ADHESION) & (rows.slip > 0.01 * rows.speed)
-    return np.bincount(rows.run[slides], minlength=len(balances.stops)) >= _LEAST_ROWS
+    return np.bincount(rows.run[rows.slides], minlength=len(balances.stops)) >= _LEAST_ROWS
 
 
 def refit(

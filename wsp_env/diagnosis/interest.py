@@ -15,11 +15,11 @@ import numpy as np
 
 from wsp_env.diagnosis.evaluate import Choice, Evaluation
 from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.stops import least_slip
 from wsp_env.plant.mechanisms import ALL
 
 DISTANCE = 0.01  # [-]
 SLIP_MPS = 0.1
-_SLIDES = 0.01  # creepage from which on the contact limits the force, not the brake
 _LEAST_SAMPLES = 50  # of sliding, for a mean
 _LEAST_STEEPNESS = 0.01  # [s/m] of a creep curve; flatter, an axle has no slip of its own: assumption
 _BRAKED_MPS2 = 0.2  # deceleration from which on a vehicle counts as braked
@@ -56,7 +56,7 @@ def change(replica: Replica, before: Sequence[Evaluation], after: Sequence[Evalu
     distances: dict[bool, list[float]] = {True: [], False: []}
     slips = []
     for stop, one, other in zip(replica.stops, before, after, strict=True):
-        slides = one.slip > _SLIDES * stop.speed[:, None]
+        slides = one.slip > least_slip(stop.speed)[:, None]
         slips.append(_moved(stop.speed, one, other, slides, None if sensor else replica.radius))
         base, moved = (_retarded(e, slides, replica.radius) for e in (one, other))
         braked = base > _BRAKED_MPS2

@@ -20,10 +20,9 @@ from scipy.signal import savgol_filter
 from wsp_env.contact.degraded import adhesion_slope, degraded_adhesion
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
-from wsp_env.diagnosis.stops import PreparedStop, smooth_wheels
+from wsp_env.diagnosis.stops import PreparedStop, least_slip, smooth_wheels
 from wsp_env.plant.mechanisms import ALL
 
-_SLIDES = 0.01  # creepage from which on the measured one is kept
 _WINDOW_S = 0.25  # over which the kept creepage is smoothed once more: its noise is the recordings' own
 _NEWTON = 12
 
@@ -44,8 +43,7 @@ class Replica:
         self.rows = recorded.rows
         self._kept = threading.local()  # every thread keeps its last evaluation
         self._share = [
-            _share(one.slip / np.maximum(stop.speed, 0.1)[:, None])
-            for stop, one in zip(recorded.stops, recorded.evaluate(baseline), strict=True)
+            _share(one.slip, stop.speed) for stop, one in zip(recorded.stops, recorded.evaluate(baseline), strict=True)
         ]
         smoothing = self._changed(baseline)  # what smoothing leaves of an exact balance
         self._offset = self._residuals() - smoothing * (1.0 + recorded.rows.wheels)
@@ -91,9 +89,9 @@ class Replica:
         return result
 
 
-def _share(creepage: np.ndarray) -> np.ndarray:
-    """Share (T, A) of the measured creepage that is kept: between 0.7 and 1.3 of the limit blended, so that no wheel jumps."""
-    result: np.ndarray = np.clip((creepage / _SLIDES - 0.7) / 0.6, 0.0, 1.0)
+def _share(slip: np.ndarray, speed: np.ndarray) -> np.ndarray:
+    """Share (T, A) of the measured slip that is kept: between 0.7 and 1.3 of the limit blended, so that no wheel jumps."""
+    result: np.ndarray = np.clip((slip / least_slip(speed)[:, None] - 0.7) / 0.6, 0.0, 1.0)
     return result
 
 
@@ -126,11 +124,11 @@ def _creepage(balances: Balances, one: Evaluation, model: Model, index: int) -> 
     v = np.maximum(stop.speed, 0.1)[:, None]
     measured = one.slip / v
     aim = np.clip(one.force / (2.0 * load), -0.05, None)
-    slip = np.zeros_like(measured)
+    slip, most = np.zeros_like(measured), least_slip(v)
     for _ in range(_NEWTON):
         f = degraded_adhesion(slip, v, load, model.mu_cd[index], model.tau, law)
         slope = adhesion_slope(slip, v, load, model.mu_cd[index], model.tau, law)
-        slip = np.clip(slip + (aim - f) / np.maximum(slope, 0.05 / v), -_SLIDES * v, _SLIDES * v)
-    share = _share(measured)
+        slip = np.clip(slip + (aim - f) / np.maximum(slope, 0.05 / v), -most, most)
+    share = _share(one.slip, stop.speed)
     result: np.ndarray = np.clip(share * measured + (1.0 - share) * slip / v, -0.2, 0.999)
     return result

@@ -24,6 +24,9 @@ STEP_S = 0.01  # faster recordings are thinned to about this after smoothing
 EVALUATED_S = 0.02  # models are evaluated at about this
 LEAST_SPEED_MPS = 4.0  # creepage is mostly noise below
 LEAST_MOMENTUM_MPS = 10.0  # the vehicle's balance ends here: towards standstill the friction of pads is its own: assumption
+#: Creepage and slip speed beyond both of which a wheel slides: the contact limits its force, and no error of a sensor that
+#: hardly matters (0.1 m/s, `wsp_env.diagnosis.interest`) makes rolling look like it (assumption: twice as much).
+SLIDES, SLIDES_MPS = 0.01, 0.2
 LOCKED_MPS = 0.5  # circumferential speed below which a wheel counts as locked: its torque is a reaction
 ROLLING_SHARE = 0.05  # of the largest torque, below which a wheel rolls freely
 PRESSED_SHARE = (
@@ -86,6 +89,12 @@ class PreparedStop:
     uncertain: np.ndarray  # (T, m) deviations of the estimated speed along its principal directions [m/s]
     estimator: SpeedEstimator
     earlier: int = 0  # stops before it on the same rail (assumption: a campaign lists its runs in the order they were made)
+
+
+def least_slip(speed: np.ndarray) -> np.ndarray:
+    """Slip speed beyond which a wheel slides [m/s], at vehicle speeds [m/s]."""
+    result: np.ndarray = np.maximum(SLIDES * speed, SLIDES_MPS)
+    return result
 
 
 def prepare(campaign: Campaign) -> tuple[list[PreparedStop], list[str]]:

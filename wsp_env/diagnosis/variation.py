@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, Balances, Whitening
+from wsp_env.diagnosis.balances import ACTUATOR, Balances, Whitening
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.forces import Forces
 from wsp_env.diagnosis.replica import Replica
@@ -99,7 +99,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
     forces = Forces(balances, model)
     steepness, radius, uncertain = _slips(balances, model)
     turning = forces.turning()
-    slides = (friction * ((rows.balance == ADHESION) & (rows.slip > 0.01 * rows.speed)))[:, None]
+    slides = (friction * rows.slides)[:, None]
 
     between = by_run @ _contrasts(by_run.shape[1])
 
@@ -149,8 +149,7 @@ def shapes(balances: Balances | Replica) -> np.ndarray:
     """Weights (n, k) over slip, speed and friction work, and of every axle and run."""
     rows = balances.rows
     vehicle = (rows.axle < 0)[:, None]
-    slides = rows.wheels & (rows.slip > 0.01 * rows.speed)
-    over = [_interpolation(values, slides) * ~vehicle for values in (rows.slip, rows.work)]
+    over = [_interpolation(values, rows.slides) * ~vehicle for values in (rows.slip, rows.work)]
     own = (rows.axle[:, None] == np.arange(balances.axles)).astype(float)
     by_run = (rows.run[:, None] == np.arange(len(balances.stops))).astype(float)
     return np.column_stack([*over, _interpolation(rows.speed, rows.speed > 0.0), own, by_run])
