@@ -36,15 +36,15 @@ def find(search: Search) -> None:
 
 
 def level(one: Traces, axle: int, here: list[int]) -> tuple[float, float, bool]:
-    """Return an axle's torque over the others' median while these roll and brake, their correlation, and whether they rolled.
+    """Return an axle's torque over the others' median while all roll and brake, their correlation, and whether they rolled.
 
-    Where they hardly roll while braking, the ratio is that of the whole run, which friction changes too; nan of a single axle.
+    A wheel that slides is vented, which is no fault of its channel. Where they hardly roll while braking, the ratio is that of the whole run, which friction changes too; nan of a single axle.
     """
     others = [k for k in here if k != axle]
     if not others:
         return np.nan, np.nan, False
     usual = np.median(one.torque[:, others], axis=1)
-    index = np.flatnonzero(rolling(one, others) & (usual > _APPLIED * float(usual.max())))
+    index = np.flatnonzero(rolling(one, here) & (usual > _APPLIED * float(usual.max())))
     rolls = len(index) * one.step >= _LEAST_S
     whole = one.good
     everywhere = _over(usual[whole], one.torque[whole, axle])
