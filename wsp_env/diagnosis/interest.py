@@ -15,11 +15,10 @@ import numpy as np
 
 from wsp_env.diagnosis.evaluate import Choice, Evaluation
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.stops import least_slip
+from wsp_env.diagnosis.stops import SLIP_MPS, least_slip
 from wsp_env.plant.mechanisms import ALL
 
 DISTANCE = 0.01  # [-]
-SLIP_MPS = 0.1
 _LEAST_SAMPLES = 50  # of sliding, for a mean
 _LEAST_STEEPNESS = 0.01  # [s/m] of a creep curve; flatter, an axle has no slip of its own: assumption
 _BRAKED_MPS2 = 0.2  # deceleration from which on a vehicle counts as braked

@@ -20,11 +20,12 @@ from scipy.signal import savgol_filter
 from wsp_env.contact.degraded import adhesion_slope, degraded_adhesion
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
-from wsp_env.diagnosis.stops import PreparedStop, least_slip, smooth_wheels
+from wsp_env.diagnosis.stops import SLIP_MPS, PreparedStop, least_slip, smooth_wheels
 from wsp_env.plant.mechanisms import ALL
 
 _WINDOW_S = 0.25  # over which the kept creepage is smoothed once more: its noise is the recordings' own
 _NEWTON = 12
+_LEAST_ADHESION = 0.01  # against which an error of slip is compared: hardly braked wheels roll
 
 
 class Replica:
@@ -43,7 +44,8 @@ class Replica:
         self.rows = recorded.rows
         self._kept = threading.local()  # every thread keeps its last evaluation
         self._share = [
-            _share(one.slip, stop.speed) for stop, one in zip(recorded.stops, recorded.evaluate(baseline), strict=True)
+            _needed(recorded, stop, one, baseline, i)[1]
+            for i, (stop, one) in enumerate(zip(recorded.stops, recorded.evaluate(baseline), strict=True))
         ]
         smoothing = self._changed(baseline)  # what smoothing leaves of an exact balance
         self._offset = self._residuals() - smoothing * (1.0 + recorded.rows.wheels)
@@ -89,12 +91,6 @@ class Replica:
         return result
 
 
-def _share(slip: np.ndarray, speed: np.ndarray) -> np.ndarray:
-    """Share (T, A) of the measured slip that is kept: between 0.7 and 1.3 of the limit blended, so that no wheel jumps."""
-    result: np.ndarray = np.clip((slip / least_slip(speed)[:, None] - 0.7) / 0.6, 0.0, 1.0)
-    return result
-
-
 def _seen(whole: Evaluation, without: Evaluation, share: np.ndarray) -> Evaluation:
     """Return an evaluation with sensors' errors, which are linear in the slip where little of the measured one is kept."""
     linear = without.adhesion + without.slope * (whole.slip - without.slip)
@@ -119,16 +115,29 @@ def _braked(recorded: Balances, stop: PreparedStop, one: Evaluation) -> Prepared
 
 def _creepage(balances: Balances, one: Evaluation, model: Model, index: int) -> np.ndarray:
     """Creepage (T, A) of the stop: as measured where the wheel slides, else as its force needs it."""
-    stop, law = balances.sources[index], balances.vehicle.contact.law
+    stop = balances.sources[index]
+    slip, share = _needed(balances, stop, one, model, index)
+    v = np.maximum(stop.speed, 0.1)[:, None]
+    result: np.ndarray = np.clip((share * one.slip + (1.0 - share) * slip) / v, -0.2, 0.999)
+    return result
+
+
+def _needed(balances: Balances, stop: PreparedStop, one: Evaluation, model: Model, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the slip (T, A) that the wheels' forces need on the creep curve's steep part, and the share kept of the measured.
+
+    The measured slip is kept where it is a slide's, and where the curve is so flat that its error hardly moves the adhesion;
+    blended between, so that no wheel jumps.
+    """
+    law = balances.vehicle.contact.law
     load = stop.mass * balances.vehicle.gravity_mps2 / (2 * balances.axles)
     v = np.maximum(stop.speed, 0.1)[:, None]
-    measured = one.slip / v
     aim = np.clip(one.force / (2.0 * load), -0.05, None)
-    slip, most = np.zeros_like(measured), least_slip(v)
+    slip, most = np.zeros_like(one.slip), least_slip(v)
     for _ in range(_NEWTON):
         f = degraded_adhesion(slip, v, load, model.mu_cd[index], model.tau, law)
         slope = adhesion_slope(slip, v, load, model.mu_cd[index], model.tau, law)
         slip = np.clip(slip + (aim - f) / np.maximum(slope, 0.05 / v), -most, most)
-    share = _share(one.slip, stop.speed)
-    result: np.ndarray = np.clip(share * measured + (1.0 - share) * slip / v, -0.2, 0.999)
-    return result
+    steep = SLIP_MPS * slope / np.maximum(aim, _LEAST_ADHESION)
+    slides = (one.slip / most - 0.7) / 0.6
+    share: np.ndarray = np.clip(np.maximum(slides, 2.0 * (1.0 - steep)), 0.0, 1.0)
+    return slip, share

@@ -4,7 +4,8 @@ import math
 from collections.abc import Sequence
 
 from wsp_env.diagnosis.answer import Diagnosis, Discovered, FitQuality, Location, Named, Verdict, Worth
-from wsp_env.diagnosis.interest import DISTANCE, SLIP_MPS
+from wsp_env.diagnosis.interest import DISTANCE
+from wsp_env.diagnosis.stops import SLIP_MPS
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.report import Facts
 

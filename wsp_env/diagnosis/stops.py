@@ -24,9 +24,10 @@ STEP_S = 0.01  # faster recordings are thinned to about this after smoothing
 EVALUATED_S = 0.02  # models are evaluated at about this
 LEAST_SPEED_MPS = 4.0  # creepage is mostly noise below
 LEAST_MOMENTUM_MPS = 10.0  # the vehicle's balance ends here: towards standstill the friction of pads is its own: assumption
+SLIP_MPS = 0.1  # smallest change of a slip that is of interest
 #: Creepage and slip speed beyond both of which a wheel slides: the contact limits its force, and no error of a sensor that
-#: hardly matters (0.1 m/s, `wsp_env.diagnosis.interest`) makes rolling look like it (assumption: twice as much).
-SLIDES, SLIDES_MPS = 0.01, 0.2
+#: hardly matters makes rolling look like it (assumption: twice as much).
+SLIDES, SLIDES_MPS = 0.01, 2.0 * SLIP_MPS
 LOCKED_MPS = 0.5  # circumferential speed below which a wheel counts as locked: its torque is a reaction
 ROLLING_SHARE = 0.05  # of the largest torque, below which a wheel rolls freely
 PRESSED_SHARE = (
