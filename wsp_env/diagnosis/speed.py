@@ -106,7 +106,7 @@ def _restricted(noise: SpeedNoise, time: np.ndarray, rest: np.ndarray) -> float:
     return float(0.5 * square + np.log(np.diag(root)).sum() + 0.5 * np.linalg.slogdet(normal)[1])
 
 
-def estimate(noise: SpeedNoise, time: np.ndarray, rest: np.ndarray, least_share: float = 0.02) -> SpeedEstimate:
+def estimate(noise: SpeedNoise, time: np.ndarray, rest: np.ndarray, least_share: float = 0.001) -> SpeedEstimate:
     """Return the course at nodes (n,) given their means.
 
     Parameters
