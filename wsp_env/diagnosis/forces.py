@@ -31,6 +31,16 @@ class Forces:
             found.append(self._rows(part, one, moment, lost))
         return np.vstack(found)
 
+    def zeros(self) -> np.ndarray:
+        """Columns (n, A) by an offset of each axle's torque, over the largest recorded."""
+        largest = max(float(np.abs(one.torque).max(initial=0.0)) for _, one in self._parts)
+        found = []
+        for part, one in self._parts:
+            moment = np.full(one.torque.shape, largest)
+            lost = np.column_stack([part.summed(x) for x in moment.T / (self._balances.radius * one.mass)])
+            found.append(self._rows(part, one, moment, lost, moment, slow=True))
+        return np.vstack(found)
+
     def courses(self, apart_s: float) -> np.ndarray:
         """Columns by a relative change of each axle's torque in time, between nodes, in each run."""
         nodes, rows = self._nodes(apart_s), self._balances.rows

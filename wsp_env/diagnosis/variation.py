@@ -30,6 +30,7 @@ _UNIFORM = 1.0 / np.sqrt(3.0)
 _EXPECTED = {
     "gain": 0.01 * _UNIFORM,  # of an axle's torque, where it comes from the cylinder pressure
     "measured gain": 0.001,  # of a torque that is itself measured
+    "zero": 0.005 * _UNIFORM,  # of a torque over the largest: sensors of class 0.5
     "inertia": 0.03,  # of a wheelset: wheels wear
     "radius": 0.0005 * _UNIFORM,  # of an axle's wheels
     "stiffness": 0.03 * _UNIFORM,  # of the creep curve
@@ -118,6 +119,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("speed", uncertain, 1.0, True),
         Group("gain", forces.gain, gain, True, "gain of a run"),
         Group("gain of a run", each(forces.gain), gain),
+        Group("zero of the torque", forces.zeros(), _EXPECTED["zero"], True),
         Group("torque in time", forces.courses(_COURSE_NODE_S), _EXPECTED["torque"]),
         Group("inertia", np.column_stack([turning, turning.sum(axis=1)]), _EXPECTED["inertia"], True),
         Group("radius", radius[:, None] * own, _EXPECTED["radius"], True, "radius of a run"),

@@ -38,7 +38,8 @@ def find(search: Search) -> None:
 def level(one: Traces, axle: int, here: list[int]) -> tuple[float, float, bool]:
     """Return an axle's torque over the others' median while all roll and brake, their correlation, and whether they rolled.
 
-    A wheel that slides is vented, which is no fault of its channel. Where they hardly roll while braking, the ratio is that of the whole run, which friction changes too; nan of a single axle.
+    A wheel that slides is vented, which is no fault of its channel. Where they hardly roll while braking, the ratio is that of
+    the whole run, which friction changes too; nan of a single axle.
     """
     others = [k for k in here if k != axle]
     if not others:
