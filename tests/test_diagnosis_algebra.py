@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import linalg
 
 from wsp_env.diagnosis.balances import Rows
+from wsp_env.diagnosis.covariance import inverse_of
 from wsp_env.diagnosis.gls import Projector, fit
 from wsp_env.diagnosis.locate import change_points
 from wsp_env.diagnosis.search import held_out_rows
@@ -35,6 +37,14 @@ def test_projection_is_the_augmented_least_squares(seed, nuisances, wanted):
     together = augmented_cost(np.column_stack([z, x]), np.concatenate([prior, np.zeros(wanted, dtype=bool)]), y)
     assert cost - found.reduction == pytest.approx(together, rel=1e-7, abs=1e-9)
     assert projector.rest(y) == pytest.approx(y - z @ projector.amplitudes(y))
+
+
+@given(st.integers(0, 10_000), st.integers(1, 8))
+def test_an_inverse_by_its_factor_is_the_inverse(seed, size):
+    root = np.random.default_rng(seed).standard_normal((size, size + 2))
+    matrix = root @ root.T + np.eye(size)
+    found = inverse_of(linalg.cho_factor(matrix, lower=True)[0])
+    assert found @ matrix == pytest.approx(np.eye(size), abs=1e-9)
 
 
 def test_a_column_that_the_nuisances_span_explains_nothing():

@@ -7,14 +7,16 @@ import numpy as np
 import pytest
 from synthetic_stops import AXLES, MASS_KG, SAMPLE_S, stops, write_campaign
 
+from wsp_env.contact.degraded import degraded_adhesion
 from wsp_env.diagnosis import quality
 from wsp_env.diagnosis.balances import ADHESION, VEHICLE, Balances, Whitening
 from wsp_env.diagnosis.candidates import variants
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.evaluate import Evaluator, Model
-from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.forces import Forces
+from wsp_env.diagnosis.replica import Replica, _needed
 from wsp_env.diagnosis.search import _Law, candidate
-from wsp_env.diagnosis.stops import prepare
+from wsp_env.diagnosis.stops import SLIP_MPS, least_slip, prepare
 from wsp_env.diagnosis.variation import Group
 from wsp_env.recordings import Campaign, read_campaign
 
@@ -70,6 +72,52 @@ def test_a_replica_about_a_brake_s_mechanism_has_its_torque_once(sound):
         assert np.sqrt(np.mean((recorded - copied) ** 2)) < noise
         before, after = (one.raw(model)[used] - one.raw(LAW)[used] for one in (bare, about))
         assert before @ after == pytest.approx(before @ before, rel=0.05)
+
+
+def test_the_slip_that_a_force_needs_is_where_the_law_gives_it(sound):
+    """A slide's measured slip is kept whole, that of a wheel on the steep part of the curve not at all."""
+    law, load = sound.vehicle.contact.law, MASS_KG * 9.81 / (2 * AXLES)
+    for i, (stop, one) in enumerate(zip(sound.stops, sound.evaluate(LAW), strict=True)):
+        slip, share = _needed(sound, stop, one, LAW, i)
+        limit = least_slip(stop.speed)[:, None]
+        inside = np.abs(slip) < 0.99 * limit
+        given = degraded_adhesion(slip, stop.speed[:, None], load, LAW.mu_cd[i], LAW.tau, law)
+        needed = one.force / (2.0 * load)
+        assert inside.sum() > 100
+        assert np.abs(given - needed)[inside & (needed > -0.05)].max() < 1e-6
+        assert (share[one.slip > 1.3 * limit] == 1.0).all()
+        moved = degraded_adhesion(slip + SLIP_MPS, stop.speed[:, None], load, LAW.mu_cd[i], LAW.tau, law) - given
+        steep = (one.slip < 0.7 * limit) & (moved > np.maximum(needed, 0.01))  # a secant: the tangent is steeper
+        assert steep.sum() > 100
+        assert (share[steep] == 0.0).all()
+
+
+def test_a_clock_s_error_is_no_slide(sound):
+    """A speed that is read 0.1 m/s too high while all wheels roll gives the replica no slip."""
+    stop = sound.stops[0]
+    rolls = stop.time < 0.9  # of a stop that coasts for a second
+    fast = dataclasses.replace(stop, speed=stop.speed + 0.1)
+    one = Evaluator(sound.campaign, [fast])(Model(LAW.tau, LAW.mu_cd[:1]))[0]
+    slip, share = _needed(sound, fast, one, LAW, 0)
+    assert (one.slip[rolls] > 0.05).all()
+    assert np.abs((share * one.slip + (1.0 - share) * slip)[rolls]).max() < 0.01
+
+
+def test_columns_of_a_torque_s_zero_are_what_an_offset_does(sound):
+    largest = max(float(np.abs(one.torque).max()) for one in sound.evaluate(LAW))
+    columns = Forces(sound, LAW).zeros()
+    for axle in range(AXLES):
+        added = 1e-3 * largest * (np.arange(AXLES) == axle)
+        moved = sound.like([dataclasses.replace(stop, torque=stop.torque + added) for stop in sound.sources])
+        change = (moved.raw(LAW) - sound.raw(LAW)) / 1e-3
+        segment = sound.rows.segment
+        expected = columns[:, axle].copy()
+        for which in np.unique(segment[segment >= 0]):  # the speed that each stretch starts with is free
+            expected[segment == which] -= expected[segment == which].mean()
+        slow = sound.rows.balance == VEHICLE
+        assert change[slow] == pytest.approx(expected[slow], abs=1e-3 * np.abs(expected[slow]).max())
+        wheels = sound.rows.wheels & (sound.rows.axle == axle)
+        assert expected[wheels] == pytest.approx(1.0 * largest / (2.0 * sound.radius * MASS_KG * 9.81 / (2 * AXLES)), rel=1e-6)
 
 
 def test_times_below_some_samples_are_no_effects(sound):

@@ -15,6 +15,8 @@ from wsp_env.diagnosis.stops import prepare
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import CampaignError, CampaignWarning, demo_campaign, read_campaign, tune
 from wsp_env.recordings.suspect import suspects
+from wsp_env.recordings.suspect.factors import level
+from wsp_env.recordings.suspect.search import Search
 
 WHEEL, TORQUE = "wheel_speed_radps", "brake_torque_nm"
 CREEP_PER_N = (
@@ -56,6 +58,17 @@ def changed(campaign, change, runs=None):
     """Return a campaign with `change` done to some of its runs, all unless said otherwise."""
     chosen = runs or list(campaign.runs)
     return dataclasses.replace(campaign, runs={n: change(run) if n in chosen else run for n, run in campaign.runs.items()})
+
+
+def test_a_wheel_that_slides_and_is_vented_says_nothing_of_its_torque_s_channel(tmp_path):
+    """One wheel slides under a third of its torque while the others roll; where all roll its torque is the others'."""
+    runs = {f"R{i}": rolling_stop(3500.0, i) for i in range(3)}
+    slides = np.interp(runs["R1"]["time_s"], (6.0, 7.0, 19.0, 20.0), (0.0, 1.0, 1.0, 0.0))
+    runs["R1"]["axle3_wheel_speed_radps"] *= 1.0 - 0.15 * slides
+    runs["R1"]["axle3_brake_torque_nm"] *= 1.0 - 0.65 * slides
+    search = Search(read_campaign(write_campaign(tmp_path, runs)))
+    ratio = level(search.traces()["R1"], 2, list(range(AXLES)))[0]
+    assert np.isnan(ratio) or ratio == pytest.approx(1.0, abs=0.1)
 
 
 def scaled(field, axle, factor):
