@@ -111,6 +111,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
     segments = segment_columns(balances)
     clock = _hats(rows.time, _COURSE_NODE_S)
     shapes = [_interpolation(values, slides[:, 0] != 0.0) for values in (rows.slip, rows.speed, rows.work)]
+    lines = [_line(values, slides[:, 0] != 0.0) for values in (rows.slip, rows.speed, rows.work)]
     gain = _EXPECTED["measured gain" if balances.campaign.vehicle.torque_is_measured else "gain"]
     groups = [
         Group("offset", segments, np.inf, True),
@@ -130,6 +131,8 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("track", friction[:, None] * _track(rows.place, rows.wheels, _SHORT_M), _EXPECTED["track"]),
         Group("track over long", friction[:, None] * _track(rows.place, rows.wheels, _LONG_M), _EXPECTED["track"], True),
         Group("friction of an axle", slides * own, _EXPECTED["friction"], True, "friction of an axle in a run"),
+        Group("form of an axle's friction", np.column_stack([slides * own * line[:, None] for line in lines]),
+              0.5 * _EXPECTED["friction"], True),
         Group("friction of an axle in a run", each(slides * own), _EXPECTED["friction"]),
         Group("friction in time", _in_time(slides, by_run, own, clock), _EXPECTED["friction"]),
         # Net: what tau and mu_cd do is no discrepancy of the law.
@@ -212,6 +215,14 @@ def _hats(values: np.ndarray, apart: float, used: np.ndarray | None = None) -> n
     nodes = int(x[used].max()) + 2
     weights: np.ndarray = np.clip(1.0 - np.abs(x[:, None] - np.arange(nodes)), 0.0, None)
     return weights * used[:, None]
+
+
+def _line(values: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """Straight line (n,) over the used values, of mean 0 and deviation 1 there."""
+    if not used.any():
+        return np.zeros(len(values))
+    result: np.ndarray = (values - values[used].mean()) / max(float(values[used].std()), 1e-12)
+    return result
 
 
 def _interpolation(values: np.ndarray, used: np.ndarray) -> np.ndarray:
