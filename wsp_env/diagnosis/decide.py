@@ -183,10 +183,11 @@ def _trials(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, po
                 best, free = again, tried
             if best.cost < start.cost - 0.8 * one.reduction:
                 break
-        evidence = one.evidence + 0.5 * (start.cost - best.cost - one.reduction)
-        return Trial(
-            one, listed, free, best, evidence, start.cost - best.cost, net_effect(replica, best.model, free, seen.whitening)
-        )
+        # Those before may fit better now for a reason of their own: no merit of the one that was tried.
+        alone = refit(replica, without(best.model, free), start.variants, weights)
+        reduction = min(start.cost, alone.cost) - best.cost
+        evidence = one.evidence + 0.5 * (reduction - one.reduction)
+        return Trial(one, listed, free, best, evidence, reduction, net_effect(replica, best.model, free, seen.whitening))
 
     best: dict[str, Trial] = {}
     for one in sorted(pool.map(trial, promising), key=lambda one: -odds(one.listed, one.evidence)):
