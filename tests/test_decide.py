@@ -1,6 +1,8 @@
 """The decision's parts: evidence, sizes of discrepancies, the speed's noise, what compensates and what is normal."""
 
 import dataclasses
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from wsp_env.diagnosis.candidates import Candidate, Variant, refined, switched, 
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.decide import FORM, MATTERS, PRIOR, PRIOR_TERM, SURE, Trial, belief, odds
 from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.fitting import Fitted
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.search import LARGE, SEEN, SMALL, Found, _freed, _one, _posterior, can_be
 from wsp_env.diagnosis.speed import SpeedNoise, estimate, estimate_noise
@@ -181,6 +184,8 @@ def test_the_estimated_speed_is_as_uncertain_as_it_says():
         errors.append(np.mean((one.course - course) ** 2))
         said.append(np.mean((one.modes**2).sum(axis=1)))
         assert one.gain @ recorded == pytest.approx(one.course)
+        every = estimate(noise, time, recorded, 0.0).modes
+        assert (one.modes**2).sum() > 0.99 * (every**2).sum()  # what is left out of its directions is next to nothing
     assert np.mean(errors) == pytest.approx(np.mean(said), rel=0.35)
     assert np.sqrt(np.mean(errors)) < 0.6 * noise.coloured
 
@@ -231,6 +236,28 @@ def test_what_makes_another_grow_compensates_it(monkeypatch):
         monkeypatch.setattr(decide, "net_effect", lambda *_, m=multiple: StopChange(0.01 * m, 0.0))
         assert decide._compensates(None, new, [accepted], screen) == compensates
     assert not decide._compensates(None, new, [], screen)
+
+
+@pytest.mark.parametrize(("own", "expected"), [(0.0, 0.0), (12.0, 12.0)])
+def test_what_those_before_explain_better_is_no_merit_of_the_next(monkeypatch, own, expected):
+    """A fit in which an accepted gain is at its right size costs 80 less, whatever is tried beside it, which adds 2 own."""
+
+    def refit(_, model, variants, __):
+        # The gain finds its way from a start that holds something else beside it, or from its right size.
+        right = "track_gradient" in model.choice or values_in(model, GAIN)[0] == 0.1
+        model = switched(model, GAIN, np.array([0.1 if right else 0.05]))
+        cost = 100.0 - 80.0 * right - 2.0 * own * ("track_gradient" in model.choice)
+        return Fitted(model, tuple(variants), (), (), cost)
+
+    monkeypatch.setattr(decide, "refit", refit)
+    monkeypatch.setattr(decide, "net_effect", lambda *_: StopChange(0.02, 0.0))
+    seen = dataclasses.replace(found(GRADIENT, 5.0), reduction=10.0)
+    screen = SimpleNamespace(found=[seen], second={}, whitening=None)
+    before = Fitted(switched(Model(2e-4, (0.06,)), GAIN, np.array([0.05])), (GAIN,), (), (), 0.0)
+    with ThreadPoolExecutor(1) as pool:
+        (one,) = decide._trials(None, screen, before, None, pool)
+    assert one.reduction == pytest.approx(2.0 * expected)
+    assert one.evidence == pytest.approx(5.0 + expected - 5.0)
 
 
 def test_only_what_matters_is_missing():
