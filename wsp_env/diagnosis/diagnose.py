@@ -12,7 +12,7 @@ from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, 
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import parameter_of, unavailable, variants, without
 from wsp_env.diagnosis.data_first import data_first
-from wsp_env.diagnosis.decide import FORM, SURE, Accepted, Outcome, select
+from wsp_env.diagnosis.decide import FORM, Accepted, Outcome, select
 from wsp_env.diagnosis.discovered import equation, looks_like, slot_of
 from wsp_env.diagnosis.effects import course, curve, held_out
 from wsp_env.diagnosis.evaluate import Model
@@ -99,10 +99,9 @@ def _sound(campaign: Campaign, stops: list[PreparedStop]) -> tuple[Replica, list
 
 def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor) -> Diagnosis:
     found = quality(replica, outcome)
-    gains = found.held_out or (np.inf,) * len(outcome.accepted)
-    repeated = [one for one, gain in zip(outcome.accepted, gains, strict=True) if 0.5 * gain > SURE]
     # A finding is repeated: at the size that was fitted to the others, the held-out runs alone make it as sure. They are asked
     # this one question, so that how rare a name is does not count again.
+    repeated = [one for one, sure in zip(outcome.accepted, found.repeated, strict=True) if sure]
     missing = [one for one in outcome.missing if one in repeated]
     worse = max(found.fit.extended[group] / found.fit.baseline[group] for group in found.fit.baseline) > _WORSE
     removed = found.fit.removed_validate

@@ -1,17 +1,21 @@
 """How well baseline and extension fit: to the runs to tune on, then, frozen but for the runs' friction, to the others."""
 
 import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from wsp_env.diagnosis.answer import FitQuality
-from wsp_env.diagnosis.candidates import without
+from wsp_env.diagnosis.candidates import Variant, columns, without
 from wsp_env.diagnosis.covariance import Sizes
-from wsp_env.diagnosis.decide import Outcome
+from wsp_env.diagnosis.decide import SURE, Outcome
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights, refit, weigh
+from wsp_env.diagnosis.gls import fit
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Screen, held_out_rows
+from wsp_env.diagnosis.variation import law_columns
 
 _LEAST_PAIRS = 20  # neighbouring rows of a balance that say whether one follows the other
 _BEYOND = 2.0  # deviations of chi-square by which the baseline must misfit, that a share of it can be removed: assumption
@@ -25,8 +29,17 @@ class Quality:
     before: Model  # as fitted to the runs to tune on
     after: Model
     held_out: tuple[float, ...]  # by how much each accepted mechanism reduces chi-square of the runs to validate
+    repeated: tuple[bool, ...]  # whether they make it sure by themselves; where no run is held out, yes
     weights: Weights  # of all rows
     expected: Weights  # the same with the sizes and the noise that are expected of sound recordings
+
+
+class Left(NamedTuple):
+    """Mean squares of some rows."""
+
+    before: float
+    after: float
+    best: float  # with the mechanisms' sizes fitted to these very rows
 
 
 def quality(replica: Replica, outcome: Outcome) -> Quality:
@@ -41,31 +54,71 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
         return weigh(replica, outcome.first.whitening, groups, sizes, keep)
 
     tuned, scored = weights(~held), weights(held)
-    start = refit(replica, replica.baseline, (), tuned, ~held)
-    before, base = start.model, {"tune": start.cost / int((~held).sum())}
-    fitted = refit(replica, outcome.fitted.model, outcome.fitted.variants, tuned, ~held) if outcome.fitted.variants else start
-    extended = {"tune": fitted.cost / int((~held).sum())}
+    before = refit(replica, replica.baseline, (), tuned, ~held).model
+    variants = outcome.fitted.variants
+    after = refit(replica, outcome.fitted.model, variants, tuned, ~held).model if variants else before
 
     def score(model: Model) -> float:
         return refit(replica, model, (), scored, held, free_law=False).cost
 
     gains: tuple[float, ...] = ()
-    removed = None
+    if held.any() and variants:
+        own = score(after)
+        gains = tuple(score(without(after, one.trial.variant)) - own for one in outcome.accepted)
+    repeated = tuple(0.5 * gain > SURE for gain in gains) or (True,) * len(outcome.accepted)
+    for one, sure in zip(outcome.accepted, repeated, strict=True):
+        if not sure:
+            after = without(after, one.trial.variant)
+    kept = [one.trial.variant for one, sure in zip(outcome.accepted, repeated, strict=True) if sure]
+    figures = {"tune": left(replica, after, kept, tuned, ~held)}
     if held.any():
-        rows = int(held.sum())
-        own = score(fitted.model)
-        base["validate"], extended["validate"] = score(before) / rows, own / rows
-        gains = tuple(score(without(fitted.model, one.trial.variant)) - own for one in outcome.accepted)
-        if base["validate"] > 1.0 + _BEYOND * float(np.sqrt(2.0 / rows)):
-            removed = (base["validate"] - extended["validate"]) / (base["validate"] - 1.0)
+        figures["validate"] = left(replica, after, kept, scored, held)
+    base, extended = ({name: one[i] for name, one in figures.items()} for i in (0, 1))
     return Quality(
-        FitQuality(1.0, base, extended, removed),
+        FitQuality(1.0, base, extended, _removed(figures.get("validate"), int(held.sum()))),
         before,
-        fitted.model,
+        after,
         gains,
+        repeated,
         weights(None),
         weigh(replica, outcome.first.whitening, groups),
     )
+
+
+def left(replica: Replica, model: Model, variants: Sequence[Variant], weights: Weights, keep: np.ndarray) -> Left:
+    """Return what rows (n,) bool leave of a model without and with its mechanisms, friction of the runs fitted anew in both.
+
+    All nuisances stay as they are found in these rows beside mechanisms of any size, so that neither is favoured: were they
+    fitted to either, they would take over what is missing.
+    """
+    base = replica.raw(model)
+    y = weights(base)[keep]
+    off = model
+    for one in variants:
+        off = without(off, one)
+    effect = weights(replica.raw(off) - base)[keep]
+    moves = np.column_stack([np.zeros((len(base), 0)), *(columns(replica, model, base, one) for one in variants)])
+    friction = weights(law_columns(replica, model, base)[:, 1:])[keep]
+    free = np.column_stack([weights(moves)[keep], friction[:, np.abs(friction).max(axis=0, initial=0.0) > 0.0]])
+    projector = weights.projector
+    fitted = free @ fit(projector.inner(free, free), projector.inner(free, y[:, None])[:, 0]).amplitude
+    amplitudes = projector.amplitudes(y - fitted)
+    sound = (y - fitted) - projector.rest(y - fitted)
+    unlikely = float(amplitudes @ amplitudes)  # in units of the nuisances' own deviations: the same beside any model
+
+    def mean(rows: np.ndarray) -> float:
+        rest = rows - friction @ np.linalg.lstsq(friction, rows, rcond=1e-9)[0]
+        return float(rest @ rest + unlikely) / len(rows)
+
+    best = y - fitted - sound
+    return Left(mean(y + effect - sound), mean(y - sound), float(best @ best + unlikely) / len(y))
+
+
+def _removed(held: Left | None, rows: int) -> float | None:
+    """Return the share that is gone of what can be removed; None where nothing can be."""
+    if held is None or held.before <= max(held.best, 1.0) + _BEYOND * float(np.sqrt(2.0 / rows)):
+        return None
+    return (held.before - held.after) / (held.before - min(held.best, 1.0))
 
 
 def structured(replica: Replica, seen: Screen) -> float:
