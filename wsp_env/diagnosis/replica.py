@@ -125,8 +125,8 @@ def _creepage(balances: Balances, one: Evaluation, model: Model, index: int) -> 
 def _needed(balances: Balances, stop: PreparedStop, one: Evaluation, model: Model, index: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the slip (T, A) that the wheels' forces need on the creep curve's steep part, and the share kept of the measured.
 
-    The measured slip is kept where it is a slide's, and where the curve is so flat that its error hardly moves the adhesion;
-    blended between, so that no wheel jumps.
+    The measured slip is kept where it is a slide's, and where the curve is so flat at both slips that an error hardly moves the
+    adhesion; blended between, so that no wheel jumps.
     """
     law = balances.vehicle.contact.law
     load = stop.mass * balances.vehicle.gravity_mps2 / (2 * balances.axles)
@@ -137,7 +137,8 @@ def _needed(balances: Balances, stop: PreparedStop, one: Evaluation, model: Mode
         f = degraded_adhesion(slip, v, load, model.mu_cd[index], model.tau, law)
         slope = adhesion_slope(slip, v, load, model.mu_cd[index], model.tau, law)
         slip = np.clip(slip + (aim - f) / np.maximum(slope, 0.05 / v), -most, most)
-    steep = SLIP_MPS * slope / np.maximum(aim, _LEAST_ADHESION)
+    measured = adhesion_slope(np.clip(one.slip, 0.0, None), v, load, model.mu_cd[index], model.tau, law)
+    steep = SLIP_MPS * np.maximum(slope, measured) / np.maximum(aim, _LEAST_ADHESION)
     slides = (one.slip / most - 0.7) / 0.6
     share: np.ndarray = np.clip(np.maximum(slides, 2.0 * (1.0 - steep)), 0.0, 1.0)
     return slip, share

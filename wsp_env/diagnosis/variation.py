@@ -111,6 +111,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
     segments = segment_columns(balances)
     clock = _hats(rows.time, _COURSE_NODE_S)
     shapes = [_interpolation(values, slides[:, 0] != 0.0) for values in (rows.slip, rows.speed, rows.work)]
+    differs = own @ _contrasts(axles)  # of axles from each other: what is common to them is the law's
     lines = [_line(values, slides[:, 0] != 0.0) for values in (rows.slip, rows.speed, rows.work)]
     gain = _EXPECTED["measured gain" if balances.campaign.vehicle.torque_is_measured else "gain"]
     groups = [
@@ -131,7 +132,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("track", friction[:, None] * _track(rows.place, rows.wheels, _SHORT_M), _EXPECTED["track"]),
         Group("track over long", friction[:, None] * _track(rows.place, rows.wheels, _LONG_M), _EXPECTED["track"], True),
         Group("friction of an axle", slides * own, _EXPECTED["friction"], True, "friction of an axle in a run"),
-        Group("form of an axle's friction", np.column_stack([slides * own * line[:, None] for line in lines]),
+        Group("form of an axle's friction", np.column_stack([slides * differs * line[:, None] for line in lines]),
               0.5 * _EXPECTED["friction"], True),
         Group("friction of an axle in a run", each(slides * own), _EXPECTED["friction"]),
         Group("friction in time", _in_time(slides, by_run, own, clock), _EXPECTED["friction"]),
@@ -160,9 +161,9 @@ def shapes(balances: Balances | Replica) -> np.ndarray:
     return np.column_stack([*over, _interpolation(rows.speed, rows.speed > 0.0), own, by_run])
 
 
-def _contrasts(runs: int) -> np.ndarray:
-    """Return an orthonormal basis (runs, runs - 1) of what sums to zero over the runs."""
-    return np.linalg.svd(np.eye(runs) - 1.0 / runs)[0][:, : runs - 1]
+def _contrasts(several: int) -> np.ndarray:
+    """Return an orthonormal basis (m, m - 1) of what sums to zero over several runs or axles."""
+    return np.linalg.svd(np.eye(several) - 1.0 / several)[0][:, : several - 1]
 
 
 def _in_time(column: np.ndarray, by_run: np.ndarray, own: np.ndarray, clock: np.ndarray) -> np.ndarray:
