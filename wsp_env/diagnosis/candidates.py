@@ -12,6 +12,7 @@ import numpy as np
 from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, Balances
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.swings import swings
 from wsp_env.plant.card import Parameter, Recorded
 from wsp_env.plant.mechanisms import ALL, LIBRARY
 
@@ -77,7 +78,7 @@ def unavailable(balances: Balances | Replica) -> dict[str, str]:
 def variants(balances: Balances | Replica) -> Iterator[Variant]:
     """Every mechanism that these recordings can show, in all its variants."""
     closed, rows = unavailable(balances), balances.rows
-    recorded = Recorded(balances.axles, rows.place[rows.slides])
+    recorded = Recorded(balances.axles, rows.place[rows.slides], swings(balances.sources, balances.radius, balances.inertia))
     for name, card in LIBRARY.items():
         if name not in closed:
             sizes = tuple(size.name for size in card.sizes if size.fitted)

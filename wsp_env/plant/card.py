@@ -106,6 +106,7 @@ class Recorded(NamedTuple):
 
     axles: int
     places_m: np.ndarray  # (n,) where wheels slid, along the track [m]
+    swings_hz: tuple[float, ...] = (0.3,)  # at which the vehicle seems to swing
 
 
 def one_variant(recorded: Recorded) -> list[dict[str, float]]:

@@ -2,8 +2,9 @@
 
 A train that brakes swings along its length, at some tenths of a hertz to one hertz with buffers and draw gear between coaches
 (Q. Wu, M. Spiryagin, C. Cole, Longitudinal train dynamics: an overview, Vehicle System Dynamics 54 (2016) 1688-1714). Here one
-harmonic that the first application of the brake sets off: in full while the brake is applied, `RELEASED` of it otherwise. Its
-size, and that it neither grows nor dies away within a stop, are assumptions.
+harmonic that the first application of the brake sets off: in full while the brake is applied, `RELEASED` of it otherwise; or
+that goes on in full from the start of the stop, of a train that swings already. Its size, and that it neither grows nor dies
+away within a stop, are assumptions.
 """
 
 import math
@@ -18,9 +19,6 @@ from wsp_env.plant.card import APPLIED_SHARE, Card, Moment, Parameter, Recorded,
 #: Share of the force while no brake is applied (assumption: buffers that are not pressed together).
 RELEASED = 0.3
 
-#: Frequencies that are tried in recordings [Hz]: apart by half of what a stop of some 15 s tells apart (assumption).
-_FREQUENCIES_HZ = tuple(0.15 + 0.03 * step for step in range(36))
-
 
 class Parameters(NamedTuple):
     """Parameters of the force, see `CARD`."""
@@ -28,6 +26,7 @@ class Parameters(NamedTuple):
     sine_n: float
     cosine_n: float
     frequency_hz: float
+    from_start: float
 
 
 class Swing(NamedTuple):
@@ -47,18 +46,21 @@ def force(p: Parameters, swing: Swing, i: int, speed_mps: float, believed_n: flo
     """Force against the motion [N]; notes the first application."""
     if p.sine_n == 0.0 and p.cosine_n == 0.0:
         return 0.0
-    applied = moment.braking > APPLIED_SHARE
-    if swing.once[i] == 0.0:
-        if not applied:
-            return 0.0
-        swing.once[i], swing.since_s[i] = 1.0, moment.time_s
+    share = 1.0
+    if p.from_start == 0.0:
+        applied = moment.braking > APPLIED_SHARE
+        if swing.once[i] == 0.0:
+            if not applied:
+                return 0.0
+            swing.once[i], swing.since_s[i] = 1.0, moment.time_s
+        share = 1.0 if applied else RELEASED
     phase = 2.0 * math.pi * p.frequency_hz * (moment.time_s - swing.since_s[i])
-    return (1.0 if applied else RELEASED) * (p.sine_n * math.sin(phase) + p.cosine_n * math.cos(phase))
+    return share * (p.sine_n * math.sin(phase) + p.cosine_n * math.cos(phase))
 
 
 def frequencies(recorded: Recorded) -> list[dict[str, float]]:
-    """Return the frequencies that are tried."""
-    return [{"frequency_hz": frequency} for frequency in _FREQUENCIES_HZ]
+    """Return the frequencies at which the recorded speed swings, set off by the brake or going on from the start."""
+    return [{"frequency_hz": frequency, "from_start": start} for frequency in recorded.swings_hz for start in (0.0, 1.0)]
 
 
 def _kilo(force_n: float) -> float:
@@ -66,8 +68,8 @@ def _kilo(force_n: float) -> float:
 
 
 _SWINGS = "a neighbouring vehicle pushes and pulls at {frequency_hz:.2f} Hz, with {size}"
-_FIRST = "as braking begins"
-_LATER = "a quarter of a period after braking begins"
+_FIRST = "as it begins"
+_LATER = "a quarter of a period after it begins"
 
 CARD = Card(
     name="coupler_force",
@@ -76,13 +78,14 @@ CARD = Card(
         Parameter("sine_n", "N", 0.0, 3000.0, -5e4, 5e4, "assumption: some 7 % of a coach's braking force"),
         Parameter("cosine_n", "N", 0.0, 2000.0, -5e4, 5e4, "assumption: the same, a quarter of a period earlier"),
         Parameter("frequency_hz", "Hz", 0.3, 0.3, 0.05, 5.0, "Wu, Spiryagin, Cole (2016)", "shape", refit_step=0.005),
+        Parameter("from_start", "-", 0.0, 0.0, 0.0, 1.0, "0: the brake sets it off; 1: it goes on from the start", "shape"),
     ),
     record=Parameters,
     acts={"force": force},
     memory=memory,
     signature=Signature(
         balances=frozenset({"vehicle"}),
-        trace="vehicle: swings at one frequency from the first application of the brake on",
+        trace="vehicle: swings at one frequency, from the first application of the brake or from the start on",
         acts_on="vehicle",
         next_test="the same stop with the vehicle alone, or with the coupler's force recorded",
         said=(
