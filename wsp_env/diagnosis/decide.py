@@ -43,6 +43,8 @@ INDISTINCT = 10.0
 GROWN = 1.7
 #: Share of a mechanism's effect that nature's form may differ by, over slip, speed, work, axles and runs: assumption.
 FORM = 0.2
+#: The same of a term without a name, which is one of few forms that were tried: assumption.
+FORM_TERM = 0.4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,6 +99,11 @@ class Outcome:
         return tuple(one for one in self.accepted if one.trial.size.multiple >= MATTERS)
 
 
+def form_of(variant: Variant) -> float:
+    """Share of an effect that nature's form may differ by."""
+    return FORM_TERM if variant.family else FORM
+
+
 def odds(variant: Variant, evidence: float) -> float:
     """Log odds that a mechanism is missing, or a term that has no name."""
     return evidence + (PRIOR_TERM if variant.family else PRIOR)
@@ -109,18 +116,20 @@ def select(
     first = seen = screen(replica, replica.baseline, [*tried, *terms(replica, 1)], pool)
     fitted = Fitted(replica.baseline, (), (), (), 0.0)
     accepted: list[Accepted] = []
-    while len(accepted) < MOST:
+    for _ in range(2 * MOST):  # rounds: one may be taken back
+        if len(accepted) == MOST:
+            break
         progress(f"refitting {len(accepted) + 1} of {MOST}")
         weights = _weights(replica, seen)
         trials = _trials(replica, seen, fitted, weights, pool)
         # What the form of those before may leave of what they explain looks like another.
-        form = FORM**2 * sum(one.trial.evidence for one in accepted)
+        form = sum(form_of(one.trial.listed) ** 2 * one.trial.evidence for one in accepted)
         sure = [one for one in trials if odds(one.listed, one.evidence) > max(SURE, form)]
         best = next((one for one in _preferred(sure) if not _compensates(replica, one, accepted, seen)), None)
         if best is None:
             break
         accepted.append(Accepted(best, *belief(best, trials, seen.found)))
-        fitted = best.fitted
+        accepted, fitted = _still_sure(replica, accepted, best.fitted, weights)
         for _ in range(_REPLICAS):
             replica = Replica(replica.recorded, _with_sensors_as_read(fitted.model))
             fitted = refit(replica, fitted.model, fitted.variants, weights)
@@ -130,6 +139,17 @@ def select(
         bent = forms(replica, fitted.model, fitted.variants)
         seen = screen(replica, fitted.model, left, pool, fitted.variants, bent)
     return Outcome(replica, fitted, tuple(accepted), first, seen)
+
+
+def _still_sure(replica: Replica, accepted: list[Accepted], fitted: Fitted, weights: Weights) -> tuple[list[Accepted], Fitted]:
+    """Take back what is no longer sure beside the last one: of two names for one effect the better may come second."""
+    for one in accepted[:-1]:
+        others = [variant for variant in fitted.variants if variant is not one.trial.variant]
+        again = refit(replica, without(fitted.model, one.trial.variant), others, weights)
+        price = 0.5 * one.trial.reduction - one.trial.evidence  # of its sizes and variants
+        if odds(one.trial.listed, 0.5 * (again.cost - fitted.cost) - price) <= SURE:
+            accepted, fitted = [other for other in accepted if other is not one], again
+    return accepted, fitted
 
 
 def _with_sensors_as_read(model: Model) -> Model:
@@ -199,7 +219,8 @@ def forms(replica: Replica, model: Model, variants: Sequence[Variant]) -> list[G
     """Return for every mechanism that is on what it may leave of nature's form: its own effect, bent over what was measured."""
     base, bent = replica.raw(model), shapes(replica)
     return [
-        Group(f"form of {one.title}", (replica.raw(without(model, one)) - base)[:, None] * bent, FORM, True) for one in variants
+        Group(f"form of {one.title}", (replica.raw(without(model, one)) - base)[:, None] * bent, form_of(one), True)
+        for one in variants
     ]
 
 

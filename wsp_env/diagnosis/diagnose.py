@@ -12,7 +12,7 @@ from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, 
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import parameter_of, unavailable, variants, without
 from wsp_env.diagnosis.data_first import data_first
-from wsp_env.diagnosis.decide import FORM, Accepted, Outcome, select
+from wsp_env.diagnosis.decide import FORM, Accepted, Outcome, form_of, select
 from wsp_env.diagnosis.discovered import equation, looks_like, slot_of
 from wsp_env.diagnosis.effects import course, curve, held_out
 from wsp_env.diagnosis.evaluate import Model
@@ -169,7 +169,8 @@ def _worth(outcome: Outcome, extended: Model, missing: list[Accepted]) -> Worth:
     """Return what all that was found changes in the recorded stops, against the law tuned without it."""
     size = net_change(outcome.replica, extended, dataclasses.replace(extended, choice={}), outcome.last.whitening)
     shares = [float(np.max(one.trial.found.deviation / np.maximum(np.abs(one.trial.found.multiple), 1e-9))) for one in missing]
-    half = _Z90 * float(np.hypot(FORM, max(shares, default=0.0))) * abs(size.distance)
+    form = max((form_of(one.trial.listed) for one in missing), default=FORM)
+    half = _Z90 * float(np.hypot(form, max(shares, default=0.0))) * abs(size.distance)
     return Worth(size.distance, (size.distance - half, size.distance + half), size.slip)
 
 
@@ -181,7 +182,11 @@ def _estimates(outcome: Outcome, one: Accepted) -> dict[str, Estimate]:
     for j, name in enumerate(variant.sizes):
         parameter = parameter_of(variant.name, name)
         value = float(np.clip(values[j], parameter.low, parameter.high))
-        form = 0.0 if parameter.kind == "shape" or ALL[variant.name].signature.exact else FORM * abs(value - parameter.null)
+        form = (
+            0.0
+            if parameter.kind == "shape" or ALL[variant.name].signature.exact
+            else form_of(variant) * abs(value - parameter.null)
+        )
         half = _Z90 * float(np.hypot(np.sqrt(max(covariance[j, j], 0.0)), form))
         low, high = np.clip([value - half, value + half], parameter.low, parameter.high)
         found[name] = Estimate(value, parameter.unit, (float(low), float(high)))
