@@ -260,6 +260,25 @@ def test_what_those_before_explain_better_is_no_merit_of_the_next(monkeypatch, o
     assert one.evidence == pytest.approx(5.0 + expected - 5.0)
 
 
+@pytest.mark.parametrize("loss", [2.0, 200.0])
+def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, loss):
+    """A fit without the first of two costs so much more."""
+    whole = Fitted(Model(2e-4, (0.06,)), (GRADIENT, GAIN), (), (), 50.0)
+    monkeypatch.setattr(decide, "refit", lambda _, model, variants, __: Fitted(model, tuple(variants), (), (), 50.0 + loss))
+    first, last = (decide.Accepted(trial(one, 40.0), (one.name,), 1.0) for one in (GRADIENT, GAIN))
+    accepted, fitted = decide._still_sure(None, [first, last], whole, None)
+    assert (
+        [one.name for one in accepted] == ["brake_gain_imbalance"]
+        if loss < 10.0
+        else ["track_gradient", "brake_gain_imbalance"]
+    )
+    assert fitted.variants == ((GAIN,) if loss < 10.0 else (GRADIENT, GAIN))
+
+
+def test_a_term_s_form_may_miss_more_than_a_name_s():
+    assert decide.form_of(TERM) > decide.form_of(GRADIENT) == FORM
+
+
 def test_only_what_matters_is_missing():
     kept = [decide.Accepted(trial(GRADIENT, 40.0, multiple), ("track_gradient",), 1.0) for multiple in (0.5, MATTERS, 3.0)]
     outcome = decide.Outcome(None, None, tuple(kept), None, None)
