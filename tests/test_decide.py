@@ -267,11 +267,8 @@ def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, l
     monkeypatch.setattr(decide, "refit", lambda _, model, variants, __: Fitted(model, tuple(variants), (), (), 50.0 + loss))
     first, last = (decide.Accepted(trial(one, 40.0), (one.name,), 1.0) for one in (GRADIENT, GAIN))
     accepted, fitted = decide._still_sure(None, [first, last], whole, None)
-    assert (
-        [one.name for one in accepted] == ["brake_gain_imbalance"]
-        if loss < 10.0
-        else ["track_gradient", "brake_gain_imbalance"]
-    )
+    kept = ["brake_gain_imbalance"] if loss < 10.0 else ["track_gradient", "brake_gain_imbalance"]
+    assert [one.name for one in accepted] == kept
     assert fitted.variants == ((GAIN,) if loss < 10.0 else (GRADIENT, GAIN))
 
 
