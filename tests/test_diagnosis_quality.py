@@ -48,7 +48,7 @@ def test_what_is_removed_is_what_the_size_gets_right(share, alike):
     for seed in range(12):
         made = Linear(seed, alike)
         model = switched(Model(2e-4, (0.9, 0.9)), GRADIENT, np.array([share * TRUE]))
-        found = left(made, model, [GRADIENT], made.weights(), np.ones(RUNS * EACH, dtype=bool))
+        found = left(made, model, [GRADIENT], made.weights(), {"all": np.ones(RUNS * EACH, dtype=bool)})["all"]
         assert found.best <= found.after + 1e-9
         removed.append(_removed(found, RUNS * EACH))
     assert np.median(removed) == pytest.approx(1.0 - (1.0 - share) ** 2, abs=0.15)
@@ -56,7 +56,7 @@ def test_what_is_removed_is_what_the_size_gets_right(share, alike):
 
 def test_nothing_can_be_removed_of_noise():
     made = Linear(3, 0.0)
-    found = left(made, Model(2e-4, (0.9, 0.9)), [], made.weights(), np.ones(RUNS * EACH, dtype=bool))
+    found = left(made, Model(2e-4, (0.9, 0.9)), [], made.weights(), {"last": made.rows.run == RUNS - 1})["last"]
     without = SimpleNamespace(before=1.02, after=1.02, best=1.0)
     assert found.before == pytest.approx(found.after)
     assert _removed(without, 800) is None

@@ -1,7 +1,7 @@
 """How well baseline and extension fit: to the runs to tune on, then, frozen but for the runs' friction, to the others."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -53,26 +53,29 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
     def weights(keep: np.ndarray | None) -> Weights:
         return weigh(replica, outcome.first.whitening, groups, sizes, keep)
 
-    tuned, scored = weights(~held), weights(held)
+    tuned, every = weights(~held), weights(None)
     before = refit(replica, replica.baseline, (), tuned, ~held).model
     variants = outcome.fitted.variants
     after = refit(replica, outcome.fitted.model, variants, tuned, ~held).model if variants else before
 
-    def score(model: Model) -> float:
-        return refit(replica, model, (), scored, held, free_law=False).cost
+    def predicted(model: Model) -> float:
+        """Return chi-square of the held-out runs, predicted from the others: what is common to both is known from those."""
+        tune = refit(replica, model, (), tuned, ~held, free_law=False).cost
+        return refit(replica, model, (), every, free_law=False).cost - tune
 
     gains: tuple[float, ...] = ()
     if held.any() and variants:
-        own = score(after)
-        gains = tuple(score(without(after, one.trial.variant)) - own for one in outcome.accepted)
+        own = predicted(after)
+        for one in outcome.accepted:
+            others = [variant for variant in variants if variant is not one.trial.variant]
+            off = refit(replica, without(after, one.trial.variant), others, tuned, ~held).model
+            gains += (predicted(off) - own,)
     repeated = tuple(0.5 * gain > SURE for gain in gains) or (True,) * len(outcome.accepted)
     for one, sure in zip(outcome.accepted, repeated, strict=True):
         if not sure:
             after = without(after, one.trial.variant)
     kept = [one.trial.variant for one, sure in zip(outcome.accepted, repeated, strict=True) if sure]
-    figures = {"tune": left(replica, after, kept, tuned, ~held)}
-    if held.any():
-        figures["validate"] = left(replica, after, kept, scored, held)
+    figures = left(replica, after, kept, every, {"tune": ~held} | ({"validate": held} if held.any() else {}))
     base, extended = ({name: one[i] for name, one in figures.items()} for i in (0, 1))
     return Quality(
         FitQuality(1.0, base, extended, _removed(figures.get("validate"), int(held.sum()))),
@@ -80,38 +83,44 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
         after,
         gains,
         repeated,
-        weights(None),
+        every,
         weigh(replica, outcome.first.whitening, groups),
     )
 
 
-def left(replica: Replica, model: Model, variants: Sequence[Variant], weights: Weights, keep: np.ndarray) -> Left:
-    """Return what rows (n,) bool leave of a model without and with its mechanisms, friction of the runs fitted anew in both.
+def left(
+    replica: Replica, model: Model, variants: Sequence[Variant], weights: Weights, parts: Mapping[str, np.ndarray]
+) -> dict[str, Left]:
+    """Return what parts of the rows (n,) bool leave of a model without and with its mechanisms.
 
-    All nuisances stay as they are found in these rows beside mechanisms of any size, so that neither is favoured: were they
-    fitted to either, they would take over what is missing.
+    The friction of the runs is fitted anew in both. All other nuisances stay as they are found beside mechanisms of any size,
+    so that neither is favoured: were they fitted to either, they would take over what is missing.
     """
     base = replica.raw(model)
-    y = weights(base)[keep]
+    y = weights(base)
     off = model
     for one in variants:
         off = without(off, one)
-    effect = weights(replica.raw(off) - base)[keep]
+    effect = weights(replica.raw(off) - base)
     moves = np.column_stack([np.zeros((len(base), 0)), *(columns(replica, model, base, one) for one in variants)])
-    friction = weights(law_columns(replica, model, base)[:, 1:])[keep]
-    free = np.column_stack([weights(moves)[keep], friction[:, np.abs(friction).max(axis=0, initial=0.0) > 0.0]])
+    friction = weights(law_columns(replica, model, base)[:, 1:])
+    free = np.column_stack([weights(moves), friction])
     projector = weights.projector
     fitted = free @ fit(projector.inner(free, free), projector.inner(free, y[:, None])[:, 0]).amplitude
     amplitudes = projector.amplitudes(y - fitted)
     sound = (y - fitted) - projector.rest(y - fitted)
-    unlikely = float(amplitudes @ amplitudes)  # in units of the nuisances' own deviations: the same beside any model
+    unlikely = float(amplitudes @ amplitudes) / len(y)  # in the nuisances' own deviations: the same beside any model
 
-    def mean(rows: np.ndarray) -> float:
-        rest = rows - friction @ np.linalg.lstsq(friction, rows, rcond=1e-9)[0]
-        return float(rest @ rest + unlikely) / len(rows)
+    def mean(rows: np.ndarray, keep: np.ndarray) -> float:
+        mine, level = rows[keep], friction[keep]
+        rest = mine - level @ np.linalg.lstsq(level, mine, rcond=1e-9)[0]
+        return float(rest @ rest) / len(mine) + unlikely
 
-    best = y - fitted - sound
-    return Left(mean(y + effect - sound), mean(y - sound), float(best @ best + unlikely) / len(y))
+    without_sound, best = y - sound, y - fitted - sound
+    return {
+        name: Left(mean(without_sound + effect, keep), mean(without_sound, keep), mean(best, keep))
+        for name, keep in parts.items()
+    }
 
 
 def _removed(held: Left | None, rows: int) -> float | None:
