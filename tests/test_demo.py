@@ -43,19 +43,10 @@ def test_falling_friction_fits_the_measured_creep_curve_best():
     assert constant.adhesion[-1] == pytest.approx(constant.adhesion.max(), rel=1e-3)
 
 
-def test_a_page_is_replaced_whole_or_not_at_all(tmp_path):
-    page = tmp_path / "page.html"
-    report.write_text(page, "first")
-    with pytest.raises(UnicodeEncodeError):
-        report.write_text(page, "\ud800")
-    assert page.read_text(encoding="utf-8") == "first"
-    assert list(tmp_path.iterdir()) == [page]
-
-
 def test_text_from_outside_is_escaped():
     table = report.Table(("a", "b"), [("<script>", "1 & 2")], caption="<b>")
-    assert "<script>" not in report._table(table)
-    assert "&lt;script&gt;" in report._table(table)
+    assert "<script>" not in report.page.table_html(table)
+    assert "&lt;script&gt;" in report.page.table_html(table)
 
 
 def test_command_line_names_what_is_wrong(capsys):

@@ -25,6 +25,13 @@ _IN_WORDS = {
     "kinematics": "in wheels that roll freely",
     "actuator": "in the brake torque against the pressure",
 }
+#: The same in tables and plots.
+BALANCES = {
+    "vehicle": "vehicle speed",
+    "adhesion": "adhesion while sliding",
+    "kinematics": "free rolling",
+    "actuator": "brake torque",
+}
 _PLACES = 2  # told on the first page
 
 
@@ -52,9 +59,19 @@ def lead(found: Diagnosis) -> str:
     if nothing or found.worth is None or abs(found.worth.distance_share) < 0.0005:  # 0.0 % as it is said
         return found.sentence
     sides = "longer" if found.worth.distance_share > 0.0 else "shorter"
+    share = 100.0 * abs(found.worth.distance_share)
+    if found.worth.stop_m is None:
+        return f"{found.sentence} By this, real stops are {share:.1f} % {sides} than simulated ones."
     return (
-        f"{found.sentence} By this, real stops are {100.0 * abs(found.worth.distance_share):.1f} % {sides} than simulated ones."
+        f"{found.sentence} By this, real stops are {_metres(found.worth)} {sides} than simulated ones: {share:.1f} % of some "
+        f"{found.worth.stop_m:.0f} m."
     )
+
+
+def _metres(worth: Worth, share: float | None = None) -> str:
+    """Say a share of the stopping distance in metres, the worth's own where none is given."""
+    metres = abs(worth.distance_share if share is None else share) * (worth.stop_m or 0.0)
+    return f"{metres:.1f} m" if metres < 10.0 else f"{metres:.0f} m"
 
 
 def worth_said(found: Diagnosis) -> str:
@@ -71,10 +88,13 @@ def _changes(worth: Worth) -> str:
     if abs(share) < 0.0005:
         parts.append("no change of the stopping distance")
     else:
-        parts.append(f"{100.0 * abs(share):.1f} % {'more' if share > 0.0 else 'less'} stopping distance than simulated")
+        metres = "" if worth.stop_m is None else f"{_metres(worth)}, "
+        parts.append(f"{metres}{100.0 * abs(share):.1f} % {'more' if share > 0.0 else 'less'} stopping distance than simulated")
     if worth.interval90:
         low, high = (100.0 * bound for bound in worth.interval90)
         parts[0] += f" (change {low:+.1f} to {high:+.1f} %, 90 %)"
+    if worth.stop_m is not None:
+        parts[0] += f"; these stops braked over {worth.stop_m:.0f} m on average"
     parts.append(f"a change of slip of {worth.slip_mps:.2f} m/s")
     return "; ".join(parts)
 
