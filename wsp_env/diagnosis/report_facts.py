@@ -92,9 +92,8 @@ def _changes(worth: Worth) -> str:
         parts.append(f"{metres}{100.0 * abs(share):.1f} % {'more' if share > 0.0 else 'less'} stopping distance than simulated")
     if worth.interval90:
         low, high = (100.0 * bound for bound in worth.interval90)
-        parts[0] += f" (change {low:+.1f} to {high:+.1f} %, 90 %)"
-    if worth.stop_m is not None:
-        parts[0] += f"; these stops braked over {worth.stop_m:.0f} m on average"
+        metres = "" if worth.stop_m is None else f"{low * worth.stop_m / 100.0:+.1f} to {high * worth.stop_m / 100.0:+.1f} m, "
+        parts[0] += f" (change {metres}{low:+.1f} to {high:+.1f} %, 90 %)"
     parts.append(f"a change of slip of {worth.slip_mps:.2f} m/s")
     return "; ".join(parts)
 
