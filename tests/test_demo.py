@@ -11,15 +11,16 @@ from wsp_env.parameters import eurosprinter
 
 
 @pytest.mark.slow
-def test_demo_writes_one_page_that_needs_no_network(tmp_path, capsys):
+def test_demo_writes_one_page(tmp_path, capsys):
     page = tmp_path / "new folder" / "demo.html"
     assert main(["demo", "--out", str(page)]) == 0
     printed = capsys.readouterr().out
     assert "tau =" in printed
     assert all(law in printed for law in ("recovering", "classic"))
     text = page.read_text(encoding="utf-8")
-    assert text.count('class="plotly-graph-div"') == 3
-    assert not re.search(r'<(script|link|img)[^>]+(src|href)="?http', text)
+    assert text.count('class="plot"') == 4
+    loaded = re.findall(r'<(?:script|link|img)[^>]+(?:src|href)="?(http[^"]*)', text)
+    assert [to.partition("/plotly-")[0] for to in loaded] == ["https://cdn.plot.ly"]
     assert list(page.parent.iterdir()) == [page]  # nothing half-written is left beside it
 
 

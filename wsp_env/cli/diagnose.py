@@ -25,6 +25,7 @@ from wsp_env.diagnosis.creep_curves import CreepDiagnosis, diagnose_creep_curves
 from wsp_env.diagnosis.creep_curves.report import write_creep_report
 from wsp_env.diagnosis.index import Found, summary, write_index
 from wsp_env.diagnosis.report import write_report
+from wsp_env.diagnosis.report_facts import BALANCES, LEAST_SHARE
 from wsp_env.diagnosis.sources import signed
 from wsp_env.diagnosis.words import parameter_said
 from wsp_env.output import all_of, ready, write_text
@@ -235,9 +236,12 @@ def _print(found: Found, out: Path) -> None:
     for one in found.mechanisms:
         for name, value in one.parameters.items():
             console.print(f"  {one.name.replace('_', ' ')}: {parameter_said(name, value)}", markup=False)
-    for place in found.location:
+    for place in (one for one in found.location if one.share >= LEAST_SHARE):
         axles = f", axles {', '.join(map(str, place.axles))}" if place.axles else ""
-        console.print(f"  where: {place.equation} balance{axles}, {place.where} ({place.share:.0%} of it)", markup=False)
+        console.print(
+            f"  where: {BALANCES.get(place.equation, place.equation)}{axles}, {place.where} ({place.share:.0%} of it)",
+            markup=False,
+        )
     if isinstance(found, CreepDiagnosis):
         for tied in found.inseparable:
             console.print(f"  left open: {tied.words}", markup=False)

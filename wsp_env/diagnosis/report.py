@@ -10,13 +10,11 @@ from typing import Any
 
 from wsp_env.diagnosis.answer import Curve, Diagnosis, Estimate
 from wsp_env.diagnosis.report_evidence import evidence
-from wsp_env.diagnosis.report_facts import BALANCES, axles_said, doubt, facts, lead, removed_said
+from wsp_env.diagnosis.report_facts import BALANCES, LEAST_SHARE, axles_said, doubt, facts, lead, removed_said
 from wsp_env.diagnosis.report_runs import course_plot, figures, heat_maps, still_high
 from wsp_env.diagnosis.words import parameter_words, said, unit_words
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.report import COLOURS, Facts, Origin, PageOptions, Section, Table, axes, plotly, write_page
-
-_LEAST_SHARE = 0.005  # of what is removed: less reads as 0 %
 
 
 def write_report(path: Path, found: Diagnosis, options: PageOptions = PageOptions()) -> None:
@@ -77,7 +75,7 @@ def _where(found: Diagnosis) -> Section | None:
     rows = [
         (BALANCES.get(one.equation, one.equation), axles_said(one.axles, count), ", ".join(one.runs), one.where,
          f"{100.0 * one.share:.0f} %")
-        for one in found.location if one.share >= _LEAST_SHARE
+        for one in found.location if one.share >= LEAST_SHARE
     ]  # fmt: skip
     text = [
         "Colours: mean squares of the residuals, normal variation fitted away, over the squared deviation that the channels' "

@@ -32,6 +32,7 @@ BALANCES = {
     "kinematics": "free rolling",
     "actuator": "brake torque",
 }
+LEAST_SHARE = 0.005  # of what is removed: less reads as 0 %
 _PLACES = 2  # told on the first page
 
 
@@ -150,7 +151,8 @@ def where_said(found: Diagnosis) -> str:
     runs = [one.run for one in found.runs]
     axles = {cell["axle"] for cell in found.residuals.get("cells", ()) if cell["axle"]}
     own = named_axles(found)
-    told = [place_said(one, runs, len(axles), own if i == 0 else ()) for i, one in enumerate(found.location[:_PLACES])]
+    places = [one for one in found.location if one.share >= LEAST_SHARE]
+    told = [place_said(one, runs, len(axles), own if i == 0 else ()) for i, one in enumerate(places[:_PLACES])]
     if not told and own:
         return axles_said(own, len(axles))
     return "; ".join(told)

@@ -11,6 +11,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -114,11 +115,10 @@ def _library(standalone: bool) -> str:
 
 
 def _footer(origin: Origin | None, author: str) -> str:
-    import wsp_env
-
     lines = [line.strip() for line in author.replace(";", "\n").splitlines()]
     if origin is not None:
-        version, made = origin.version or wsp_env.__version__, origin.made or date.today().isoformat()
+        package = import_module(__name__.partition(".")[0])  # by its name: a page lies below all that the package imports
+        version, made = origin.version or package.__version__, origin.made or date.today().isoformat()
         lines.append(f"Written by {origin.command} (wsp-env {version}) on {made}")
         lines += [f"Vehicle: {origin.vehicle}"] if origin.vehicle else []
         if origin.files:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 _WIDTH_PX, _DPI = 1040, 100
+_POINTS = 400  # of a line or cloud: a picture is for the first look
 _MARKER = {"circle": "o", "circle-open": "o", "diamond": "D", "square": "s", "x": "x"}
 _DASH = {"solid": "-", "dot": ":", "dash": "--", "dashdot": "-."}
 
@@ -86,6 +87,9 @@ def _draw(panel: Any, trace: Any, stacked: dict[Any, np.ndarray]) -> Any:
         return _bars(panel, trace, stacked)
     x, y = _values(trace.x), _values(trace.y)
     mode = trace.mode or "lines"
+    if mode in ("lines", "markers") and trace.fill is None and trace.error_y.array is None:
+        thin = slice(None, None, max(1, len(x) // _POINTS))
+        x, y = x[thin], y[thin]
     colour = _colour(trace.line.color or _single(trace.marker.color))
     if trace.fill == "toself":
         return panel.fill(x, y, **_rgba(trace.fillcolor), linewidth=0)[0]

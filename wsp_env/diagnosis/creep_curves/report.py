@@ -4,11 +4,10 @@ from pathlib import Path
 from typing import Any
 
 from wsp_env.diagnosis.creep_curves.answer import CreepDiagnosis, ShownCurve
-from wsp_env.diagnosis.report_facts import MEANINGS, removed_said
+from wsp_env.diagnosis.report_facts import LEAST_SHARE, MEANINGS
 from wsp_env.diagnosis.words import parameter_words, said, unit_words
 from wsp_env.report import COLOURS, Facts, Origin, PageOptions, Section, Table, axes, plotly, write_page
 
-_LEAST_SHARE = 0.005  # of what is missed: less reads as 0 %
 _TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)  # [%]
 
 
@@ -28,10 +27,11 @@ def _first(found: CreepDiagnosis) -> Section:
     rows = [("Verdict", f"{found.verdict}: {MEANINGS[found.verdict]}")]
     sure = [f"{one.name.replace('_', ' ')}: {one.confidence:.2f} of 1" for one in found.mechanisms]
     rows += [("Confidence", "; ".join(sure))] if sure else []
-    places = [f"{one.where} ({one.share:.0%} of it)" for one in found.location if one.share >= _LEAST_SHARE]
+    places = [f"{one.where} ({one.share:.0%} of it)" for one in found.location if one.share >= LEAST_SHARE]
     rows += [("Where", "; ".join(places))] if places else []
     if found.mechanisms:
-        rows.append(("Removed", removed_said(found.fit.removed_validate)))
+        removed = found.fit.removed_validate
+        rows += [("Removed", f"{min(max(removed, 0.0), 1.0):.0%} of the removable error of held-out points")] if removed else []
     rows.append(("Next test", f"{found.next_test[:1].upper()}{found.next_test[1:]}"))
     return Section("", (), [Facts(rows), *(_curve(one, bool(found.mechanisms)) for one in found.curves[:1])])
 
@@ -40,7 +40,7 @@ def _where(found: CreepDiagnosis) -> Section:
     text = ["The baseline has Kalker's slope and the believed friction, its level fitted. The band is the fit's 90 % interval."]
     if not found.location:
         text.append("Nowhere do the points lie off the baseline by more than their scatter explains.")
-    rows = [(one.where, ", ".join(one.runs), f"{one.share:.0%}") for one in found.location if one.share >= _LEAST_SHARE]
+    rows = [(one.where, ", ".join(one.runs), f"{one.share:.0%}") for one in found.location if one.share >= LEAST_SHARE]
     caption = "Share: of what that law misses beyond the scatter."
     table = [Table(("Where the law misses the points", "Curve", "Share"), rows, caption)] if rows else []
     return Section("Where", text, [*(_curve(one, bool(found.mechanisms)) for one in found.curves[1:]), *table], fold=True)
