@@ -125,27 +125,15 @@ def _table(result: Replay) -> Table:
 
 
 def _write_page(path: Path, result: Replay, campaign: Campaign, made_from: Origin, options: PageOptions) -> None:
-    objects, _ = plotly()
     names = list(dict.fromkeys(course.who for course in result.courses))
     colour = {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}
-    recorded = {course.stop: course.figures["distance_m"] for course in result.courses if course.who == RECORDED}
-    front = objects.Figure()
-    for name in names:
-        own = [course for course in result.courses if course.who == name]
-        front.add_scatter(
-            x=[course.figures["mean_slip_mps"] for course in own],
-            y=[course.figures["distance_m"] / recorded[course.stop] for course in own],
-            text=[course.stop for course in own],
-            mode="markers+text" if name == SIMULATED else "markers",  # one name for the marks of a stop
-            textposition="top center",
-            hovertemplate="%{text}: %{x:.2f} m/s, %{y:.3f}",
-            name=name,
-            marker={"color": colour[name], "size": 9},
-        )
-    front.add_hline(y=1.0, line={"color": "#777", "dash": "dot", "width": 1})
-    axes(front, "mean slip speed [m/s]", "distance over the recorded stop's [-]", height=430)
+    recorded = list(dict.fromkeys(course.stop for course in result.courses))
     sections = [
-        Section("", ("Further down stops shorter, further left slides less; every mark is a stop.",), (front,)),
+        Section(
+            "",
+            ("Left: metres longer (+) or shorter than the stop simulated with its recorded torque.",),
+            (_front(result, colour),),
+        ),
         Section("How far this can be trusted", _trust(result.courses), fold=True),
         Section("Figures of every stop", (), (_table(result),), fold=True),
     ]
@@ -156,6 +144,36 @@ def _write_page(path: Path, result: Replay, campaign: Campaign, made_from: Origi
         sections.append(Section("What was repaired in the recordings, or looks wrong", said, fold=True))
     lead = f"{_headline(result)} {_trusted(result.courses)}"
     write_page(path, f"Stops of campaign {result.campaign}, braked by others", lead, sections, made_from, options)
+
+
+def _front(result: Replay, colour: dict[str, str]) -> Figure:
+    """Draw what each controller does to each stop: metres of distance, and slip."""
+    _, subplots = plotly()
+    titles = ["stopping distance, change", "mean slip speed"]
+    figure = subplots.make_subplots(1, 2, subplot_titles=titles, horizontal_spacing=0.12)
+    simulated = {course.stop: course.figures["distance_m"] for course in result.courses if course.who == SIMULATED}
+    for who, shade in colour.items():
+        own = [course for course in result.courses if course.who == who]
+        stops = [course.stop for course in own]
+        metres = [course.figures["distance_m"] - simulated[course.stop] for course in own]
+        slips = [course.figures["mean_slip_mps"] for course in own]
+        for column, values in ((1, metres), (2, slips)):
+            if column == 2 or who != SIMULATED:
+                figure.add_bar(
+                    x=stops, y=values, name=_called(who), legendgroup=who, showlegend=column == 2, marker={"color": shade},
+                    row=1, col=column,
+                )  # fmt: skip
+    axes(figure, "stop [-]", "", height=400, legend={"orientation": "h", "x": 0.0, "y": 1.12, "yanchor": "bottom"})
+    figure.update_layout(margin={"t": 90})
+    figure.update_yaxes(title_text="change of distance [m]", row=1, col=1)
+    figure.update_yaxes(title_text="mean slip [m/s]", row=1, col=2)
+    result_: Figure = figure
+    return result_
+
+
+def _called(who: str) -> str:
+    """Return what to call a controller in a sentence."""
+    return "no protection" if who == "none" else who
 
 
 def _headline(result: Replay) -> str:
@@ -174,11 +192,11 @@ def _headline(result: Replay) -> str:
         moved = (
             "as long" if same else f"{abs(sum(changes)) / len(changes):.1f} m ({100.0 * abs(share):.1f} %) {side} on average"
         )
-        parts.append(f"{who}: {moved}, mean slip {slip:.2f} m/s")
+        parts.append(f"{_called(who)}: {moved}, mean slip {slip:.2f} m/s")
     own = sum(slips[stop, SIMULATED] for stop in stops) / len(stops)
     return (
         f"Against the {len(stops)} recorded stops, simulated with their recorded brake torque (mean slip {own:.2f} m/s), "
-        f"the same stops braked by {'; by '.join(parts)}."
+        f"the same stops with {'; with '.join(parts)}."
         if parts
         else "No controller finished the stops."
     )
@@ -194,7 +212,7 @@ def _worst(courses: tuple[Course, ...]) -> float:
 
 
 def _trusted(courses: tuple[Course, ...]) -> str:
-    return f"Such differences can be trusted beyond {100.0 * _worst(courses):.1f} %, by which the simulation itself is off."
+    return f"The simulation itself is off by at most {100.0 * _worst(courses):.1f} %: smaller differences say nothing."
 
 
 def _trust(courses: tuple[Course, ...]) -> tuple[str, ...]:

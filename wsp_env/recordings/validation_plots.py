@@ -8,7 +8,7 @@ from wsp_env.recordings.derive import braking, limits, transition
 from wsp_env.recordings.validation import Validation
 from wsp_env.report import COLOURS, Figure, axes, plotly
 
-_POINTS = 300  # of a line that is one of many
+_POINTS = 220  # of a line that is one of many
 _CLOUD = 1500  # points of a cloud
 _LEAST_SPEED_MPS = 1.0  # below, the creepage has no meaning
 
@@ -37,7 +37,8 @@ def worst(validation: Validation) -> Worst | None:
 def adhesion_plot(validation: Validation, name: str, only: int | None = None, height: int = 520) -> Figure:
     """Draw adhesion, measured and calculated, over what is left of it, while a run brakes: every axle, or only one.
 
-    Before braking the creepage is noise, and the limits of eq. (5) say something only while a wheel slides.
+    Before braking the creepage is noise, and the limits of eq. (5) say something only while a wheel slides. The upper one is far
+    above: alone, an axle is drawn without it.
     """
     _, subplots = plotly()
     stop, score = validation.stops[name], validation.tuning.runs[name]
@@ -58,7 +59,11 @@ def adhesion_plot(validation: Validation, name: str, only: int | None = None, he
         slides = np.asarray(derived.usable)[shown, axle]
         measured, calculated = derived.adhesion[shown, axle], model[shown, axle]
         lines = (
-            ("f_r, fully recovered", np.where(slides, f_r[shown, axle], np.nan), COLOURS[2], "dot", 1),
+            *(
+                [("f_r, fully recovered", np.where(slides, f_r[shown, axle], np.nan), COLOURS[2], "dot", 1)]
+                if only is None
+                else []
+            ),
             ("f_d, degraded", np.where(slides, f_d[shown, axle], np.nan), COLOURS[1], "dot", 1),
             ("f, measured", measured, COLOURS[5], "solid", 1),
             ("f, calculated", calculated, COLOURS[0], "solid", 1),
@@ -149,7 +154,7 @@ def errors_plot(validation: Validation) -> Figure:
 
 def _title(validation: Validation, name: str, axle: int) -> str:
     error = validation.tuning.runs[name].error[axle]
-    return f"axle {axle + 1}: " + ("never slides" if error is None else f"error {100.0 * error:.1f} %")
+    return f"run {name}, axle {axle + 1}: " + ("never slides" if error is None else f"error {100.0 * error:.1f} %")
 
 
 def _panels(figure: Any, names: tuple[str, str], columns: int, height: int) -> Figure:

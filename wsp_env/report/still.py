@@ -33,7 +33,8 @@ def picture(figure: Any) -> str:
         named: dict[str, Any] = {}
         stacked: dict[Any, np.ndarray] = {}
         for trace in traces:
-            drawn = _draw(panels[_pair(trace)], trace, stacked)
+            beside = [one for one in traces if one.type == "bar" and _pair(one) == _pair(trace)]
+            drawn = _draw(panels[_pair(trace)], trace, stacked, [] if layout.barmode in ("relative", "stack") else beside)
             if trace.name and trace.showlegend is not False and trace.name not in named and drawn is not None:
                 named[trace.name] = drawn
         for shape in layout.shapes:
@@ -41,7 +42,7 @@ def picture(figure: Any) -> str:
         for note in layout.annotations:
             _note(canvas, panels, note, layout, height)
         if len(named) > 1 and layout.showlegend is not False:
-            canvas.legend(named.values(), named.keys(), loc="lower right", ncols=len(named), frameon=False, fontsize=9)
+            canvas.legend(named.values(), named.keys(), loc="upper right", ncols=len(named), frameon=False, fontsize=9)
         target = io.StringIO()
         canvas.savefig(target, format="svg", metadata={"Date": None})
     return re.sub(r"^.*?(?=<svg)", "", target.getvalue(), flags=re.DOTALL)
@@ -82,9 +83,9 @@ def _panel(canvas: Any, layout: Any, pair: tuple[str, str], height: float) -> An
     return panel
 
 
-def _draw(panel: Any, trace: Any, stacked: dict[Any, np.ndarray]) -> Any:
+def _draw(panel: Any, trace: Any, stacked: dict[Any, np.ndarray], beside: Sequence[Any]) -> Any:
     if trace.type == "bar":
-        return _bars(panel, trace, stacked)
+        return _grouped(panel, trace, beside) if len(beside) > 1 else _bars(panel, trace, stacked)
     x, y = _values(trace.x), _values(trace.y)
     mode = trace.mode or "lines"
     if mode in ("lines", "markers") and trace.fill is None and trace.error_y.array is None:
@@ -123,6 +124,15 @@ def _bars(panel: Any, trace: Any, stacked: dict[Any, np.ndarray]) -> Any:
     return (
         panel.barh(labels, sizes, left=start, color=colour) if lying else panel.bar(labels, sizes, bottom=start, color=colour)
     )
+
+
+def _grouped(panel: Any, trace: Any, beside: Sequence[Any]) -> Any:
+    """Draw upright bars beside those of other traces, which have the same places."""
+    places = list(dict.fromkeys(str(place) for one in beside for place in one.x))
+    width = 0.8 / len(beside)
+    at = np.array([places.index(str(place)) for place in trace.x]) + (beside.index(trace) - 0.5 * (len(beside) - 1)) * width
+    panel.set_xticks(range(len(places)), places)
+    return panel.bar(at, np.asarray(trace.y, float), width, color=_colour(_single(trace.marker.color)))
 
 
 def _shape(panels: Mapping[tuple[str, str], Any], shape: Any) -> None:
