@@ -58,17 +58,14 @@ def adhesion_plot(validation: Validation, name: str, only: int | None = None, he
     for column, axle in enumerate(chosen, start=1):
         slides = np.asarray(derived.usable)[shown, axle]
         measured, calculated = derived.adhesion[shown, axle], model[shown, axle]
-        lines = (
-            *(
-                [("f_r, fully recovered", np.where(slides, f_r[shown, axle], np.nan), COLOURS[2], "dot", 1)]
-                if only is None
-                else []
-            ),
+        lines: tuple[tuple[str, np.ndarray, str, str, int], ...] = (
             ("f_d, degraded", np.where(slides, f_d[shown, axle], np.nan), COLOURS[1], "dot", 1),
             ("f, measured", measured, COLOURS[5], "solid", 1),
             ("f, calculated", calculated, COLOURS[0], "solid", 1),
             ("measured less calculated", measured - calculated, COLOURS[6], "solid", 2),
         )
+        if only is None:
+            lines = (("f_r, fully recovered", np.where(slides, f_r[shown, axle], np.nan), COLOURS[2], "dot", 1), *lines)
         for label, values, colour, dash, row in lines:
             figure.add_scatter(
                 x=derived.time_s[shown], y=values, mode="lines", name=label, legendgroup=label, showlegend=column == 1,
