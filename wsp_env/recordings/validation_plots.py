@@ -37,8 +37,8 @@ def worst(validation: Validation) -> Worst | None:
 def adhesion_plot(validation: Validation, name: str, only: int | None = None, height: int = 520) -> Figure:
     """Draw adhesion, measured and calculated, over what is left of it, while a run brakes: every axle, or only one.
 
-    Before braking the creepage is noise, and the limits of eq. (5) say something only while a wheel slides. The upper one is far
-    above: alone, an axle is drawn without it.
+    Before braking the creepage is noise, and the limits of eq. (5) say something only while a wheel slides. The upper one is
+    far above: alone, an axle is drawn without it.
     """
     _, subplots = plotly()
     stop, score = validation.stops[name], validation.tuning.runs[name]
