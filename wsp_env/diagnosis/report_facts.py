@@ -38,7 +38,7 @@ _PLACES = 2  # told on the first page
 
 def facts(found: Diagnosis) -> Facts:
     """Return the rows of the first page; what does not apply is left out."""
-    rows = [("Verdict", f"{found.verdict}: {MEANINGS[found.verdict]}")]
+    rows = [("Verdict", f"{found.verdict}: {_meaning(found)}")]
     if found.mechanisms or found.discovered:
         rows.append(("Worth in a stop", worth_said(found)))
         rows.append(("Confidence", confidence_said(found)))
@@ -52,6 +52,13 @@ def facts(found: Diagnosis) -> Facts:
         rows.append(("Left open", "; ".join(alike)))
     rows.append(("Next test", _capital(found.next_test)))
     return Facts(rows)
+
+
+def _meaning(found: Diagnosis) -> str:
+    """Say what the verdict means here: a name may have one other beside it."""
+    if found.verdict == "named" and any(len(one.alternatives) > 1 for one in found.mechanisms):
+        return "what is missing has a name in the library; these recordings leave one other name open"
+    return MEANINGS[found.verdict]
 
 
 def lead(found: Diagnosis) -> str:
@@ -95,7 +102,8 @@ def _changes(worth: Worth) -> str:
         low, high = (100.0 * bound for bound in worth.interval90)
         metres = "" if worth.stop_m is None else f"{low * worth.stop_m / 100.0:+.1f} to {high * worth.stop_m / 100.0:+.1f} m, "
         parts[0] += f" (change {metres}{low:+.1f} to {high:+.1f} %, 90 %)"
-    parts.append(f"a change of slip of {worth.slip_mps:.2f} m/s")
+    if worth.slip_mps >= 0.005 or share == 0.0:  # less reads as 0.00
+        parts.append(f"a change of slip of {worth.slip_mps:.2f} m/s")
     return "; ".join(parts)
 
 

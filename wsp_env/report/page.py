@@ -90,10 +90,13 @@ def _print(path: Path, text: str) -> None:
 
 def _document(title: str, lead: str, sections: Sequence[Section], origin: Origin | None, options: PageOptions) -> str:
     body = [f"<h1>{html.escape(title)}</h1>", f'<p class="lead">{html.escape(lead)}</p>']
+    plots = [one for section in sections for one in section.shows if hasattr(one, "to_plotly_json")]
     for section in sections:
         heading = f"<h2>{html.escape(section.title)}</h2>" if section.title else ""
         inside = [f"<p>{html.escape(paragraph)}</p>" for paragraph in section.text]
-        inside += [_show(one, still=not section.fold and not options.standalone) for one in section.shows]
+        inside += [
+            _show(one, still=any(one is first for first in plots[:1]) and not options.standalone) for one in section.shows
+        ]
         body += [f"<details><summary>{heading}</summary>", *inside, "</details>"] if section.fold else [heading, *inside]
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
