@@ -14,7 +14,7 @@ JOBS ?= 2
 .PHONY: help demo test lint plain coverage fuzz docs benchmark picture clean
 
 help:
-	@echo "make demo       read and tune a campaign, brake under the tuned law; writes out/demo.html"
+	@echo "make demo       read, tune and validate a campaign, brake under the tuned law; writes out/demo.html"
 	@echo "make test       lint, the documentation, the contact laws as plain Python, and the whole test suite"
 	@echo "make lint       ruff, mypy, import-linter"
 	@echo "make coverage   the share of lines and branches that the whole test suite reaches; a table in out/coverage.txt"

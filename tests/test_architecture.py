@@ -15,7 +15,7 @@ PACKAGES = ("wsp_env", "baselines", "agents", "experiments")
 
 #: What is imported by a computed name: module -> modules.
 BY_NAME = {
-    "wsp_env.cli": {f"wsp_env.cli.{command}" for command in COMMANDS},
+    "wsp_env.cli": {f"wsp_env.cli.{command.replace('-', '_')}" for command in COMMANDS},
     "wsp_env.recordings.readers": {f"wsp_env.recordings.readers.{reader}" for reader in FORMATS.values()},
 }
 

@@ -255,7 +255,9 @@ def test_eurosprinter_has_the_contract_of_stops_and_a_page(measured):
     assert keys <= set(found)
     assert set(found["fit"]) == {"noise_floor", "baseline", "extended", "removed_validate"}
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert not re.search(r'<(script|link|img)[^>]+(src|href)="?http', page)
+    loaded = re.findall(r'<(?:script|link|img)[^>]+(?:src|href)="?(http[^"]*)"([^>]*)>', page)
+    assert [to.partition("/plotly-")[0] for to, _ in loaded] == ["https://cdn.plot.ly"]
+    assert "integrity=" in loaded[0][1]
     for words in (one["words"] for one in found["inseparable"]):
         assert words in page
     env = gym.make("wsp_env/Wheelset-v0", model=str(out / "model.json"))

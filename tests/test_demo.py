@@ -11,15 +11,16 @@ from wsp_env.parameters import eurosprinter
 
 
 @pytest.mark.slow
-def test_demo_writes_one_page_that_needs_no_network(tmp_path, capsys):
+def test_demo_writes_one_page(tmp_path, capsys):
     page = tmp_path / "new folder" / "demo.html"
     assert main(["demo", "--out", str(page)]) == 0
     printed = capsys.readouterr().out
     assert "tau =" in printed
     assert all(law in printed for law in ("recovering", "classic"))
     text = page.read_text(encoding="utf-8")
-    assert text.count('class="plotly-graph-div"') == 3
-    assert not re.search(r'<(script|link|img)[^>]+(src|href)="?http', text)
+    assert text.count('class="plot"') == 4
+    loaded = re.findall(r'<(?:script|link|img)[^>]+(?:src|href)="?(http[^"]*)', text)
+    assert [to.partition("/plotly-")[0] for to in loaded] == ["https://cdn.plot.ly"]
     assert list(page.parent.iterdir()) == [page]  # nothing half-written is left beside it
 
 
@@ -45,8 +46,8 @@ def test_falling_friction_fits_the_measured_creep_curve_best():
 
 def test_text_from_outside_is_escaped():
     table = report.Table(("a", "b"), [("<script>", "1 & 2")], caption="<b>")
-    assert "<script>" not in report._table(table)
-    assert "&lt;script&gt;" in report._table(table)
+    assert "<script>" not in report.page.table_html(table)
+    assert "&lt;script&gt;" in report.page.table_html(table)
 
 
 def test_command_line_names_what_is_wrong(capsys):

@@ -66,7 +66,7 @@ def test_the_share_done_only_grows_over_steps_not_known_before():
 
 
 def test_a_log_gets_lines_and_few_of_them(capsys):
-    with diagnose._progress() as told:
+    with diagnose.progress() as told:
         for step in (
             "checking the data",
             "fitting the baseline",

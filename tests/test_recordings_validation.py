@@ -143,7 +143,7 @@ def test_command_prints_json(demo, capsys):
 
 def test_command_writes_a_page_that_stands_alone(demo, tmp_path, capsys):
     page = tmp_path / "sub" / "validation.html"
-    assert main(["validate", str(demo_campaign()), "--out", str(page)]) == 0
+    assert main(["validate", str(demo_campaign()), "--out", str(page), "--standalone"]) == 0
     printed = capsys.readouterr().out
     assert demo.verdict[:40] in printed.replace("\n", " ")
     text = page.read_text(encoding="utf-8")
@@ -190,6 +190,5 @@ def test_the_page_opens_without_a_network_and_all_axes_have_units(demo, tmp_path
     report.write(tmp_path / "validation.html", demo)
     said, plots, titles = open_page(tmp_path / "validation.html", tmp_path / "profile")
     assert said == []
-    assert plots == 2 + 2 * len(demo.stops)
-    assert len(titles) == 2 * plots
+    assert plots == 3 + 2 * len(demo.stops)
     assert all(title.endswith("]") for title in titles), titles

@@ -95,7 +95,7 @@ def test_the_command_prints_json_and_writes_a_page(tmp_path, capsys):
     assert main(["replay", str(demo_campaign()), "--controllers", "none", "--out", str(tmp_path), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert {row["stop"] for row in printed["stops"]} == {"A1", "A3", "A5", "B1", "B2"}
-    assert (tmp_path / "replay.html").read_text(encoding="utf-8").count('class="plotly-graph-div"') == 6
+    assert (tmp_path / "replay.html").read_text(encoding="utf-8").count('class="plot"') == 6
     assert main(["replay", str(demo_campaign()), "--controllers", "nobody"]) == 2
     assert "nobody" in capsys.readouterr().err
 

@@ -7,8 +7,9 @@ from typing import TextIO
 
 #: Subcommand -> what it does; the module of that name has the function `main`, whose arguments are the command line's.
 COMMANDS = {
-    "demo": "see it work: recorded stops read, tau tuned on them, a bogie braking under the tuned law",
+    "demo": "see it work: recorded stops read, tau tuned and validated on them, a bogie braking under the tuned law",
     "compare": "the same stop with and without recovery of adhesion, over mu_cd and tau",
+    "compare-campaigns": "two campaigns, as before and after a repair: tau, mu_cd, mechanisms, what changed and how sure",
     "evaluate": "put controllers through a test programme in the manner of EN 15595 and compare them",
     "inspect": "list the channels of a recorded file of any logger and draft a campaign.toml for it",
     "replay": "let controllers brake under the conditions of recorded stops, beside the stops as recorded",
@@ -44,7 +45,7 @@ def main(arguments: list[str] | None = None) -> int:
     from wsp_env.parameters.quantity import ParameterError
     from wsp_env.recordings.errors import CampaignError, CampaignWarning
 
-    command = importlib.import_module(f"wsp_env.cli.{name}").main
+    command = importlib.import_module(f"wsp_env.cli.{name.replace('-', '_')}").main
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("always", CampaignWarning)

@@ -9,6 +9,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
+from wsp_env.cli.pages import Pages
 from wsp_env.evaluation.compare import PARTED_MPS, Comparison, compare
 from wsp_env.evaluation.controller import load as load_controller
 from wsp_env.evaluation.controller import read_settings
@@ -17,7 +18,7 @@ from wsp_env.output import OutputError, ready
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.parameters.velim import TAU_M_PER_J, TEST_SPEEDS_MPS
-from wsp_env.report import COLOURS, Section, Table, axes, plotly, terminal_table, write_page
+from wsp_env.report import COLOURS, Origin, PageOptions, Section, Table, axes, plotly, terminal_table, write_page
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,6 +49,7 @@ def main(
     stop: Annotated[StopOptions, tyro.conf.arg(name="")] = StopOptions(),
     set: tuple[str, ...] = (),
     out: Path = Path("out/compare.html"),
+    page: Pages = PageOptions(),
     json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
 ) -> None:
     """Brake the same stop under the classic and the recovering law (the seed paper's Fig. 16), over mu_cd and tau.
@@ -70,6 +72,8 @@ def main(
         Parameters of the controller, as rule-based.slip_base_mps=0.4.
     out
         The page.
+    page
+        How the page is written.
     json_
         Print the table as JSON.
 
@@ -78,7 +82,7 @@ def main(
     if not mu_cd or not tau or min(tau) <= 0.0:
         raise ParameterError("give at least one --mu-cd and one --tau, each tau above 0: the classic law is run anyway")
     chosen = load_controller(controller, read_settings((controller,), set)[controller])
-    ready(out)
+    ready(*page.files(out))
     try:
         result = compare(chosen, braked, mu_cd, tau, stop.speed, stop.demand, stop.load)
     except ControllerFailure as failure:
@@ -87,7 +91,7 @@ def main(
     table = _table(result)
     written = True
     try:
-        _page(out, title, result, table)
+        _page(out, title, result, table, page)
     except (ModuleNotFoundError, OutputError) as missing:  # the table does without
         Console(stderr=True).print(f"no page: {missing}", markup=False)
         written = False
@@ -120,7 +124,7 @@ def _cell(value: float, digits: int) -> str:
     return f"{value:.{digits}f}" if math.isfinite(value) else "-"
 
 
-def _page(path: Path, title: str, result: Comparison, table: Table) -> None:
+def _page(path: Path, title: str, result: Comparison, table: Table, options: PageOptions) -> None:
     objects, subplots = plotly()
     rates = list(dict.fromkeys(pair.tau for pair in result.pairs))
     frictions = list(result.classic)
@@ -156,9 +160,21 @@ def _page(path: Path, title: str, result: Comparison, table: Table) -> None:
         )
     axes(gained, "mu_cd [-]", "distance gained by recovery [m]", height=420)
     sections = [
-        Section("Distances", (), [table]),
-        Section("Running speed under both laws", ("The paper's Fig. 16, over the grid.",), [speeds]),
-        Section("Distance gained", (), [gained]),
+        Section("", (), [gained]),
+        Section("Distances", (), [table], fold=True),
+        Section("Running speed under both laws", ("The paper's Fig. 16, over the grid.",), [speeds], fold=True),
     ]
     lead = "The same stop with and without the recovery of adhesion that sliding brings: all else is equal."
-    write_page(path, title, lead, sections, "Written by wsp compare.")
+    write_page(path, title, f"{lead} {_headline(result)}", sections, Origin("wsp compare"), options)
+
+
+def _headline(result: Comparison) -> str:
+    """Say in a sentence what recovery is worth."""
+    gains = [pair for pair in result.pairs if math.isfinite(pair.gained_m)]
+    if not gains:
+        return "Not every stop ended, so no distance can be compared."
+    least, most = (pick(gains, key=lambda pair: pair.gained_m) for pick in (min, max))
+    return (
+        f"Recovery changes the stopping distance by {-most.gained_m:+.0f} m (mu_cd {most.mu_cd:g}) to {-least.gained_m:+.0f} m "
+        f"(mu_cd {least.mu_cd:g}) over this grid."
+    )

@@ -1,4 +1,4 @@
-"""`wsp demo`: recorded stops, the tuned law, a bogie braking under it, a measured creep curve; printed and as one page."""
+"""`wsp demo`: recorded stops, the law tuned on them and validated, a bogie braking under it, a measured creep curve."""
 
 import dataclasses
 from pathlib import Path
@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from scipy.optimize import least_squares
 
+from wsp_env.cli.pages import Pages
 from wsp_env.contact.kalker import kalker_force
 from wsp_env.contact.polach import contact_stiffness, polach_adhesion
 from wsp_env.envs.single import BrakingEnv
@@ -30,9 +31,12 @@ from wsp_env.recordings import (
     read_campaign,
     rolling_radii,
     transition,
-    tune,
 )
-from wsp_env.report import COLOURS, Section, Table, axes, plotly, terminal_table, write_page
+from wsp_env.recordings.origin import origin
+from wsp_env.recordings.validation import Validation, validate
+from wsp_env.recordings.validation_plots import adhesion_plot, worst
+from wsp_env.recordings.validation_report import criteria_table
+from wsp_env.report import COLOURS, PageOptions, Section, Table, axes, plotly, terminal_table, write_page
 
 _LAWS = {"recovering": "sliding cleans the rail (lambda by tau)", "classic": "no recovery (lambda = 0)"}
 
@@ -40,8 +44,9 @@ _LAWS = {"recovering": "sliding cleans the rail (lambda by tau)", "classic": "no
 def main(
     out: Annotated[Path, tyro.conf.arg(metavar="FILE")] = Path("out/demo.html"),
     vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "bogie",
+    page: Pages = PageOptions(),
 ) -> None:
-    """Read recorded stops, tune the law on them, brake a bogie under it; half a minute at the very first run, then seconds.
+    """Read recorded stops, tune the law, validate it, brake a bogie; half a minute at the very first run, then seconds.
 
     Parameters
     ----------
@@ -50,15 +55,18 @@ def main(
     vehicle
         What brakes: a name (wsp vehicle list) or a vehicle file (wsp vehicle show coach > mine.toml). It brakes as hard for its
         weight as the recorded one.
+    page
+        How the page is written.
 
     """
     braked = find_vehicle(vehicle)
     plotly()
-    ready(out)
+    ready(*page.files(out))
     console = Console(highlight=False)
     with console.status("reading recorded stops and tuning tau ..."):
         campaign = read_campaign(demo_campaign())
-        tuning = tune(campaign)
+        validation = validate(campaign)
+        tuning = validation.tuning
     with console.status("braking with a rule-based WSP under both laws ..."):
         run = campaign.tune[-1]
         pins = {
@@ -78,6 +86,7 @@ def main(
         curves = creep_curves()
     sections = [
         recorded_section(campaign, tuning),
+        validated_section(validation),
         stops_section(stops, run, braked),
         creep_section(curves),
     ]
@@ -87,8 +96,12 @@ def main(
         for shown in section.shows:
             if isinstance(shown, Table):
                 console.print(terminal_table(shown))
-    lead = "Recorded stops are read, the recovery rate tau is tuned on them, and a vehicle brakes under the tuned law."
-    write_page(out, "wsp-env: what it does, in three pictures", lead, sections, "Written by: wsp demo")
+    lead = (
+        "Recorded stops are read, the recovery rate tau is tuned on some and validated on the others, and a vehicle brakes "
+        "under the tuned law."
+    )
+    made_from = origin("wsp demo", campaign, demo_campaign())
+    write_page(out, "wsp-env: what it does, in four pictures", lead, sections, made_from, page)
     console.print(f"\nInteractive plots: [bold]{escape(str(out))}[/bold]")
 
 
@@ -178,7 +191,7 @@ def recorded_section(campaign: Campaign, tuning: Tuning) -> Section:
     axes(figure, "specific dissipated energy W_sp [J/m]", "transition function lambda [-]", height=460)
     header = ("run", "group", "mu_cd [-]", *(f"e_{k + 1} [%]" for k in range(campaign.vehicle.axles)))
     rows = [
-        (name, score.group, f"{score.mu_cd:.4f}", *("-" if e is None else f"{100 * e:.2f}" for e in score.error))
+        (name, score.group, f"{score.mu_cd:.4f}", *("no slide" if e is None else f"{100 * e:.2f}" for e in score.error))
         for name, score in tuning.runs.items()
     ]
     low, high = tuning.interval95
@@ -189,6 +202,16 @@ def recorded_section(campaign: Campaign, tuning: Tuning) -> Section:
     )
     table = Table(header, rows, "relative error of the adhesion coefficient per axle, as the seed paper's Table 4")
     return Section("Recorded stops, and the law tuned on them", text, (table, figure))
+
+
+def validated_section(validation: Validation) -> Section:
+    """Show the law against the runs it was not tuned on: the paper's figures, and the axle that fits worst."""
+    text = [validation.verdict]
+    shows: list[Any] = [criteria_table(validation)]
+    if (shown := worst(validation)) is not None:
+        text.append(f"The worst fit of all held-out axles: run {shown.run}, axle {shown.axle + 1}.")
+        shows.append(adhesion_plot(validation, shown.run, shown.axle, height=430))
+    return Section("The tuned law, validated on stops it has not seen", text, shows)
 
 
 def stops_section(stops: dict[str, dict[str, np.ndarray]], run: str, vehicle: Vehicle) -> Section:

@@ -8,7 +8,7 @@ import math
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -19,16 +19,21 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from wsp_env.cli.folder import make_campaign
-from wsp_env.diagnosis import Diagnosis, diagnose
+from wsp_env.cli.pages import Pages
+from wsp_env.diagnosis import diagnose
 from wsp_env.diagnosis.creep_curves import CreepDiagnosis, diagnose_creep_curves
 from wsp_env.diagnosis.creep_curves.report import write_creep_report
+from wsp_env.diagnosis.index import Found, summary, write_index
 from wsp_env.diagnosis.report import write_report
+from wsp_env.diagnosis.report_facts import BALANCES, LEAST_SHARE
 from wsp_env.diagnosis.sources import signed
 from wsp_env.diagnosis.words import parameter_said
 from wsp_env.output import all_of, ready, write_text
 from wsp_env.parameters.quantity import ParameterError
-from wsp_env.recordings import read_campaign
+from wsp_env.recordings import CampaignError, read_campaign
 from wsp_env.recordings.creep_curves import holds_creep_curves, read_creep_curves
+from wsp_env.recordings.origin import hashes
+from wsp_env.report import Origin, PageOptions
 
 #: Steps of a diagnosis of stops and the share of its time [-] after which each begins (measured on campaigns of three to five
 #: stops that took one round or two; of later rounds a guess; one that nothing is missing in ends before the rounds).
@@ -46,7 +51,7 @@ _REPORT_EVERY = 0.1  # share of the whole after which progress is reported to a 
 
 
 def main(
-    campaign: tyro.conf.Positional[Path],
+    campaigns: tyro.conf.Positional[tuple[Path, ...]],
     /,
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("out/diagnosis"),
     effort: float = 1.0,
@@ -54,16 +59,19 @@ def main(
     workers: int = os.cpu_count() or 1,
     as_json: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
     vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "",
+    page: Pages = PageOptions(),
 ) -> None:
     """Locate where recorded stops, or measured creep curves, and the law differ, and name the missing physics.
 
+    Several campaigns are diagnosed one after the other, each into a folder of its own, with a page that lists them all.
+
     Parameters
     ----------
-    campaign
-        Folder that holds campaign.toml and one table per run or creep curve; or recorded files only, for which campaign.toml is
+    campaigns
+        Folders that hold campaign.toml and one table per run or creep curve; or recorded files only, for which campaign.toml is
         then written as `wsp inspect` does.
     out
-        Folder for diagnosis.json, model.json and report.html.
+        Folder for diagnosis.json, model.json and report.html; of several campaigns, for a folder of these each and index.html.
     effort
         Of creep curves: multiplies the number of null recordings (99, and no fewer); more of them make rare verdicts surer.
         Stops need no null recordings: their answer does not depend on it.
@@ -75,37 +83,89 @@ def main(
         Print the JSON instead of the verdict.
     vehicle
         Gives mass, inertia and radius where campaign.toml is written: a name (wsp vehicle list) or a vehicle file.
+    page
+        How the pages are written.
 
     """
-    _check(out, effort, seed, workers)
-    if campaign.is_dir() and not (campaign / "campaign.toml").exists():
-        make_campaign(campaign, vehicle, None, Console(stderr=True, highlight=False, soft_wrap=True))
-    found: Diagnosis | CreepDiagnosis
-    if holds_creep_curves(campaign):
-        curves = read_creep_curves(campaign)
-        with _progress() as report:
-            found = diagnose_creep_curves(curves, effort, seed, report)
-    else:
-        recorded = read_campaign(campaign)
-        with _progress() as report:
-            found = signed(diagnose(recorded, report, workers), campaign)
+    if not campaigns:
+        raise ParameterError("name at least one folder")
+    _check(effort, seed, workers)
+    if len(campaigns) > 1:
+        _many(campaigns, out, lambda folder: _answer(folder, effort, seed, workers, vehicle), page, as_json)
+        return
+    _ready(out, page)
+    found = _answer(campaigns[0], effort, seed, workers, vehicle)
     text = json.dumps(found.to_json(), indent=1, allow_nan=False)
+    all_of(*_results(out, found, campaigns[0], page), lambda: print(text) if as_json else _print(found, out))
+
+
+def _answer(folder: Path, effort: float, seed: int, workers: int, vehicle: str) -> Found:
+    if folder.is_dir() and not (folder / "campaign.toml").exists():
+        make_campaign(folder, vehicle, None, Console(stderr=True, highlight=False, soft_wrap=True))
+    if holds_creep_curves(folder):
+        curves = read_creep_curves(folder)
+        with progress() as report:
+            return diagnose_creep_curves(curves, effort, seed, report)
+    recorded = read_campaign(folder)
+    with progress() as report:
+        return signed(diagnose(recorded, report, workers), folder, recorded)
+
+
+def _results(out: Path, found: Found, folder: Path, options: PageOptions) -> list[Callable[[], None]]:
+    """Return what writes the files of a diagnosis."""
 
     def page() -> None:
         if isinstance(found, CreepDiagnosis):
-            write_creep_report(out / "report.html", found)
+            write_creep_report(out / "report.html", found, Origin("wsp diagnose", files=hashes(folder, "curves")), options)
         else:
-            write_report(out / "report.html", found)
+            write_report(out / "report.html", found, options)
 
-    all_of(
+    text = json.dumps(found.to_json(), indent=1, allow_nan=False)
+    return [
         lambda: write_text(out / "diagnosis.json", text + "\n"),
         lambda: write_text(out / "model.json", json.dumps(found.model, indent=1) + "\n"),
         page,
-        lambda: print(text) if as_json else _print(found, out),
-    )
+    ]
 
 
-def _check(out: Path, effort: float, seed: int, workers: int) -> None:
+def _many(folders: Sequence[Path], out: Path, answer: Callable[[Path], Found], options: PageOptions, as_json: bool) -> None:
+    """Diagnose one campaign after the other; one that cannot be is reported, and the others are done."""
+    names = _apart(folders)
+    ready(*options.files(out / "index.html"))
+    for name in names.values():
+        _ready(out / name, options)
+    found: dict[str, Found] = {}
+    failed: dict[str, str] = {}
+    for folder, name in names.items():
+        try:
+            found[name] = answer(folder)
+        except (CampaignError, ParameterError) as error:
+            failed[name] = str(error)
+            print(f"wsp: {folder}: {error}", file=sys.stderr)
+            continue
+        all_of(*_results(out / name, found[name], folder, options))
+        if not as_json:
+            _print(found[name], out / name)
+        write_index(out / "index.html", found, failed, options)  # anew after each, so that what is done can be read
+    if as_json:
+        print(json.dumps({name: one.to_json() for name, one in found.items()}, allow_nan=False))
+    elif found:
+        print(f"{summary(list(found.values()))} All of them: {out / 'index.html'}")
+    if failed:
+        sys.exit(1)
+
+
+def _apart(folders: Sequence[Path]) -> dict[Path, str]:
+    """Return a name for each folder, its own where that is unique."""
+    names: dict[Path, str] = {}
+    for folder in dict.fromkeys(folders):
+        own = folder.resolve().name or "campaign"
+        count = sum(name.partition(" ")[0] == own for name in names.values())
+        names[folder] = f"{own} {count + 1}" if count else own
+    return names
+
+
+def _check(effort: float, seed: int, workers: int) -> None:
     """Refuse what cannot be before the work begins."""
     if not 0.0 < effort < math.inf:
         raise ParameterError(f"effort = {effort:g} is impossible: it must be above 0 and finite")
@@ -113,11 +173,14 @@ def _check(out: Path, effort: float, seed: int, workers: int) -> None:
         raise ParameterError(f"seed = {seed} is impossible: it must be 0 or more")
     if workers < 1:
         raise ParameterError(f"workers = {workers} is impossible: there must be at least 1")
-    ready(*(out / name for name in ("diagnosis.json", "model.json", "report.html")))
+
+
+def _ready(out: Path, options: PageOptions) -> None:
+    ready(*(out / name for name in ("diagnosis.json", "model.json")), *options.files(out / "report.html"))
 
 
 @contextmanager
-def _progress() -> Iterator[Callable[[str], None]]:
+def progress() -> Iterator[Callable[[str], None]]:
     """Show what step the diagnosis is at and how far it is: a bar on a terminal, lines in a log."""
     console, course = Console(stderr=True), Advance()
     if not console.is_terminal:
@@ -167,15 +230,18 @@ def _parsed(step: str) -> tuple[str, float]:
     return (f"{counted['name']}s", int(counted["done"]) / int(counted["of"])) if counted else (step, 0.0)
 
 
-def _print(found: Diagnosis | CreepDiagnosis, out: Path) -> None:
+def _print(found: Found, out: Path) -> None:
     console = Console(highlight=False)
     console.print(f"[bold]{found.verdict}[/bold]: {escape(found.sentence)}")
     for one in found.mechanisms:
         for name, value in one.parameters.items():
             console.print(f"  {one.name.replace('_', ' ')}: {parameter_said(name, value)}", markup=False)
-    for place in found.location:
+    for place in (one for one in found.location if one.share >= LEAST_SHARE):
         axles = f", axles {', '.join(map(str, place.axles))}" if place.axles else ""
-        console.print(f"  where: {place.equation} balance{axles}, {place.where} ({place.share:.0%} of it)", markup=False)
+        console.print(
+            f"  where: {BALANCES.get(place.equation, place.equation)}{axles}, {place.where} ({place.share:.0%} of it)",
+            markup=False,
+        )
     if isinstance(found, CreepDiagnosis):
         for tied in found.inseparable:
             console.print(f"  left open: {tied.words}", markup=False)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import hashlib
 import json
 import math
 import os
@@ -17,6 +18,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from wsp_env.cli.pages import Pages
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.evaluate import BOUND, Failure, ProgrammeResult, Trace, evaluate
 from wsp_env.evaluation.figures import FIGURES
@@ -26,8 +28,10 @@ from wsp_env.evaluation.runner import Conduct
 from wsp_env.evaluation.summary import Verdict, judge, summarise
 from wsp_env.output import all_of, ready, write_whole
 from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.plant import make_plant
+from wsp_env.report import Origin, PageOptions
 
 #: Columns of the printed table: figure, heading, digits.
 _COLUMNS = (
@@ -54,7 +58,7 @@ _RATIO = [figure for figure, _, _ in _COLUMNS].index("ratio_bound")
 
 @dataclasses.dataclass(frozen=True)
 class ProgrammeOptions:
-    """Which stops are braked.
+    """Which stops are braked, and with what sensors.
 
     Parameters
     ----------
@@ -66,6 +70,8 @@ class ProgrammeOptions:
         Stops of each case under each law.
     seed
         Of the draws.
+    pressure_sensors
+        The vehicle measures its cylinder pressures.
 
     """
 
@@ -73,6 +79,7 @@ class ProgrammeOptions:
     cases: tuple[str, ...] = ()
     draws: int = Draws.number
     seed: int = Draws.seed
+    pressure_sensors: bool = False
 
 
 def main(
@@ -82,8 +89,8 @@ def main(
     stops: Annotated[ProgrammeOptions, tyro.conf.arg(name="")] = ProgrammeOptions(),
     jobs: int = 0,
     plant: Annotated[str, tyro.conf.arg(metavar="NAME|PACKAGE.MODULE:CLASS")] = "longitudinal",
-    pressure_sensors: bool = False,
     out: Path = Path("out/evaluate"),
+    page: Pages = PageOptions(),
     json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
 ) -> None:
     """Put controllers through the test programme and compare them.
@@ -106,10 +113,10 @@ def main(
         Processes; 0: one per processor. The results do not depend on it.
     plant
         What computes the vehicle's motion; a class of your own is run as Python (PYTHONPATH=. finds one in this folder).
-    pressure_sensors
-        The vehicle measures its cylinder pressures.
     out
         Folder of the results.
+    page
+        How report.html is written.
     json_
         Print stops, summary, verdicts and failures as JSON.
 
@@ -124,7 +131,7 @@ def main(
     chosen = read_settings(controllers, set)
     table = read_programme(stops.programme)
     wanted = select_cases(table, braked, stops.cases)
-    ready(*(out / name for name in (*TABLES, "report.html")), out / "cases" / "case.npz")
+    ready(*(out / name for name in TABLES), *page.files(out / "report.html"), out / "cases" / "case.npz")
     errors = Console(stderr=True)
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
     with Progress(*columns, console=errors, transient=True) as progress:
@@ -137,7 +144,7 @@ def main(
             out / "cases",
             draws=draws,
             jobs=jobs or os.cpu_count() or 1,
-            conduct=Conduct(pressure_sensors=pressure_sensors, plant=plant),
+            conduct=Conduct(pressure_sensors=stops.pressure_sensors, plant=plant),
             done=lambda what: progress.update(bar, advance=1, description=escape(what)),
         )
     for failure in result.failures:
@@ -153,8 +160,9 @@ def main(
     def report() -> None:
         title = f"{table.name}, {braked.name}, {_counted(draws.number)}"
         try:
-            write_report(out / "report.html", pictured, shown, judged, title)
-            written.append("report.html")
+            made_from = _origin(braked, stops, draws)
+            write_report(out / "report.html", pictured, shown, judged, title, made_from, page)
+            written.extend(file.name for file in page.files(out / "report.html"))
         except ModuleNotFoundError as missing:  # the tables do without
             errors.print(f"no report.html: {missing}", markup=False)
 
@@ -168,6 +176,13 @@ def main(
     all_of(*_writers(out, result, summary), report, tell)
     if result.failures:
         sys.exit(1)
+
+
+def _origin(vehicle: Vehicle, stops: ProgrammeOptions, draws: Draws) -> Origin:
+    """Return what the page says of itself: the vehicle, the programme's file with its hash, the draws."""
+    digest = hashlib.sha256(stops.programme.read_bytes()).hexdigest()
+    drawn = f"{_counted(draws.number)} of each case, seed {draws.seed}"
+    return Origin("wsp evaluate", vehicle.name, [(stops.programme.name, digest)], notes=[drawn])
 
 
 def _counted(draws: int) -> str:

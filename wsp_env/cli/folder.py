@@ -11,6 +11,8 @@ from wsp_env.parameters.quantity import number
 from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.recordings import CampaignError, CampaignWarning, read_campaign
 from wsp_env.recordings.folder import ASKED, Found, find, of_vehicle, open_questions, split, unused, write
+from wsp_env.recordings.origin import origin
+from wsp_env.report import PageOptions
 
 _SHOWN = 12  # names of a list
 
@@ -46,12 +48,13 @@ def make_campaign(folder: Path, vehicle: str, out: Path | None, console: Console
     return file.parent
 
 
-def pictured(folder: Path, page: Path, console: Console) -> None:
+def pictured(folder: Path, page: Path, console: Console, options: PageOptions = PageOptions()) -> None:
     """Write a page with every signal of a campaign, as read and before any model."""
     from wsp_env.recordings.signals import write_signals
 
     try:
-        write_signals(page, read_campaign(folder))
+        campaign = read_campaign(folder)
+        write_signals(page, campaign, origin("wsp inspect", campaign, folder), options)
     except (CampaignError, ModuleNotFoundError) as error:
         console.print(f"no page of signals: {error}", markup=False)
     else:

@@ -8,11 +8,13 @@ from typing import Annotated
 import tyro
 
 from wsp_env.cli.folder import make_campaign, pictured
+from wsp_env.cli.pages import Pages
 from wsp_env.output import ready, write_text
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import CampaignError, CampaignWarning, read_campaign
 from wsp_env.recordings.inspection import InspectedChannel, draft, inspect, suspicions
 from wsp_env.recordings.suspect import suspects
+from wsp_env.report import PageOptions
 
 _WIDTH = 160  # of the table in a file or a pipe
 
@@ -22,6 +24,7 @@ def main(
     /,
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "",
+    page: Pages = PageOptions(),
 ) -> None:
     """List a recording's channels with units, rates, range, noise and what they may be; draft a campaign.toml.
 
@@ -36,6 +39,8 @@ def main(
         Where to write campaign.toml (a folder's: into it); not written over what is there.
     vehicle
         Gives a folder's campaign mass, inertia and radius: a name (wsp vehicle list) or a vehicle file.
+    page
+        How the page of a folder's signals is written.
 
     """
     from rich.console import Console
@@ -44,8 +49,9 @@ def main(
 
     if file.is_dir():
         console = Console(highlight=False, soft_wrap=True)
+        page.files(file / "signals.html")
         made = make_campaign(file, vehicle, out, console)
-        pictured(made, made / "signals.html", console)
+        pictured(made, made / "signals.html", console, page)
         return
     if out is not None:
         if out.exists():

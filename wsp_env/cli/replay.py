@@ -10,13 +10,15 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress
 
+from wsp_env.cli.pages import Pages
 from wsp_env.envs.model import read_model
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.replay import FIGURES, RECORDED, SIMULATED, Course, Replay, replay
 from wsp_env.output import OutputError, ready
 from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.recordings import Campaign, read_campaign
-from wsp_env.report import COLOURS, Figure, Section, Table, axes, plotly, terminal_table, write_page
+from wsp_env.recordings.origin import origin
+from wsp_env.report import COLOURS, Figure, Origin, PageOptions, Section, Table, axes, plotly, terminal_table, write_page
 
 _DIGITS = {"distance_m": 0, "time_s": 1, "mean_slip_mps": 2, "slip_deviation_mps": 2, "largest_creepage": 2}
 _HEADS = {
@@ -39,6 +41,7 @@ def main(
     model: Path | None = None,
     vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "",
     out: Path = Path("out/replay"),
+    page: Pages = PageOptions(),
     json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
 ) -> None:
     """Let controllers brake under the conditions of recorded stops; writes replay.html.
@@ -64,6 +67,8 @@ def main(
         vehicle file, with the campaign's number of axles; none: the coach's.
     out
         Folder of the page.
+    page
+        How the page is written.
     json_
         Print the figures as JSON.
 
@@ -75,8 +80,8 @@ def main(
     chosen = read_settings(controllers, set)
     mechanisms = read_model(str(model)).mechanisms if model else {}
     base = find_vehicle(vehicle) if vehicle else None
-    page = out / "replay.html"
-    ready(page)
+    target = out / "replay.html"
+    ready(*page.files(target))
     console = Console(stderr=json_, highlight=False)
     if not console.is_terminal:
         console = Console(stderr=json_, highlight=False, width=160)
@@ -95,14 +100,15 @@ def main(
     for name, message in result.failures.items():
         print(f"wsp: {name} failed: {message}", file=sys.stderr)
     try:
-        _write_page(page, result, recorded)
-        written = f"Speeds and slips: {page}"
+        _write_page(target, result, recorded, origin("wsp replay", recorded, campaign), page)
+        written = f"Speeds and slips: {target}"
     except (ModuleNotFoundError, OutputError) as missing:  # the table does without
         written = f"no page: {missing}"
     if json_:
         print(json.dumps(result.to_json()))
     else:
         console.print(terminal_table(_table(result)))
+        console.print(_headline(result), markup=False)
         console.print(written, markup=False)
     if result.failures:
         sys.exit(1)
@@ -118,48 +124,102 @@ def _table(result: Replay) -> Table:
     return Table(("stop", "controller", *(_HEADS[name] for name in FIGURES)), rows, caption)
 
 
-def _write_page(path: Path, result: Replay, campaign: Campaign) -> None:
-    objects, _ = plotly()
+def _write_page(path: Path, result: Replay, campaign: Campaign, made_from: Origin, options: PageOptions) -> None:
     names = list(dict.fromkeys(course.who for course in result.courses))
     colour = {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}
-    recorded = {course.stop: course.figures["distance_m"] for course in result.courses if course.who == RECORDED}
-    front = objects.Figure()
-    for name in names:
-        own = [course for course in result.courses if course.who == name]
-        front.add_scatter(
-            x=[course.figures["mean_slip_mps"] for course in own],
-            y=[course.figures["distance_m"] / recorded[course.stop] for course in own],
-            text=[course.stop for course in own],
-            mode="markers",
-            name=name,
-            marker={"color": colour[name], "size": 9},
-        )
-    axes(front, "mean slip speed [m/s]", "distance over the recorded stop's [-]", height=480)
+    recorded = list(dict.fromkeys(course.stop for course in result.courses))
     sections = [
-        Section("Figures", _trust(result.courses), (_table(result),)),
         Section(
-            "Distance against slip",
-            ("Further down stops shorter, further left slides less; point at a mark for its stop.",),
-            (front,),
+            "",
+            ("Left: metres longer (+) or shorter than the stop simulated with its recorded torque.",),
+            (_front(result, colour),),
         ),
+        Section("How far this can be trusted", _trust(result.courses), fold=True),
+        Section("Figures of every stop", (), (_table(result),), fold=True),
     ]
     for stop in dict.fromkeys(course.stop for course in result.courses):
-        sections.append(Section(f"Stop {stop}", (), (_speeds([c for c in result.courses if c.stop == stop], colour),)))
+        shown = _speeds([c for c in result.courses if c.stop == stop], colour)
+        sections.append(Section(f"Stop {stop}: speeds and slips", (), (shown,), fold=True))
     if said := [sentence for stop in recorded for sentence in campaign.runs[stop].warnings]:
-        sections.append(Section("What was repaired in the recordings, or looks wrong", said))
-    lead = f"Controllers under the conditions of campaign {result.campaign}, beside the stops as they were recorded."
-    write_page(path, "Replayed stops", lead, sections, "Written by: wsp replay")
+        sections.append(Section("What was repaired in the recordings, or looks wrong", said, fold=True))
+    lead = f"{_headline(result)} {_trusted(result.courses)}"
+    write_page(path, f"Stops of campaign {result.campaign}, braked by others", lead, sections, made_from, options)
 
 
-def _trust(courses: tuple[Course, ...]) -> tuple[str, ...]:
+def _front(result: Replay, colour: dict[str, str]) -> Figure:
+    """Draw what each controller does to each stop: metres of distance, and slip."""
+    _, subplots = plotly()
+    titles = ["stopping distance, change", "mean slip speed"]
+    figure = subplots.make_subplots(1, 2, subplot_titles=titles, horizontal_spacing=0.12)
+    simulated = {course.stop: course.figures["distance_m"] for course in result.courses if course.who == SIMULATED}
+    for who, shade in colour.items():
+        own = [course for course in result.courses if course.who == who]
+        stops = [course.stop for course in own]
+        metres = [course.figures["distance_m"] - simulated[course.stop] for course in own]
+        slips = [course.figures["mean_slip_mps"] for course in own]
+        for column, values in ((1, metres), (2, slips)):
+            if column == 2 or who != SIMULATED:
+                figure.add_bar(
+                    x=stops, y=values, name=_called(who), legendgroup=who, showlegend=column == 2, marker={"color": shade},
+                    row=1, col=column,
+                )  # fmt: skip
+    axes(figure, "stop [-]", "", height=400, legend={"orientation": "h", "x": 0.0, "y": 1.12, "yanchor": "bottom"})
+    figure.update_layout(margin={"t": 90})
+    figure.update_yaxes(title_text="change of distance [m]", row=1, col=1)
+    figure.update_yaxes(title_text="mean slip [m/s]", row=1, col=2)
+    result_: Figure = figure
+    return result_
+
+
+def _called(who: str) -> str:
+    """Return what to call a controller in a sentence."""
+    return "no protection" if who == "none" else who
+
+
+def _headline(result: Replay) -> str:
+    """Say in a sentence what each controller does to the distance and to the slide of the recorded stops."""
+    ways, slips = ({(c.stop, c.who): c.figures[name] for c in result.courses} for name in ("distance_m", "mean_slip_mps"))
+    stops = list(dict.fromkeys(course.stop for course in result.courses))
+    parts = []
+    for who in dict.fromkeys(course.who for course in result.courses):
+        if who in (RECORDED, SIMULATED):
+            continue
+        changes = [ways[stop, who] - ways[stop, SIMULATED] for stop in stops if (stop, who) in ways]
+        share = sum(changes) / sum(ways[stop, SIMULATED] for stop in stops)
+        slip = sum(slips[stop, who] for stop in stops) / len(stops)
+        side = "longer" if share > 0.0 else "shorter"
+        same = abs(share) < 0.0005
+        moved = (
+            "as long" if same else f"{abs(sum(changes)) / len(changes):.1f} m ({100.0 * abs(share):.1f} %) {side} on average"
+        )
+        parts.append(f"{_called(who)}: {moved}, mean slip {slip:.2f} m/s")
+    own = sum(slips[stop, SIMULATED] for stop in stops) / len(stops)
+    return (
+        f"Against the {len(stops)} recorded stops, simulated with their recorded brake torque (mean slip {own:.2f} m/s), "
+        f"the same stops with {'; with '.join(parts)}."
+        if parts
+        else "No controller finished the stops."
+    )
+
+
+def _worst(courses: tuple[Course, ...]) -> float:
+    """Return by which share the simulated distance is off at most."""
     pairs = {
         who: {course.stop: course.figures["distance_m"] for course in courses if course.who == who}
         for who in (RECORDED, SIMULATED)
     }
-    worst = max(abs(pairs[SIMULATED][stop] / way - 1.0) for stop, way in pairs[RECORDED].items())
+    return max(abs(pairs[SIMULATED][stop] / way - 1.0) for stop, way in pairs[RECORDED].items())
+
+
+def _trusted(courses: tuple[Course, ...]) -> str:
+    return f"The simulation itself is off by at most {100.0 * _worst(courses):.1f} %: smaller differences say nothing."
+
+
+def _trust(courses: tuple[Course, ...]) -> tuple[str, ...]:
     return (
-        f"Simulated with the recorded brake torque, the stops are at most {100 * worst:.1f} % longer or shorter than recorded: "
-        "the law and the vehicle hold to this extent. Brakes are replayed as hard and as early as recorded, all axles alike.",
+        f"Simulated with the recorded brake torque, the stops are at most {100 * _worst(courses):.1f} % longer or shorter than "
+        "recorded: the law and the vehicle hold to this extent. Brakes are replayed as hard and as early as recorded, all "
+        "axles alike.",
         "A controller's own stop cannot be compared sample by sample with the recorded one: tiny causes make two stops under a "
         "controller with thresholds part. Compare distances, and the statistics of the slide.",
     )

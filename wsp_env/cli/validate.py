@@ -7,12 +7,15 @@ from typing import Annotated
 
 import tyro
 
+from wsp_env.cli.pages import Pages
 from wsp_env.output import ready
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import Campaign, read_campaign
 from wsp_env.recordings.derive import Smoothing
+from wsp_env.recordings.origin import origin
 from wsp_env.recordings.suspect import warn_of_suspects
 from wsp_env.recordings.validation import CLOSED_LOOP_BY, ClosedLoop, validate
+from wsp_env.report import PageOptions
 
 _WIDTH = 160  # of tables in a file or a pipe
 
@@ -25,6 +28,7 @@ def main(
     fixed_mu_cd: tyro.conf.FlagCreatePairsOff[bool] = False,
     controller: str = "",
     smoothing: Annotated[Smoothing, tyro.conf.arg(name="")] = Smoothing(),
+    page: Pages = PageOptions(),
 ) -> None:
     """Tune on the tune group, score the validate group, simulate every stop with its recorded brake torque.
 
@@ -45,6 +49,8 @@ def main(
         path.py:Class; such code is run.
     smoothing
         How the recordings are filtered, and which samples count.
+    page
+        How the page is written.
 
     """
     if controller and fixed_mu_cd:
@@ -65,7 +71,7 @@ def main(
     from wsp_env.report import plotly, terminal_table
 
     plotly()  # says at once when it is missing
-    ready(out)
+    ready(*page.files(out))
     console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
     recorded = read_campaign(campaign)
     warn_of_suspects(recorded)
@@ -80,7 +86,7 @@ def main(
     for table in tables:
         console.print(terminal_table(table))
     console.print(f"[bold]{escape(validation.verdict)}[/bold]")
-    report.write(out, validation, closed)
+    report.write(out, validation, closed, origin("wsp validate", recorded, campaign), page)
     console.print(f"Interactive plots: [bold]{escape(str(out))}[/bold]")
 
 

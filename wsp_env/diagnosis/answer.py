@@ -76,6 +76,7 @@ class Worth:
     distance_share: float  # of the stopping distance [-]; above 0: real stops are longer than simulated ones
     interval90: tuple[float, float] | None  # of the same
     slip_mps: float  # of an axle's slip
+    stop_m: float | None = None  # distance braked in the recordings, mean of the stops
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,17 +10,14 @@ from typing import Any
 
 from wsp_env.diagnosis.answer import Curve, Diagnosis, Estimate
 from wsp_env.diagnosis.report_evidence import evidence
-from wsp_env.diagnosis.report_facts import axles_said, doubt, facts, lead, removed_said
+from wsp_env.diagnosis.report_facts import BALANCES, LEAST_SHARE, axles_said, doubt, facts, lead, removed_said
 from wsp_env.diagnosis.report_runs import course_plot, figures, heat_maps, still_high
 from wsp_env.diagnosis.words import parameter_words, said, unit_words
 from wsp_env.plant.mechanisms import ALL
-from wsp_env.report import COLOURS, Facts, Section, Table, axes, plotly, write_page
-
-_HASH_SHOWN = 12  # digits of a file's SHA-256, enough to tell files apart
-_LEAST_SHARE = 0.005  # of what is removed: less reads as 0 %
+from wsp_env.report import COLOURS, Facts, Origin, PageOptions, Section, Table, axes, plotly, write_page
 
 
-def write_report(path: Path, found: Diagnosis) -> None:
+def write_report(path: Path, found: Diagnosis, options: PageOptions = PageOptions()) -> None:
     """Write the page of a diagnosis."""
     parts = [
         _channels(found),
@@ -32,7 +29,7 @@ def write_report(path: Path, found: Diagnosis) -> None:
         _remains(found),
     ]
     folds = [part for part in parts if part is not None]
-    write_page(path, f"Diagnosis of {found.campaign}", lead(found), [_first(found), *folds], _footer(found))
+    write_page(path, f"Diagnosis of {found.campaign}", lead(found), [_first(found), *folds], _origin(found), options)
 
 
 def _first(found: Diagnosis) -> Section:
@@ -50,18 +47,14 @@ def _extended(found: Diagnosis) -> bool:
     return bool(found.mechanisms or found.discovered)
 
 
-def _footer(found: Diagnosis) -> str:
-    vehicle, lines = found.model.get("vehicle", {}), []
-    made = " ".join(filter(None, ("Written by: wsp diagnose", found.version and f"(wsp-env {found.version})", found.made)))
-    lines.append(made)
+def _origin(found: Diagnosis) -> Origin:
+    vehicle, believed = found.model.get("vehicle", {}), ""
     if vehicle:
         wheels = f"wheel radius {vehicle['wheel_radius_m']:g} m, wheelset inertia {vehicle['wheelset_inertia_kgm2']:g} kg m2"
-        source = f"brake torque: {vehicle['brake_torque_source']}"
-        lines.append(f"Vehicle as believed: {vehicle['axles']} axles, {vehicle['mass_kg']:.6g} kg, {wheels}; {source}")
-    if found.sources:
-        files = ", ".join(f"{one.file} {one.sha256[:_HASH_SHOWN]}" for one in found.sources)
-        lines.append(f"Files, each with the first {_HASH_SHOWN} digits of its SHA-256: {files}")
-    return "\n".join(lines)
+        source = f"brake torque {vehicle['brake_torque_source']}"
+        believed = f"{vehicle['axles']} axles, {vehicle['mass_kg']:.6g} kg, {wheels}; {source}"
+    files = [(one.file, one.sha256) for one in found.sources]
+    return Origin("wsp diagnose", believed, files, found.made, found.version)
 
 
 def _channels(found: Diagnosis) -> Section | None:
@@ -80,8 +73,9 @@ def _where(found: Diagnosis) -> Section | None:
         return None
     count = len({cell["axle"] for cell in cells if cell["axle"]})
     rows = [
-        (one.equation, axles_said(one.axles, count), ", ".join(one.runs), one.where, f"{100.0 * one.share:.0f} %")
-        for one in found.location if one.share >= _LEAST_SHARE
+        (BALANCES.get(one.equation, one.equation), axles_said(one.axles, count), ", ".join(one.runs), one.where,
+         f"{100.0 * one.share:.0f} %")
+        for one in found.location if one.share >= LEAST_SHARE
     ]  # fmt: skip
     text = [
         "Colours: mean squares of the residuals, normal variation fitted away, over the squared deviation that the channels' "

@@ -26,12 +26,20 @@ _IN_WORDS = {
     "kinematics": "in wheels that roll freely",
     "actuator": "in the brake torque against the pressure",
 }
+#: The same in tables and plots.
+BALANCES = {
+    "vehicle": "vehicle speed",
+    "adhesion": "adhesion while sliding",
+    "kinematics": "free rolling",
+    "actuator": "brake torque",
+}
+LEAST_SHARE = 0.005  # of what is removed: less reads as 0 %
 _PLACES = 2  # told on the first page
 
 
 def facts(found: Diagnosis) -> Facts:
     """Return the rows of the first page; what does not apply is left out."""
-    rows = [("Verdict", f"{found.verdict}: {MEANINGS[found.verdict]}")]
+    rows = [("Verdict", f"{found.verdict}: {_meaning(found)}")]
     if found.mechanisms or found.discovered:
         rows.append(("Worth in a stop", worth_said(found)))
         rows.append(("Confidence", confidence_said(found)))
@@ -47,15 +55,32 @@ def facts(found: Diagnosis) -> Facts:
     return Facts(rows)
 
 
+def _meaning(found: Diagnosis) -> str:
+    """Say what the verdict means here: a name may have one other beside it."""
+    if found.verdict == "named" and any(len(one.alternatives) > 1 for one in found.mechanisms):
+        return "what is missing has a name in the library; these recordings leave one other name open"
+    return MEANINGS[found.verdict]
+
+
 def lead(found: Diagnosis) -> str:
     """Return the sentence, with the stopping distance that it is worth."""
     nothing = not found.mechanisms and not found.discovered
     if nothing or found.worth is None or abs(found.worth.distance_share) < 0.0005:  # 0.0 % as it is said
         return found.sentence
     sides = "longer" if found.worth.distance_share > 0.0 else "shorter"
+    share = 100.0 * abs(found.worth.distance_share)
+    if found.worth.stop_m is None:
+        return f"{found.sentence} By this, real stops are {share:.1f} % {sides} than simulated ones."
     return (
-        f"{found.sentence} By this, real stops are {100.0 * abs(found.worth.distance_share):.1f} % {sides} than simulated ones."
+        f"{found.sentence} By this, real stops are {_metres(found.worth)} {sides} than simulated ones: {share:.1f} % of some "
+        f"{found.worth.stop_m:.0f} m."
     )
+
+
+def _metres(worth: Worth, share: float | None = None) -> str:
+    """Say a share of the stopping distance in metres, the worth's own where none is given."""
+    metres = abs(worth.distance_share if share is None else share) * (worth.stop_m or 0.0)
+    return f"{metres:.1f} m" if metres < 10.0 else f"{metres:.0f} m"
 
 
 def worth_said(found: Diagnosis) -> str:
@@ -72,11 +97,14 @@ def _changes(worth: Worth) -> str:
     if abs(share) < 0.0005:
         parts.append("no change of the stopping distance")
     else:
-        parts.append(f"{100.0 * abs(share):.1f} % {'more' if share > 0.0 else 'less'} stopping distance than simulated")
+        metres = "" if worth.stop_m is None else f"{_metres(worth)}, "
+        parts.append(f"{metres}{100.0 * abs(share):.1f} % {'more' if share > 0.0 else 'less'} stopping distance than simulated")
     if worth.interval90:
         low, high = (100.0 * bound for bound in worth.interval90)
-        parts[0] += f" (change {low:+.1f} to {high:+.1f} %, 90 %)"
-    parts.append(f"a change of slip of {worth.slip_mps:.2f} m/s")
+        metres = "" if worth.stop_m is None else f"{low * worth.stop_m / 100.0:+.1f} to {high * worth.stop_m / 100.0:+.1f} m, "
+        parts[0] += f" (change {metres}{low:+.1f} to {high:+.1f} %, 90 %)"
+    if worth.slip_mps >= 0.005 or share == 0.0:  # less reads as 0.00
+        parts.append(f"a change of slip of {worth.slip_mps:.2f} m/s")
     return "; ".join(parts)
 
 
@@ -132,7 +160,8 @@ def where_said(found: Diagnosis) -> str:
     runs = [one.run for one in found.runs]
     axles = {cell["axle"] for cell in found.residuals.get("cells", ()) if cell["axle"]}
     own = named_axles(found)
-    told = [place_said(one, runs, len(axles), own if i == 0 else ()) for i, one in enumerate(found.location[:_PLACES])]
+    places = [one for one in found.location if one.share >= LEAST_SHARE]
+    told = [place_said(one, runs, len(axles), own if i == 0 else ()) for i, one in enumerate(places[:_PLACES])]
     if not told and own:
         return axles_said(own, len(axles))
     return "; ".join(told)

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from wsp_env.diagnosis.answer import Diagnosis, RunTrace
+from wsp_env.diagnosis.report_facts import BALANCES
 from wsp_env.report import COLOURS, Table, axes, plotly
 
 #: Mean squares from which on a cell is reported: twice what noise alone leaves.
@@ -27,7 +28,8 @@ _ROW_PX = 30
 
 def series_name(balance: str, axle: int) -> str:
     """Name a series of residuals; axle 0 is the vehicle."""
-    return f"{balance}, axle {axle}" if axle else balance
+    words = BALANCES.get(balance, balance)
+    return f"{words}, axle {axle}" if axle else words
 
 
 def heat_maps(cells: Sequence[Mapping[str, Any]], over: str, sides: Mapping[str, str], x: str) -> Any:
@@ -68,7 +70,7 @@ def heat_maps(cells: Sequence[Mapping[str, Any]], over: str, sides: Mapping[str,
     axes(figure, "", "", height=150 + _ROW_PX * rows)
     figure.update_xaxes(title_text=x, row=len(sides) if below else None, showgrid=False)
     figure.update_yaxes(autorange="reversed", showgrid=False)
-    figure.update_layout(margin={"l": 140})
+    figure.update_layout(margin={"l": 210})
     return figure
 
 
@@ -148,8 +150,13 @@ def course_plot(course: RunTrace, shows: str, extended: bool) -> Any:
 
 def _left(values: Mapping[str, Sequence[float]], extended: bool, unit: str) -> str:
     """Say the root mean square of a residual, before and after."""
-    sizes = [f"{math.sqrt(sum(v * v for v in some) / max(len(some), 1)):.2g} {unit}".rstrip() for some in values.values()]
-    return f"; root mean square {sizes[0]}" + (f" before, {sizes[1]} after" if extended else "")
+    squares = [math.sqrt(sum(v * v for v in some) / max(len(some), 1)) for some in values.values()]
+    sizes = [f"{size:.2g} {unit}".rstrip() for size in squares]
+    if not extended:
+        return f"; root mean square {sizes[0]}"
+    change = squares[1] / squares[0] - 1.0 if squares[0] > 0.0 else 0.0
+    delta = f", {100.0 * abs(change):.0f} % {'less' if change < 0.0 else 'more'}" if abs(change) >= 0.005 else ", no change"
+    return f"; root mean square {sizes[0]} before, {sizes[1]} after{delta}"
 
 
 def figures(found: Diagnosis, extended: bool) -> list[Table]:

@@ -1,23 +1,36 @@
-"""What a diagnosis was made from and by: files with their hashes, day and version."""
+"""What a diagnosis was made from and by: files with their hashes, day and version; and how long the recorded stops are."""
 
 import dataclasses
-import hashlib
-import tomllib
 from datetime import date
 from pathlib import Path
 
+import numpy as np
+
 import wsp_env
 from wsp_env.diagnosis.answer import Diagnosis, Source
+from wsp_env.recordings import Campaign
+from wsp_env.recordings.derive import braking
+from wsp_env.recordings.origin import hashes
 
 
 def sources(folder: Path) -> tuple[Source, ...]:
     """Return campaign.toml and the runs' files of a campaign folder that was read, each with its SHA-256."""
-    text = (folder / "campaign.toml").read_bytes()
-    runs = tomllib.loads(text.decode("utf-8"))["runs"].values()
-    files = dict.fromkeys(["campaign.toml", *(str(run["file"]) for run in runs)])
-    return tuple(Source(name, hashlib.sha256((folder / name).read_bytes()).hexdigest()) for name in files)
+    return tuple(Source(name, digest) for name, digest in hashes(folder))
 
 
-def signed(found: Diagnosis, folder: Path) -> Diagnosis:
-    """Return a diagnosis with its sources, today's date and this package's version."""
+def signed(found: Diagnosis, folder: Path, campaign: Campaign | None = None) -> Diagnosis:
+    """Return a diagnosis with its sources, today's date and this package's version; with the campaign, its worth in metres."""
+    if campaign is not None and found.worth is not None:
+        found = dataclasses.replace(found, worth=dataclasses.replace(found.worth, stop_m=braked_m(campaign)))
     return dataclasses.replace(found, sources=sources(folder), made=date.today().isoformat(), version=wsp_env.__version__)
+
+
+def braked_m(campaign: Campaign) -> float | None:
+    """Return the distance [m] run while braking, as recorded, mean of the stops; None where none brakes."""
+    ways = []
+    for run in campaign.runs.values():
+        start, end = braking(run, campaign.sample_time_s)
+        way = float(np.trapezoid(run.vehicle_speed_mps[start:end], run.time_s[start:end])) if end > start + 1 else np.nan
+        if np.isfinite(way):
+            ways.append(way)
+    return float(np.mean(ways)) if ways else None

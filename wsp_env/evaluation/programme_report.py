@@ -1,20 +1,19 @@
 """The page of an evaluation: distance against slip, where distance is lost, the course of any stop, all figures."""
 
-import base64
-import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import polars
 
-from wsp_env.evaluation.evaluate import BOUND, KEYS, ProgrammeResult, Trace
+from wsp_env.evaluation.evaluate import BOUND, ProgrammeResult
 from wsp_env.evaluation.figures import CAUSES, FIGURES
+from wsp_env.evaluation.programme_viewer import Viewer
 from wsp_env.evaluation.results import TRACE_SAMPLES
 from wsp_env.evaluation.summary import Verdict
-from wsp_env.report import COLOURS, Figure, Section, Table, axes, plotly, write_page
+from wsp_env.report import COLOURS, Figure, Origin, PageOptions, Section, Table, axes, plotly, write_page
 
 #: What the mark beside a ratio to the bound says.
 LEFT_LIMIT = "* at least one draw left the slide limit: it violates it, and the bound does not hold for it"
@@ -25,19 +24,74 @@ _CAUSE_COLOURS = dict(zip(CAUSES, ("#bbbbbb", COLOURS[0], COLOURS[4], COLOURS[1]
 
 
 def write_report(
-    path: Path, result: ProgrammeResult, summary: polars.DataFrame, verdicts: Sequence[Verdict], title: str
-) -> None:
-    """Write the self-contained page; `ModuleNotFoundError` names the extra where plotly is missing."""
+    path: Path, result: ProgrammeResult, summary: polars.DataFrame, verdicts: Sequence[Verdict], title: str,
+    made_from: Origin = Origin("wsp evaluate"), options: PageOptions = PageOptions(),
+) -> None:  # fmt: skip
+    """Write the page; `ModuleNotFoundError` names the extra where plotly is missing."""
     plotly()
     contaminated = _contaminated(summary)
-    sections = [Section("Requirements", _complaints(result), [_verdicts(verdicts)] if verdicts else [])]
-    if contaminated.height:
-        sections += [_front(contaminated), _lost(contaminated)]
+    sections = [_front(contaminated)] if contaminated.height else []
+    sections.append(Section("Requirements", _complaints(result), [_verdicts(verdicts)] if verdicts else [], fold=True))
+    sections += [_overall(contaminated), _lost(contaminated)] if contaminated.height else []
     sections += [_courses(result), _all_figures(summary)]
-    lead = (
-        "Stopping distance is only comparable at equal slide: read it together with the slip, the contact energy and the bound."
-    )
-    write_page(path, f"Wheel slide protection: {title}", lead, sections, "Written by wsp evaluate.")
+    lead = " ".join([*_headline(contaminated), *_passed(verdicts), *_failed(result)])
+    write_page(path, f"Wheel slide protection: {title}", lead, sections, made_from, options)
+
+
+def _headline(contaminated: polars.DataFrame) -> list[str]:
+    """Say in a sentence how the controllers stop on contaminated rail, all cases and laws together."""
+    parts = [
+        f"{row['controller']} stops within {row['ratio_bound']:.2f} times the shortest possible way at a mean slip of "
+        f"{row['mean_slip_mps']:.2f} m/s"
+        for row in _means(contaminated)
+    ]
+    if not parts:
+        return ["No stop on contaminated rail was braked to its end."]
+    return [f"Mean of all stops on contaminated rail: {'; '.join(parts)}. A way counts only beside its slide."]
+
+
+def _means(contaminated: polars.DataFrame) -> list[dict[str, Any]]:
+    """Return each controller's means over the cases and laws that every controller stopped in."""
+    rows = contaminated.filter(polars.col("controller") != BOUND)
+    ended = rows.filter(polars.col("ratio_bound").is_finite())
+    count = rows["controller"].n_unique()
+    common = ended.group_by("case", "law").agg(polars.col("controller").n_unique().alias("n")).filter(polars.col("n") == count)
+    figures = ("ratio_bound", "ratio_dry", "mean_slip_mps", "beyond_limit_s", "locked_s", "air_nl", "contact_energy_mj")
+    kept = ended.join(common, on=["case", "law"], how="semi")
+    means = kept.group_by("controller", maintain_order=True).agg(*(polars.col(name).mean() for name in figures), polars.len())
+    return means.to_dicts()
+
+
+def _passed(verdicts: Sequence[Verdict]) -> list[str]:
+    said = []
+    for name in dict.fromkeys(verdict.controller for verdict in verdicts):
+        own = [verdict for verdict in verdicts if verdict.controller == name]
+        missed = [verdict.requirement for verdict in own if not verdict.passed]
+        said.append(
+            f"{name} misses {len(missed)} of {len(own)} requirements: {', '.join(missed)}."
+            if missed
+            else f"{name} meets all {len(own)} requirements."
+        )
+    return said
+
+
+def _failed(result: ProgrammeResult) -> list[str]:
+    names = list(dict.fromkeys(failure.controller for failure in result.failures))
+    return [f"{', '.join(names)} failed in some case: see the requirements."] if names else []
+
+
+def _overall(contaminated: polars.DataFrame) -> Section:
+    """Return the line that says it all: every controller over all cases."""
+    header = ("Controller", "Cases", "Distance / bound", "Distance / dry rail", "Mean slip [m/s]", "Beyond the limit [s]",
+              "Locked [s]", "Air [Nl]", "Heat, worst wheel [MJ]")  # fmt: skip
+    digits = {"ratio_bound": 3, "ratio_dry": 2, "mean_slip_mps": 2, "beyond_limit_s": 1, "locked_s": 1, "air_nl": 0,
+              "contact_energy_mj": 2}  # fmt: skip
+    rows = [
+        (row["controller"], str(row["len"]), *(f"{row[name]:.{places}f}" for name, places in digits.items()))
+        for row in _means(contaminated)
+    ]
+    caption = "Means over the cases and laws on contaminated rail in which every controller came to rest."
+    return Section("All cases together", (), [Table(header, rows, caption)], fold=True)
 
 
 def _complaints(result: ProgrammeResult) -> list[str]:
@@ -85,34 +139,49 @@ def _front(summary: polars.DataFrame) -> Section:
         rows=1, cols=len(laws), subplot_titles=[f"{law} law" for law in laws], horizontal_spacing=0.09
     )
     for column, law in enumerate(laws, start=1):
+        drawn = summary.filter((polars.col("law") == law) & (polars.col("controller") != BOUND))
+        drawn = drawn.filter(polars.col("ratio_bound").is_finite())
+        _name_cases(figure, drawn, column)
         for index, name in enumerate(_names(summary)):
-            rows = summary.filter((polars.col("law") == law) & (polars.col("controller") == name))
-            rows = rows.filter(polars.col("ratio_bound").is_finite())
+            rows = drawn.filter(polars.col("controller") == name)
+            colour = COLOURS[index % len(COLOURS)]
             figure.add_scatter(
-                x=rows["mean_slip_mps"],
-                y=rows["ratio_bound"],
-                error_y={"array": rows["ratio_bound_ci"], "thickness": 1, "width": 2},
-                mode="markers",
-                name=name,
-                legendgroup=name,
-                showlegend=column == 1,
-                marker=_marker(COLOURS[index % len(COLOURS)], rows),
-                text=rows["case"],
-                customdata=[_limit_kept(row) for row in rows.to_dicts()],
+                x=rows["mean_slip_mps"].to_list(), y=rows["ratio_bound"].to_list(),
+                error_y={"array": rows["ratio_bound_ci"].fill_nan(0.0).to_list(), "thickness": 1, "width": 2},
+                mode="markers", name=name, legendgroup=name, showlegend=column == 1, marker=_marker(colour, rows),
+                text=rows["case"].to_list(), customdata=[_limit_kept(row) for row in rows.to_dicts()],
                 hovertemplate="%{text}<br>mean slip %{x:.2f} m/s<br>distance / bound %{y:.3f}<br>%{customdata}",
-                row=1,
-                col=column,
-            )
+                row=1, col=column,
+            )  # fmt: skip
+            if rows.height > 1:
+                figure.add_scatter(
+                    x=[rows["mean_slip_mps"].mean()], y=[rows["ratio_bound"].mean()], mode="markers+text",
+                    text=["all cases"], textposition="middle right", name=f"{name}, all cases", legendgroup=name,
+                    showlegend=False, marker={"symbol": "diamond", "size": 15, "color": colour, "opacity": 0.7}, row=1,
+                    col=column,
+                )  # fmt: skip
         figure.add_hline(y=1.0, line={"color": "#777", "dash": "dot", "width": 1}, row=1, col=column)
-    axes(figure, "mean slip speed [m/s]", "stopping distance / bound [-]", height=460)
+    axes(figure, "mean slip speed [m/s]", "stopping distance / bound [-]", height=480)
+    figure.update_layout(legend={"orientation": "h", "x": 0.0, "y": 1.12, "yanchor": "bottom"}, margin={"t": 90})
     figure.update_xaxes(type="log", tickvals=_SLIP_TICKS, ticktext=[f"{tick:g}" for tick in _SLIP_TICKS])
     text = (
-        "One point per case on contaminated rail, mean of the draws with its 95 % confidence interval. The bound (1) is the "
-        "shortest stop within the slide limit. A hollow point left the limit in at least one draw: it violates it, and may lie "
-        "below 1.",
+        "One mark per case on contaminated rail, mean of the draws with its 95 % confidence interval; a line joins a case; a "
+        "diamond is the mean of all. The bound (1) is the shortest stop within the slide limit. A hollow mark left the limit "
+        "in at least one draw: it violates it, and may lie below 1.",
         *_ran_on(summary),
     )
-    return Section("Stopping distance against slip", text, [figure])
+    return Section("", text, [figure])
+
+
+def _name_cases(figure: Any, rows: polars.DataFrame, column: int) -> None:
+    """Join the marks of each case by a thin line, and name it at the end with the larger slip."""
+    for case in rows["case"].unique(maintain_order=True):
+        own = rows.filter(polars.col("case") == case).sort("mean_slip_mps")
+        figure.add_scatter(
+            x=own["mean_slip_mps"].to_list(), y=own["ratio_bound"].to_list(), mode="lines+text", showlegend=False,
+            line={"color": "#bbb", "width": 0.8}, text=[*[""] * (own.height - 1), case], textposition="top left",
+            textfont={"size": 10, "color": "#555"}, hoverinfo="skip", row=1, col=column,
+        )  # fmt: skip
 
 
 def _marker(colour: str, rows: polars.DataFrame) -> dict[str, object]:
@@ -135,7 +204,7 @@ def _lost(summary: polars.DataFrame) -> Section:
         "the best one; slip beyond the limit. Negative: gained, where a slide beyond the limit dries the rail or a wheelset "
         "spinning up gives momentum back. The scales differ between controllers.",
     )
-    return Section("Where each controller loses distance", text, figures)
+    return Section("Where each controller loses distance", text, figures, fold=True)
 
 
 def _lost_under(summary: polars.DataFrame, law: str) -> Figure:
@@ -165,7 +234,7 @@ def _lost_under(summary: polars.DataFrame, law: str) -> Figure:
 
 
 def _all_figures(summary: polars.DataFrame) -> Section:
-    header = ["case", "law", "controller", *(f"{name} [{unit}]" for name, (unit, _) in FIGURES.items())]
+    header = ["case", "law", "controller", *(f"{_words(name)} [{unit}]" for name, (unit, _) in FIGURES.items())]
     rows = []
     stops = list(summary.select("case", "law").unique(maintain_order=True).iter_rows())
     for row in sorted(summary.to_dicts(), key=lambda row: stops.index((row["case"], row["law"]))):
@@ -173,14 +242,21 @@ def _all_figures(summary: polars.DataFrame) -> Section:
         cells[list(FIGURES).index("ratio_bound")] += "*" * (row["within_limit"] < row["draws"])
         ran_on = row["draws"] - row["stopped"]
         rows.append([row["case"], row["law"], row["controller"] + (f" ({ran_on} ran on)" if ran_on else ""), *cells])
-    meanings = "; ".join(f"{name}: {meaning}" for name, (_, meaning) in FIGURES.items())
+    meanings = "; ".join(f"{_words(name)}: {meaning}" for name, (_, meaning) in FIGURES.items())
     caption = f"Means of the draws with 95 % confidence intervals. {LEFT_LIMIT}. {meanings}."
-    return Section("All figures", (), [Table(header, rows, caption)])
+    return Section("All figures", (), [Table(header, rows, caption)], fold=True)
+
+
+def _words(name: str) -> str:
+    """Return the name of a figure in words, without its unit."""
+    if name.startswith("ratio_"):
+        return f"distance / {name.removeprefix('ratio_')}"
+    return re.sub(r"_(m|mps|s|nl|mj)$", "", name).replace("_", " ")
 
 
 def _cell(value: float | None, half: float | None, digits: int) -> str:
     if value is None or not math.isfinite(value):
-        return "" if value is None else "-"
+        return "" if value is None else "never stopped"
     spread = f" ± {half:.{digits}f}" if half is not None and math.isfinite(half) and half >= 0.5 * 10.0**-digits else ""
     return f"{value:.{digits}f}{spread}"
 
@@ -190,82 +266,4 @@ def _courses(result: ProgrammeResult) -> Section:
         f"Any stop, thinned out to {TRACE_SAMPLES} samples: vehicle and wheels, slip speeds, cylinder pressures. On clean rail "
         "both laws are one.",
     )
-    return Section("The course of a stop", text, [_Viewer(result)])
-
-
-class _Viewer:
-    """Menus that choose a stop, and its three plots; drawn in the browser from one copy of the numbers."""
-
-    def __init__(self, result: ProgrammeResult) -> None:
-        self.result = result
-
-    def to_html(self, **_: object) -> str:
-        """Return the element; the page brings plotly itself."""
-        notes = {tuple(row[key] for key in KEYS): _note(row) for row in self.result.stops.to_dicts()}
-        stops = []
-        for trace in self.result.traces:
-            key = (trace.controller, trace.case, trace.law, trace.draw)
-            stops.append(dict(zip(KEYS, key, strict=True)) | {"note": notes[key], "samples": _packed(trace)})
-        data = json.dumps(stops, separators=(",", ":")).replace("<", "\\u003c")
-        menus = "".join(f'<label>{what} <select id="course-{what}"></select></label> ' for what in KEYS)
-        return f'<p>{menus}</p><p id="course-note"></p><div id="course"></div><script>{_script(data)}</script>'
-
-
-def _note(row: Mapping[str, Any]) -> str:
-    """Return how the stop went, in a line."""
-    kept = "within the slide limit" if row["within_limit"] else f"left the slide limit for {row['beyond_limit_s']:.1f} s"
-    if not row["stopped"]:
-        return f"Ran on: never stopped, {kept}."
-    return f"Stopped after {row['distance_m']:.0f} m, {row['ratio_bound']:.3f} of the bound, {kept}."
-
-
-def _packed(trace: Trace) -> str:
-    """Return time, speed, wheel speeds and pressures one after the other, in hundredths as 16 bits, little endian, base64."""
-    columns = np.concatenate([[trace.time, trace.speed], trace.wheel.T, trace.pressure.T])
-    return base64.b64encode(np.clip(np.rint(100.0 * columns), 0, 65535).astype("<u2").tobytes()).decode()
-
-
-def _script(data: str) -> str:
-    return f"""(() => {{
-const stops = {data}, colours = {json.dumps(COLOURS)}, length = {TRACE_SAMPLES}, keys = {json.dumps(KEYS)};
-const menu = name => document.getElementById("course-" + name);
-const shown = (name, value) => name === "draw" ? value + 1 : value;
-let chosen = stops.find(s => s.case.startsWith("low") && s.controller === stops[stops.length - 1].controller) || stops[0];
-// Every menu offers what there is, given the menus before it.
-function offer() {{
-  let fits = stops;
-  for (const name of keys) {{
-    const values = [...new Set(fits.map(s => s[name]))], value = values.includes(chosen[name]) ? chosen[name] : values[0];
-    menu(name).replaceChildren(...values.map(v => new Option(shown(name, v), v, false, v === value)));
-    fits = fits.filter(s => s[name] === value);
-  }}
-  chosen = fits[0];
-}}
-for (const name of keys) menu(name).onchange = event => {{
-  chosen = {{...chosen, [name]: name === "draw" ? Number(event.target.value) : event.target.value}};
-  draw();
-}};
-function unpack(text) {{
-  const bytes = Uint8Array.from(atob(text), letter => letter.charCodeAt(0)), all = new Uint16Array(bytes.buffer);
-  const column = k => Array.from(all.subarray(k * length, (k + 1) * length), hundredths => hundredths / 100);
-  return Array.from({{length: all.length / length}}, (_, k) => column(k));
-}}
-function draw() {{
-  offer();
-  document.getElementById("course-note").textContent = chosen.note;
-  const [t, v, ...rest] = unpack(chosen.samples), axles = rest.length / 2, traces = [];
-  for (let k = 0; k < axles; k++) {{
-    const line = {{color: colours[k % colours.length], width: 1.2}}, name = "axle " + (k + 1), legendgroup = name;
-    traces.push({{x: t, y: rest[k], name, legendgroup, line}},
-      {{x: t, y: rest[k].map((r, i) => v[i] - r), yaxis: "y2", name, legendgroup, showlegend: false, line}},
-      {{x: t, y: rest[axles + k], yaxis: "y3", name, legendgroup, showlegend: false, line}});
-  }}
-  traces.push({{x: t, y: v, name: "vehicle", line: {{color: "black", width: 2}}}});
-  const layout = {{template: null, height: 760, hovermode: "closest", margin: {{l: 70, r: 20, t: 20, b: 50}},
-    xaxis: {{title: {{text: "time [s]"}}, anchor: "y3"}}, yaxis: {{title: {{text: "speed [m/s]"}}, domain: [0.68, 1]}},
-    yaxis2: {{title: {{text: "slip speed [m/s]"}}, domain: [0.35, 0.63]}},
-    yaxis3: {{title: {{text: "pressure [bar]"}}, domain: [0, 0.3]}}}};
-  Plotly.react("course", traces, layout, {{displaylogo: false, responsive: true}});
-}}
-draw();
-}})();"""
+    return Section("The course of a stop", text, [Viewer(result)], fold=True)

@@ -7,27 +7,32 @@ import numpy as np
 
 from wsp_env.recordings.campaign import Campaign
 from wsp_env.recordings.recording import Recording
-from wsp_env.report import COLOURS, Figure, Section, axes, plotly, write_page
+from wsp_env.report import COLOURS, Figure, Origin, PageOptions, Section, axes, plotly, write_page
 
-_POINTS = 2000  # of a line
+_POINTS = 1000  # of a line: more cannot be told apart on a screen
 _SHADE = "rgba(213, 94, 0, 0.18)"
 _MOST_STRETCHES = 200  # shaded ones of a figure
 
 
-def write_signals(path: Path, campaign: Campaign) -> None:
+def write_signals(
+    path: Path, campaign: Campaign, made_from: Origin = Origin("wsp inspect"), options: PageOptions = PageOptions()
+) -> None:
     """Write the page; `ModuleNotFoundError` without plotly."""
     sections = []
     for name, run in campaign.runs.items():
         group = "tunes" if name in campaign.tune else "validates" if name in campaign.validate else "in no group"
         share = 0.0 if run.suspect is None else float(run.suspect.mean())
-        text = [
-            f"{len(run.time_s)} samples of {run.missing_axles or 'no'} missing axles; {share:.1%} not compared with the law."
-        ]
-        sections.append(Section(f"{name} ({group})", [*text, *run.warnings], _figures(run)))
+        text = [f"{len(run.time_s)} samples; {_missing(run)}; {share:.1%} not compared with the law."]
+        sections.append(Section(f"{name} ({group})", [*text, *run.warnings], _figures(run), fold=bool(sections)))
     lead = (
         "Every channel as it was read, on one clock. Shaded: repaired, or not to be trusted, on the axle of that colour or all."
     )
-    write_page(path, f"Signals of campaign {campaign.name}", lead, sections, "Written by: wsp inspect")
+    write_page(path, f"Signals of campaign {campaign.name}", lead, sections, made_from, options)
+
+
+def _missing(run: Recording) -> str:
+    axles = ", ".join(map(str, run.missing_axles))
+    return f"no sensor on axle {axles}" if axles else "every axle has its sensor"
 
 
 def _figures(run: Recording) -> list[Figure]:

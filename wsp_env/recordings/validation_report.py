@@ -5,13 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from wsp_env.recordings.derive import limits, transition
 from wsp_env.recordings.simulate import WINDOW_S
 from wsp_env.recordings.tuning import Tuning
-from wsp_env.recordings.validation import CLOSED_LOOP_BY, RIVALS, ClosedLoop, Validation
-from wsp_env.report import COLOURS, Figure, Section, Table, axes, plotly, write_page
-
-_POINTS = 1500  # of a line or cloud: more cannot be told apart on a screen
+from wsp_env.recordings.validation import CLOSED_LOOP_BY, RIVALS, ClosedLoop, ValidatedStop, Validation
+from wsp_env.recordings.validation_plots import Worst, adhesion_plot, errors_plot, speeds_plot, transition_plot, worst
+from wsp_env.report import Facts, Origin, PageOptions, Section, Table, write_page
 
 
 def adhesion_table(tuning: Tuning) -> Table:
@@ -21,9 +19,9 @@ def adhesion_table(tuning: Tuning) -> Table:
     rows = []
     for name, score in tuning.runs.items():
         mark = "" if score.mu_cd_tuned else " (believed)"
-        errors = ("-" if error is None else f"{100 * error:.1f}" for error in score.error)
+        errors = ("no slide" if error is None else f"{100 * error:.1f}" for error in score.error)
         rows.append((name, score.group, f"{score.mu_cd:.4f}{mark}", *errors))
-    return Table(header, rows, "relative errors e_j of the adhesion coefficient, as the seed paper's Table 4; -: never slides")
+    return Table(header, rows, "relative errors e_j of the adhesion coefficient, as the seed paper's Table 4")
 
 
 def slide_table(validation: Validation) -> Table:
@@ -46,7 +44,7 @@ def window_table(validation: Validation) -> Table:
     """Return what the law is worth: errors over windows beside simpler laws."""
     header = ("run", *(f"{what} [m/s]" for what in RIVALS.values()))
     rows = [
-        (name, *(f"{stop.window_rms_mps[rival]:.3f}" if stop.window_rms_mps else "-" for rival in RIVALS))
+        (name, *(f"{stop.window_rms_mps[rival]:.3f}" if stop.window_rms_mps else "too slow" for rival in RIVALS))
         for name, stop in validation.stops.items()
     ]
     caption = (
@@ -76,122 +74,88 @@ def closed_loop_table(controller: str, stops: Mapping[str, ClosedLoop]) -> Table
 def criteria_table(validation: Validation) -> Table:
     """Return the paper's figures beside this campaign's."""
     rows = [
-        (c.name, f"{c.value:.3g} {c.unit}", f"{c.limit:.3g} {c.unit}", "yes" if c.met else "no") for c in validation.criteria
+        (c.name, f"{c.value:.3g} {c.unit}".strip(), f"{c.limit:.3g} {c.unit}".strip(), "yes" if c.met else "no")
+        for c in validation.criteria
     ]
     return Table(("figure", "here, worst", "seed paper, worst", "met"), rows, f"over the runs that were {validation.scored}")
 
 
-def write(path: Path, validation: Validation, closed_loop: Table | None = None) -> None:
+def write(
+    path: Path,
+    validation: Validation,
+    closed_loop: Table | None = None,
+    made_from: Origin = Origin("wsp validate"),
+    options: PageOptions = PageOptions(),
+) -> None:
     """Write the page, with the table of a closed loop where there is one; it needs the extra [report]."""
     campaign = validation.campaign
-    lead = f"{validation.verdict} Tuned on {', '.join(campaign.tune)}: {validation.tuning.sentence}."
+    shown = worst(validation)
+    first = [] if shown is None else [adhesion_plot(validation, shown.run, shown.axle, height=430)]
     sections = [
+        Section("", () if shown is None else (_shown(validation, shown),), (_facts(validation), *first)),
         Section(
             "The seed paper's own figures",
             (),
-            (criteria_table(validation), adhesion_table(validation.tuning), _errors(validation)),
+            (criteria_table(validation), adhesion_table(validation.tuning), errors_plot(validation)),
+            fold=True,
         ),
         Section(
             "Transition from degraded to recovered adhesion",
             ("Each point is one sample of one sliding wheel: lambda by eq. (3) over the energy spent; the curve is eq. (4).",),
-            (_transition(validation),),
+            (transition_plot(validation),),
+            fold=True,
         ),
-        Section(
-            "Adhesion coefficient over time, first axle",
-            ("Measured (eqs. 1 and 11), calculated from the measured slip (eq. 10), and the limits of both (eq. 5).",),
-            tuple(_adhesion(validation, name) for name in validation.stops),
-        ),
-        Section(
-            "The vehicle, simulated with the recorded brake torque",
-            (
-                "Nothing corrects the simulated slide: the recorded controller answered to the recorded wheels. Compare "
-                "the whole stop by the vehicle's speed and by the statistics of the slide, not wheel by wheel.",
-            ),
-            (slide_table(validation), *(_speeds(validation, name) for name in validation.stops)),
-        ),
-        Section("What the law is worth", (), (window_table(validation),)),
+        *(_run(validation, name) for name in validation.stops),
+        Section("The vehicle's speed and the slide, all runs", (), (slide_table(validation),), fold=True),
+        Section("What the law is worth", (), (window_table(validation),), fold=True),
     ]
     if closed_loop:
-        sections.append(Section("In closed loop", (), (closed_loop,)))
+        sections.append(Section("In closed loop", (), (closed_loop,), fold=True))
     if said := [sentence for stop in validation.stops.values() for sentence in stop.run.warnings]:
-        sections.append(Section("What was repaired in the recordings, or looks wrong", said))
-    write_page(path, f"Validation of campaign {campaign.name}", lead, sections, "Written by: wsp validate")
+        sections.append(Section("What was repaired in the recordings, or looks wrong", said, fold=True))
+    write_page(path, f"Validation of campaign {campaign.name}", validation.verdict, sections, made_from, options)
 
 
-def _thin(n: int) -> slice:
-    return slice(None, None, max(1, n // _POINTS))
+def _facts(validation: Validation) -> Facts:
+    """Return what the first screen says beside the verdict: how sure, and what is left in metres."""
+    campaign, tuning = validation.campaign, validation.tuning
+    scored = ", ".join(campaign.validate) or "none: the verdict rests on the runs tuned on"
+    rows = [("Tuned on", f"{', '.join(campaign.tune)}: {tuning.sentence}"), ("Only scored", scored)]
+    if ways := [_ways(stop) for name, stop in validation.stops.items() if name in (campaign.validate or campaign.tune)]:
+        off = [simulated - recorded for recorded, simulated in ways]
+        share = max(abs(simulated / recorded - 1.0) for recorded, simulated in ways)
+        rows.append(
+            ("Left in a stop", f"simulated with the recorded brake torque, stops differ by {min(off):+.1f} to "
+             f"{max(off):+.1f} m (at most {100.0 * share:.1f} % of the way braked)")
+        )  # fmt: skip
+    met = [criterion for criterion in validation.criteria if criterion.met]
+    rows.append(("Figures of the paper", f"{len(met)} of {len(validation.criteria)} met; they measure the fit of this law, and "
+                 "cannot see physics that tau and mu_cd hide: wsp diagnose looks for it"))  # fmt: skip
+    return Facts(rows)
 
 
-def _transition(validation: Validation) -> Figure:
-    objects, _ = plotly()
-    figure = objects.Figure()
-    law = validation.campaign.contact.law
-    largest = 1.0
-    for index, (name, score) in enumerate(validation.tuning.runs.items()):
-        derived = validation.stops[name].derived
-        energy = derived.energy_jpm[derived.usable]
-        if not score.slides or not energy.size:
-            continue
-        largest = max(largest, float(energy.max()))
-        shown = _thin(len(energy))
-        marker = {"size": 3, "color": COLOURS[index % len(COLOURS)], "opacity": 0.5}
-        values = transition(derived, score.mu_cd, law)[derived.usable]
-        figure.add_scatter(x=energy[shown], y=values[shown], mode="markers", name=f"{name} ({score.group})", marker=marker)
-    grid = np.linspace(0.0, largest, 300)
-    line = {"color": "black", "width": 3}
-    curve = 1.0 - np.exp(-validation.tuning.tau_m_per_J * grid)
-    figure.add_scatter(x=grid, y=curve, mode="lines", name="1 - exp(-tau W_sp)", line=line)
-    figure.update_layout(legend_itemsizing="constant")
-    return axes(figure, "specific dissipated energy W_sp [J/m]", "transition function lambda [-]", height=480)
-
-
-def _errors(validation: Validation) -> Figure:
-    objects, _ = plotly()
-    figure = objects.Figure()
-    for axle in range(validation.campaign.vehicle.axles):
-        sliding = {name: score.error[axle] for name, score in validation.tuning.runs.items() if score.error[axle] is not None}
-        percent = [100.0 * error for error in sliding.values() if error is not None]
-        figure.add_bar(x=list(sliding), y=percent, name=f"axle {axle + 1}", marker_color=COLOURS[axle % len(COLOURS)])
-    return axes(figure, "run [-]", "relative adhesion error e_j [%]", height=320)
-
-
-def _adhesion(validation: Validation, name: str) -> Figure:
-    objects, _ = plotly()
-    figure = objects.Figure()
-    derived, score = validation.stops[name].derived, validation.tuning.runs[name]
-    f_d, f_r = (limit[:, 0] for limit in limits(derived, score.mu_cd, validation.campaign.contact.law))
-    model = validation.tuning.adhesion(validation.campaign, derived, score.mu_cd)[:, 0]
-    inside = derived.speed_mps > 1.0  # below, the creepage has no meaning
-    shown = _thin(int(inside.sum()))
-    lines = (
-        ("f_r, fully recovered", f_r),
-        ("f_d, degraded", f_d),
-        ("f, measured", derived.adhesion[:, 0]),
-        ("f, calculated", model),
+def _ways(stop: ValidatedStop) -> tuple[float, float]:
+    """Return how far [m] a stop ran while it was simulated, as recorded and as simulated."""
+    samples = stop.simulated.speed_mps.shape[1]
+    span = slice(stop.start, stop.start + samples)
+    time = stop.derived.time_s[span]
+    recorded, simulated = (
+        float(np.trapezoid(v[: len(time)], time)) for v in (stop.derived.speed_mps[span], stop.simulated.speed_mps[0])
     )
-    for (label, values), colour in zip(lines, (COLOURS[2], COLOURS[1], COLOURS[5], COLOURS[0]), strict=True):
-        x, y = derived.time_s[inside][shown], values[inside][shown]
-        figure.add_scatter(x=x, y=y, mode="lines", name=label, line={"color": colour, "width": 1.5})
-    return axes(figure, "time [s]", "adhesion coefficient [-]", height=360, title=f"{name} ({score.group})")
+    return max(recorded, 1e-9), simulated
 
 
-def _speeds(validation: Validation, name: str) -> Figure:
-    objects, _ = plotly()
-    figure = objects.Figure()
-    stop = validation.stops[name]
-    derived, whole = stop.derived, stop.simulated
-    samples = whole.speed_mps.shape[1]
-    part, span = _thin(samples), slice(stop.start, stop.start + samples)
-    time = derived.time_s[span]
-    recorded = derived.speed_mps[span] - derived.slip_speed_mps[span, 0]
-    lines = (
-        ("vehicle, recorded", derived.speed_mps[span], COLOURS[6], "solid"),
-        ("vehicle, simulated", whole.speed_mps[0], COLOURS[6], "dot"),
-        ("first axle r w, recorded", recorded, COLOURS[5], "solid"),
-        ("first axle r w, simulated", whole.circumferential_mps[0][:, 0], COLOURS[0], "solid"),
+def _shown(validation: Validation, one: Worst) -> str:
+    held_out = " held-out" if one.run in validation.campaign.validate else ""
+    return f"The worst fit of a{held_out} axle: run {one.run}, axle {one.axle + 1}, {100.0 * one.error:.1f} % off on average."
+
+
+def _run(validation: Validation, name: str) -> Section:
+    group = "only scored" if name in validation.campaign.validate else "tuned on"
+    text = (
+        "Measured adhesion (eqs. 1 and 11), calculated from the measured slip (eq. 10), and while a wheel slides the limits of "
+        "both (eq. 5). Below: the vehicle simulated with the recorded brake torque. Nothing corrects the simulated slide: "
+        "compare the vehicle's speed and the statistics of the slide, not wheel by wheel.",
     )
-    for label, values, colour, dash in lines:
-        figure.add_scatter(
-            x=time[part], y=values[part], mode="lines", name=label, line={"color": colour, "width": 1.5, "dash": dash}
-        )
-    return axes(figure, "time [s]", "speed [m/s]", height=360, title=f"{name} ({validation.tuning.runs[name].group})")
+    shows = (adhesion_plot(validation, name), speeds_plot(validation, name))
+    return Section(f"Run {name} ({group}), every axle", text, shows, fold=True)

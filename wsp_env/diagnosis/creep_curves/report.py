@@ -4,26 +4,46 @@ from pathlib import Path
 from typing import Any
 
 from wsp_env.diagnosis.creep_curves.answer import CreepDiagnosis, ShownCurve
-from wsp_env.diagnosis.words import said
-from wsp_env.report import COLOURS, Section, Table, axes, plotly, write_page
+from wsp_env.diagnosis.report_facts import LEAST_SHARE, MEANINGS
+from wsp_env.diagnosis.words import parameter_words, said, unit_words
+from wsp_env.report import COLOURS, Facts, Origin, PageOptions, Section, Table, axes, plotly, write_page
 
 _TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)  # [%]
 
 
-def write_creep_report(path: Path, found: CreepDiagnosis) -> None:
+def write_creep_report(
+    path: Path,
+    found: CreepDiagnosis,
+    made_from: Origin = Origin("wsp diagnose"),
+    options: PageOptions = PageOptions(),
+) -> None:
     """Write the page of a diagnosis."""
-    sections = [_where(found), _what(found), _fitted(found), _held_out(found), _open(found), _remains(found)]
-    write_page(path, f"Diagnosis of {found.campaign}: {found.verdict}", found.sentence, sections, "Written by: wsp diagnose")
+    sections = [_first(found), _where(found), _what(found), _fitted(found), _held_out(found), _open(found), _remains(found)]
+    write_page(path, f"Diagnosis of {found.campaign}", found.sentence, sections, made_from, options)
+
+
+def _first(found: CreepDiagnosis) -> Section:
+    """Return what the first screen holds beside the sentence."""
+    rows = [("Verdict", f"{found.verdict}: {MEANINGS[found.verdict]}")]
+    sure = [f"{one.name.replace('_', ' ')}: {one.confidence:.2f} of 1" for one in found.mechanisms]
+    rows += [("Confidence", "; ".join(sure))] if sure else []
+    places = [f"{one.where} ({one.share:.0%} of it)" for one in found.location if one.share >= LEAST_SHARE]
+    rows += [("Where", "; ".join(places))] if places else []
+    if found.mechanisms:
+        removed = found.fit.removed_validate
+        rows += [("Removed", f"{min(max(removed, 0.0), 1.0):.0%} of the removable error of held-out points")] if removed else []
+    rows.append(("Next test", f"{found.next_test[:1].upper()}{found.next_test[1:]}"))
+    return Section("", (), [Facts(rows), *(_curve(one, bool(found.mechanisms)) for one in found.curves[:1])])
 
 
 def _where(found: CreepDiagnosis) -> Section:
     text = ["The baseline has Kalker's slope and the believed friction, its level fitted. The band is the fit's 90 % interval."]
     if not found.location:
         text.append("Nowhere do the points lie off the baseline by more than their scatter explains.")
-    rows = [(one.where, ", ".join(one.runs), f"{one.share:.0%}") for one in found.location]
+    rows = [(one.where, ", ".join(one.runs), f"{one.share:.0%}") for one in found.location if one.share >= LEAST_SHARE]
     caption = "Share: of what that law misses beyond the scatter."
     table = [Table(("Where the law misses the points", "Curve", "Share"), rows, caption)] if rows else []
-    return Section("Where", text, [*(_curve(one, bool(found.mechanisms)) for one in found.curves), *table])
+    return Section("Where", text, [*(_curve(one, bool(found.mechanisms)) for one in found.curves[1:]), *table], fold=True)
 
 
 def _curve(one: ShownCurve, extended: bool) -> Any:
@@ -49,7 +69,7 @@ def _curve(one: ShownCurve, extended: bool) -> Any:
 def _what(found: CreepDiagnosis) -> Section:
     rows = [
         (one.name.replace("_", " "), f"{one.gain:.0f}", f"{max(one.null):.0f}", f"{one.held_out:.0f}",
-         f"{one.multiple:.1f}" if one.multiple else "-")
+         f"{one.multiple:.1f}" if one.multiple else "not computed")
         for one in found.evidence
     ]  # fmt: skip
     header = ("Candidate, alone", "Reduction", "Largest in null recordings", "Held out", "Size / smallest of interest")
@@ -65,7 +85,7 @@ def _what(found: CreepDiagnosis) -> Section:
     names = list(found.confounding)
     cosines = [(a.replace("_", " "), *(f"{found.confounding[a][b]:.2f}" for b in names)) for a in names]
     confusion = Table(("Cosine between", *(name.replace("_", " ") for name in names)), cosines, "1: the points cannot tell.")
-    return Section("What", text, [Table(header, rows, caption), confusion])
+    return Section("What", text, [Table(header, rows, caption), confusion], fold=True)
 
 
 def _fitted(found: CreepDiagnosis) -> Section:
@@ -78,15 +98,19 @@ def _fitted(found: CreepDiagnosis) -> Section:
             f"{one.multiple:.1f} times the smallest effect of interest; reduces chi-square by {one.gain:.0f} beside the "
             f"others, against at most {one.null_gain:.0f} in null recordings; held out {one.held_out_gain:.0f}.{apart}"
         )
-    estimates = {f"{one.name}: {name}": value for one in found.mechanisms for name, value in one.parameters.items()} | found.law
+    estimates = {
+        f"{one.name.replace('_', ' ')}: {parameter_words(name)}": value
+        for one in found.mechanisms
+        for name, value in one.parameters.items()
+    } | {parameter_words(name): value for name, value in found.law.items()}
     rows = [
-        (name.replace("_", " "), f"{one.value:.4g}", one.unit, f"{one.interval90[0]:.4g} to {one.interval90[1]:.4g}")
+        (name, f"{one.value:.4g}", unit_words(one.unit), f"{one.interval90[0]:.4g} to {one.interval90[1]:.4g}")
         for name, one in estimates.items()
     ]
     table = Table(
         ("Parameter", "Value", "Unit", "90 % interval"), rows, "Below the mechanisms' parameters: what the law then is."
     )
-    return Section("The fitted law", text or ["No mechanism is added: the friction level alone is fitted."], [table])
+    return Section("The fitted law", text or ["No mechanism is added: the friction level alone is fitted."], [table], fold=True)
 
 
 def _held_out(found: CreepDiagnosis) -> Section:
@@ -108,7 +132,7 @@ def _held_out(found: CreepDiagnosis) -> Section:
     figure.update_layout(title="Held-out error of every block", height=360)
     figure.update_xaxes(type="log", tickvals=_TICKS)
     figure.update_yaxes(rangemode="tozero")
-    return Section("Before and after", text, [table, axes(figure, "creepage [%]", "root mean square error [-]")])
+    return Section("Before and after", text, [table, axes(figure, "creepage [%]", "root mean square error [-]")], fold=True)
 
 
 def _open(found: CreepDiagnosis) -> Section:
@@ -118,11 +142,15 @@ def _open(found: CreepDiagnosis) -> Section:
     names = list(found.correlations)
     rows = [(a.replace("_", " "), *(f"{found.correlations[a][b]:+.2f}" for b in names)) for a in names]
     table = Table(("Rank correlation of", *(name.replace("_", " ") for name in names)), rows, "Estimates over null recordings.")
-    return Section("What these points cannot separate", text, [table] if len(names) > 1 else [])
+    return Section("What these points cannot separate", text, [table] if len(names) > 1 else [], fold=True)
 
 
 def _remains(found: CreepDiagnosis) -> Section:
     text = [f"Next test: {found.next_test}.", *(f"{note[0].upper()}{note[1:]}." for note in found.notes)]
-    rows = [(name, size, f"{value:.3g}") for name, sizes in found.detectable.items() for size, value in sizes.items()]
+    rows = [
+        (name.replace("_", " "), parameter_words(size), f"{value:.3g}")
+        for name, sizes in found.detectable.items()
+        for size, value in sizes.items()
+    ]
     table = Table(("Mechanism", "Parameter", "Smallest change that would have been seen"), rows)
-    return Section("What remains", text, [table] if rows else [])
+    return Section("What remains", text, [table] if rows else [], fold=True)
