@@ -10,11 +10,11 @@ from plant_cases import a_stop
 
 import wsp_env  # noqa: F401  # registers the environments
 from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.track_geometry import Curve, TrackGeometry
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.plant.longitudinal.plant import LongitudinalPlant
 from wsp_env.plant.multibody.plant import MultibodyPlant
 from wsp_env.plant.multibody.structure import WHEELSETS, Y_
-from wsp_env.plant.multibody.way import way
 from wsp_env.plant.port import Setup
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("multibody")]  # the step takes a while to compile: once
@@ -32,8 +32,8 @@ def brake(plant, seconds=60.0, cycling=False):
 
 
 def started(kind=MultibodyPlant, setup=None, n=1, track=None, blocked=False, **changes):
-    more = {} if kind is LongitudinalPlant else {"blocked": blocked, "track": track}
-    plant = kind(COACH, n, setup or Setup(), **more)
+    more = {} if kind is LongitudinalPlant else {"blocked": blocked}
+    plant = kind(COACH, n, dataclasses.replace(setup or Setup(), track_geometry=track), **more)
     for i in range(n):
         plant.start(i, a_stop(COACH, **changes))
     return plant
@@ -97,10 +97,10 @@ def test_a_lateral_offset_decays():
 
 def test_a_narrow_curve_is_run_on_the_flange():
     """300 m with transitions and cant at the speed where cant and curvature balance: the outer wheels guide, nothing jumps."""
-    radius, tilt = 300.0, -0.1
-    speed = math.sqrt(0.1 * 9.81 * radius)
-    nodes = [(60.0, 0.0, 0.0), (120.0, 1.0 / radius, tilt), (1e4, 1.0 / radius, tilt)]
-    plant = started(track=way(nodes), mu_cd=0.28, initial_speed=speed, demand=0.0)
+    radius, cant = 300.0, 0.15
+    speed = math.sqrt(math.tan(math.asin(cant / 1.5)) * 9.81 * radius)
+    track = TrackGeometry(curves=(Curve(begin_m=60.0, transition_m=60.0, length_m=1e4, radius_m=radius, cant_m=cant),))
+    plant = started(track=track, mu_cd=0.28, initial_speed=speed, demand=0.0)
     loads, shifts = [], []
     for _ in range(round(14.0 / 0.02)):
         plant.step(np.ones((1, 4)))

@@ -17,17 +17,16 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from wsp_env.cli.plant_options import PlantOptions
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.evaluate import BOUND, Failure, ProgrammeResult, Trace, evaluate
 from wsp_env.evaluation.figures import FIGURES
 from wsp_env.evaluation.programme import STANDARD, Draws, read_programme, select_cases
 from wsp_env.evaluation.programme_report import LEFT_LIMIT, write_report
-from wsp_env.evaluation.runner import Conduct
 from wsp_env.evaluation.summary import Verdict, judge, summarise
 from wsp_env.output import all_of, ready, write_whole
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle_file import find_vehicle
-from wsp_env.plant import make_plant
 
 #: Columns of the printed table: figure, heading, digits.
 _COLUMNS = (
@@ -81,7 +80,7 @@ def main(
     set: tuple[str, ...] = (),
     stops: Annotated[ProgrammeOptions, tyro.conf.arg(name="")] = ProgrammeOptions(),
     jobs: int = 0,
-    plant: Annotated[str, tyro.conf.arg(metavar="NAME|PACKAGE.MODULE:CLASS")] = "longitudinal",
+    plant: Annotated[PlantOptions, tyro.conf.arg(name="")] = PlantOptions(),
     pressure_sensors: bool = False,
     out: Path = Path("out/evaluate"),
     json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
@@ -105,7 +104,7 @@ def main(
     jobs
         Processes; 0: one per processor. The results do not depend on it.
     plant
-        What computes the vehicle's motion; a class of your own is run as Python (PYTHONPATH=. finds one in this folder).
+        What computes the vehicle's motion.
     pressure_sensors
         The vehicle measures its cylinder pressures.
     out
@@ -115,7 +114,7 @@ def main(
 
     """
     braked = find_vehicle(vehicle)
-    make_plant(braked, name=plant)  # refuses one that cannot be had before anything is computed
+    plant.check(braked)
     draws = Draws(stops.draws, stops.seed)
     if jobs < 0:
         raise ParameterError(f"jobs = {jobs}: at least 0")
@@ -137,7 +136,7 @@ def main(
             out / "cases",
             draws=draws,
             jobs=jobs or os.cpu_count() or 1,
-            conduct=Conduct(pressure_sensors=pressure_sensors, plant=plant),
+            conduct=plant.conduct(pressure_sensors=pressure_sensors),
             done=lambda what: progress.update(bar, advance=1, description=escape(what)),
         )
     for failure in result.failures:

@@ -5,12 +5,15 @@ turns with the curve: a body in it feels the curve as forces, and bodies at diff
 turned (`shift`).
 """
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wsp_env.compiled import inlined, loop
+from wsp_env.contact.geometry.track import Track
+from wsp_env.parameters.track_geometry import TrackGeometry
 
 Array = NDArray[np.float64]
 
@@ -20,6 +23,9 @@ BEGIN, CURVATURE, CURVATURE_RATE, HEADING, ACROSS, TILT, TILT_RATE = range(7)
 
 #: Columns of the irregularities: of the left rail across (to the left) and up, of the right rail across and up [m].
 RAILS = 4
+
+#: Irregularities grow over so long a way [m] from the start, as the stop begins with the vehicle at rest on smooth rails.
+FADE_IN_M = 25.0
 
 
 class Way(NamedTuple):
@@ -66,6 +72,19 @@ def way(curvature: list[tuple[float, float, float]], rails: Array | None = None,
     return Way(np.array(rows), np.zeros((0, RAILS)) if rails is None else np.ascontiguousarray(rails, dtype=float), node_m)
 
 
+def way_of(track: TrackGeometry) -> Way:
+    """Return a track for compiled code."""
+    nodes = [(0.0, 0.0, 0.0)]
+    for curve in track.curves:
+        curvature = 1.0 / curve.radius_m
+        tilt = Track(track.gauge_m, curvature_1pm=curvature, superelevation_m=curve.cant_m).tilt_rad
+        full = curve.begin_m + curve.transition_m
+        nodes += [(curve.begin_m, 0.0, 0.0), (full, curvature, tilt), (full + curve.length_m, curvature, tilt)]
+        nodes += [(curve.end_m, 0.0, 0.0)]
+    kept = [node for node, after in itertools.pairwise(nodes) if after[0] > node[0]] + nodes[-1:]
+    return way(kept if track.curves else [], track.irregularities.rails(), track.irregularities.node_m)
+
+
 @loop
 def here(place: float, s: Array) -> Here:
     """Return the track of the segments (segments, 7) at a place [m]."""
@@ -92,7 +111,7 @@ def _cubic(t: float, a: float, b: float, c: float, d: float) -> tuple[float, flo
 def rail(place: float, side: int, w: Way) -> Rail:
     """Return the irregularity of a rail, side 0 left or 1 right, at a place [m]."""
     n = w.rails.shape[0]
-    if n == 0:
+    if n == 0 or place <= 0.0:
         return Rail(0.0, 0.0, 0.0, 0.0)
     x = place / w.node
     i = int(np.floor(x))
@@ -101,4 +120,6 @@ def rail(place: float, side: int, w: Way) -> Rail:
     r, j = w.rails, 2 * side
     y, dy = _cubic(t, r[i0, j], r[i1, j], r[i2, j], r[i3, j])
     z, dz = _cubic(t, r[i0, j + 1], r[i1, j + 1], r[i2, j + 1], r[i3, j + 1])
-    return Rail(y, z, dy / w.node, dz / w.node)
+    begun = min(place / FADE_IN_M, 1.0)
+    share, rate = begun * begun * (3.0 - 2.0 * begun), 6.0 * begun * (1.0 - begun) / FADE_IN_M
+    return Rail(share * y, share * z, share * dy / w.node + rate * y, share * dz / w.node + rate * z)
