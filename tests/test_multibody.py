@@ -1,6 +1,7 @@
 """The multibody plant in motion: energy, convergence, the longitudinal plant as its limit, curves, what it gives up."""
 
 import dataclasses
+import json
 import math
 
 import gymnasium as gym
@@ -8,7 +9,8 @@ import numpy as np
 import pytest
 from plant_cases import a_stop
 
-import wsp_env  # noqa: F401  # registers the environments
+from wsp_env import cli  # registers the environments too
+from wsp_env.evaluation.controller import load
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.track_geometry import Curve, TrackGeometry
 from wsp_env.parameters.uic_z1 import COACH
@@ -133,6 +135,97 @@ def test_what_leaves_the_rails_is_truncated_with_the_reason():
     assert truncated
     assert "not finite" in info["given_up"]
     assert math.isfinite(info["speed_mps"])
+
+
+def test_a_slide_protection_in_the_loop_gives_the_same_distances_in_the_mean():
+    """Blocked, against the longitudinal plant, under the rule-based controller.
+
+    Its thresholds make single stops part: a count of the tachometer sooner or later is another slide. Stops that differ in the
+    noise of their sensors alone are such stops; what must agree is their distribution.
+    """
+    n, found = 12, {}
+    for kind in (LongitudinalPlant, MultibodyPlant):
+        plant = kind(COACH, n, Setup(substep_s=5e-4), **({} if kind is LongitudinalPlant else {"blocked": True}))
+        for i in range(n):
+            plant.start(i, a_stop(COACH, mu_cd=0.04, initial_speed=22.0, noise=0.05, key=i + 1))
+        controller = load("rule-based")
+        controller.reset(n, COACH)
+        while plant.moving.any():
+            plant.step(controller.act(plant.reading()._replace(pressure=None)))
+        found[kind] = plant.state.position.copy()
+    one, three = found.values()
+    error = math.sqrt((one.var(ddof=1) + three.var(ddof=1)) / n)
+    assert 0.0 < error < 5e-3 * one.mean()  # the stops do part, and are enough to tell a difference of a percent
+    assert abs(one.mean() - three.mean()) < 3.0 * error
+    assert 0.3 < one.std() / three.std() < 3.0  # F distribution of 11 and 11: beyond with a chance of 0.0005
+
+
+def test_the_batch_is_the_single_environment():
+    """Stop i of `make_vec` is the single environment with seed + i, in 3D as in 1D."""
+    envs = gym.make_vec("wsp_env/Coach-v0", num_envs=2, plant="multibody", vectorization_mode="vector_entry_point")
+    together, _ = envs.reset(seed=7)
+    single = gym.make("wsp_env/Coach-v0", plant="multibody")
+    alone, _ = single.reset(seed=8)
+    np.testing.assert_array_equal(together[1], alone)
+    for _ in range(25):
+        together, *_, infos = envs.step(np.full((2, 4), 2))
+        alone, *_, info = single.step([2, 2, 2, 2])
+    np.testing.assert_array_equal(together[1], alone)
+    np.testing.assert_array_equal(infos["wheel_load_n"][1], info["wheel_load_n"])
+
+
+def test_irregularities_shake_the_wheels_and_spare_the_carbody():
+    """By `gym.make`: on a rough track wheel loads vary about the same mean; the suspension keeps it from the carbody."""
+    loads, lifts = [], []
+    env = gym.make(
+        "wsp_env/Coach-v0", plant="multibody", track_geometry={"irregularities": {"spectrum": "low", "length_m": 500}}
+    )
+    env.reset(seed=1, options={"initial_speed": 30.0, "mu_cd": 0.28, "demand": 0.0, "load": 0.0})
+    for _ in range(400):
+        _, _, _, truncated, info = env.step([2, 2, 2, 2])
+        loads.append(info["wheel_load_n"])
+        lifts.append(info["body_shift_m"][:2, 2])
+        assert not truncated
+    rough = np.array(loads[100:])
+    assert rough.mean() == pytest.approx(COACH.static_wheel_load_n, rel=0.02)
+    assert 0.01 < rough.std() / rough.mean() < 0.3
+    carbody, bogie = np.diff(np.array(lifts), n=2, axis=0)[100:].std(axis=0)
+    assert carbody < 0.5 * bogie  # accelerations
+
+
+def test_too_fast_for_a_curve_is_truncated_without_a_nan():
+    """40 m/s in a curve of 150 m: 10.7 m/s2 outwards tip and derail any vehicle; every stop of the batch ends with a reason."""
+    env = gym.make("wsp_env/Coach-v0", plant="multibody", track_geometry={"curves": [{"begin_m": 20.0, "radius_m": -150.0}]})
+    env.reset(seed=1, options={"initial_speed": 40.0, "mu_cd": 0.06, "demand": 0.0})
+    truncated = False
+    for _ in range(600):
+        observation, reward, terminated, truncated, info = env.step([2, 2, 2, 2])
+        assert np.isfinite(observation).all()
+        assert math.isfinite(reward)
+        if terminated or truncated:
+            break
+    assert truncated
+    assert "derailed: wheelset" in info["given_up"] or "not finite" in info["given_up"]
+    assert np.isfinite(info["wheel_load_n"]).all()
+
+
+def test_the_commands_brake_in_three_dimensions(tmp_path, capsys):
+    """`wsp evaluate` and `wsp compare` with a track from a file; the same in a plant without rails is refused."""
+    (tmp_path / "track.toml").write_text("[[curves]]\nbegin_m = 5.0\nradius_m = 500.0\n")
+    options = ["--plant", "multibody", "--track-geometry", str(tmp_path / "track.toml")]
+    given = ["--mu-cd", "0.06", "--tau", "1.9e-4", "--speed", "8", "--json", "--out", str(tmp_path / "page.html")]
+    assert cli.main(["compare", *given, *options]) == 0
+    (pair,) = json.loads(capsys.readouterr().out)["pairs"]
+    assert 10.0 < pair["recovering_m"] < 60.0
+    assert cli.main(["compare", *given, *options[2:]]) != 0
+    assert "take plant multibody" in capsys.readouterr().err
+    case = '[[case]]\nname = "slow"\nabout = "short"\ninitial_speed_kmh = 25.0\ninitial_adhesion = [0.1, 0.1]\n'
+    (tmp_path / "programme.toml").write_text('[programme]\nname = "short"\n' + case)
+    run = ["--programme", str(tmp_path / "programme.toml"), "--controllers", "none", "--draws", "1", "--jobs", "1", "--json"]
+    assert cli.main(["evaluate", *run, *options, "--out", str(tmp_path / "out")]) == 0
+    stops = json.loads(capsys.readouterr().out)["stops"]
+    assert {stop["controller"] for stop in stops} == {"none", "perfect-knowledge", "bound"}
+    assert all(stop["stopped"] for stop in stops)
 
 
 def test_info_says_what_the_wheels_do():
