@@ -162,7 +162,7 @@ def test_a_slide_protection_in_the_loop_gives_the_same_distances_in_the_mean():
 
 def test_the_batch_is_the_single_environment():
     """Stop i of `make_vec` is the single environment with seed + i, in 3D as in 1D."""
-    envs = gym.make_vec("wsp_env/Coach-v0", num_envs=2, plant="multibody", vectorization_mode="vector_entry_point")
+    envs = gym.make_vec("wsp_env/Coach-v0", num_envs=2, plant="multibody")
     together, _ = envs.reset(seed=7)
     single = gym.make("wsp_env/Coach-v0", plant="multibody")
     alone, _ = single.reset(seed=8)

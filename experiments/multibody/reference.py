@@ -8,6 +8,7 @@ the preload as an offset and keep their direction, as in the plant.
 """
 
 import json
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +27,7 @@ class Built:
         self.container = exudyn.SystemContainer()
         self.mbs = self.container.AddSystem()
         self.free: list[int] = []
-        self.bodies: list[int] = []
+        self.bodies: list[Any] = []  # exudyn's indices
         self.places: dict[int, np.ndarray] = {}
         self.preloaded = preloaded
         m, axles = self.m, -np.array(COACH.axle_positions_m)
@@ -44,7 +45,7 @@ class Built:
                     self.primary(bogie, float(axles[k]), side, (car_kg / 2.0 + m.bogie_mass_kg) * self.g / 4.0)
         self.mbs.Assemble()
 
-    def body(self, mass: float, inertia: list[float], place: tuple[float, float, float], free: range | tuple[int, ...]) -> int:
+    def body(self, mass: float, inertia: list[float], place: tuple[float, float, float], free: range | tuple[int, ...]) -> Any:
         """Add a rigid body; only its coordinates `free` may move."""
         from exudyn.utilities import RigidBodyInertia
 
@@ -54,27 +55,27 @@ class Built:
         )  # fmt: skip
         self.free += [6 * len(self.bodies) + own for own in free]
         self.bodies.append(number)
-        self.places[number] = np.array(place)
-        return int(number)
+        self.places[int(number)] = np.array(place)
+        return number
 
-    def spring(self, first: int, second: int, point: tuple[float, float, float], k: list[float], carried: float) -> None:
+    def spring(self, first: Any, second: Any, point: tuple[float, float, float], k: list[float], carried: float) -> None:
         """Add a spring of stiffnesses k [N/m] along x, y, z at a point; `first` rests on `second` with `carried` [N]."""
-        local = [np.array(point) - self.places[n] for n in (first, second)]
+        local = [np.array(point) - self.places[int(n)] for n in (first, second)]
         lifted = carried / k[2] if carried and self.preloaded else 0.0
         self.mbs.CreateCartesianSpringDamper(
-            bodyNumbers=[second, first], localPosition0=list(local[1]), localPosition1=list(local[0]), stiffness=k,
+            itemNumbers=[second, first], localPosition0=list(local[1]), localPosition1=list(local[0]), stiffness=k,
             damping=[0.0] * 3, offset=[0.0, 0.0, lifted],
         )  # fmt: skip
 
-    def turning(self, first: int, second: int, point: tuple[float, float, float], k: list[float]) -> None:
+    def turning(self, first: Any, second: Any, point: tuple[float, float, float], k: list[float]) -> None:
         """Add a spring of stiffnesses k [N m/rad] about x, y, z."""
-        local = [np.array(point) - self.places[n] for n in (first, second)]
+        local = [np.array(point) - self.places[int(n)] for n in (first, second)]
         self.mbs.CreateRigidBodySpringDamper(
-            bodyNumbers=[second, first], localPosition0=list(local[1]), localPosition1=list(local[0]),
+            itemNumbers=[second, first], localPosition0=list(local[1]), localPosition1=list(local[0]),
             stiffness=np.diag([0.0, 0.0, 0.0, *k]), damping=np.zeros((6, 6)),
         )  # fmt: skip
 
-    def secondary(self, car: int, bogie: int, x: float, car_kg: float) -> None:
+    def secondary(self, car: Any, bogie: Any, x: float, car_kg: float) -> None:
         """Add springs, traction rod and anti-roll bar of a bogie."""
         m = self.m
         k = [m.secondary_stiffness_x_n_per_m, m.secondary_stiffness_y_n_per_m, m.secondary_stiffness_z_n_per_m]
@@ -84,7 +85,7 @@ class Built:
         self.spring(car, bogie, (x, 0.0, m.traction_rod_height_m), rod, 0.0)
         self.turning(car, bogie, (x, 0.0, m.bogie_height_m), [m.anti_roll_bar_nm_per_rad, 0.0, 0.0])
 
-    def primary(self, bogie: int, x: float, side: float, carried: float) -> None:
+    def primary(self, bogie: Any, x: float, side: float, carried: float) -> None:
         """Add an axle box, which may only turn about its axle, and its springs."""
         m = self.m
         inertia = [m.axle_box_inertia_xx_kgm2, m.axle_box_inertia_yy_kgm2, m.axle_box_inertia_zz_kgm2]
@@ -123,14 +124,14 @@ def loads() -> list[float]:
         for axle in (boxes[:2], boxes[2:]):
             carried = 0.0
             for box in axle:
-                local = built.places[box] - built.places[bogie]
+                local = built.places[int(box)] - built.places[int(bogie)]
                 sunk = mbs.GetObjectOutputBody(bogie, built.exu.OutputVariableType.Displacement, list(local))
                 carried -= m.primary_stiffness_z_n_per_m * float(sunk[2])
             found.append(carried + own_n)
     return found
 
 
-def _hold(built: Built, node: int, coordinate: int) -> None:
+def _hold(built: Built, node: Any, coordinate: int) -> None:
     from exudyn.itemInterface import CoordinateConstraint, MarkerNodeCoordinate, NodePointGround
 
     ground = built.mbs.AddNode(NodePointGround())
