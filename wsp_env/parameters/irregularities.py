@@ -33,8 +33,9 @@ O_C, O_R, O_S, HALF_M = 0.8246, 0.0206, 0.4380, 0.75
 #: Columns of a measured file [m]: place, then left and right rail across (positive to the left) and up.
 COLUMNS = ("place_m", "left_y_m", "left_z_m", "right_y_m", "right_z_m")
 
-#: Length [m] over which the end of a table is led back to its beginning, with which it goes on (assumption).
-JOIN_M = 20.0
+#: A table grows from nothing over this length [m] and falls to nothing over as much; its last `SMOOTH_M` are smooth: there a
+#: stop begins, its vehicle at rest on smooth rails, and there the table is repeated (assumption).
+GROWS_M, SMOOTH_M = 25.0, 50.0
 
 _MOST_POINTS = 1_000_000
 _LARGEST_M = 0.05  # of one irregularity: beyond the flange's height no wheel stays on the rail
@@ -70,14 +71,16 @@ class Irregularities(Checked):
 
     def rails(self) -> Array:
         """Return the irregularities of the left rail across and up, and of the right rail (nodes, 4) [m]; none: (0, 4)."""
-        if self.points:
-            return self.scale * _resampled(np.array(self.points), self.node_m)
-        if self.spectrum:
-            return self.scale * self._drawn()
-        return np.zeros((0, 4))
+        if not (self.points or self.spectrum):
+            return np.zeros((0, 4))
+        rails = _resampled(np.array(self.points), self.node_m) if self.points else self.drawn()
+        return self.scale * window(len(rails), self.node_m)[:, None] * rails
 
-    def _drawn(self) -> Array:
-        """Return a sum of waves with the spectrum's amplitudes and phases from the seed."""
+    def drawn(self) -> Array:
+        """Return the table (nodes, 4) [m] before it is scaled and made to begin and end smoothly.
+
+        It is a sum of waves with the spectrum's amplitudes and with phases from the seed.
+        """
         nodes = round(self.length_m / self.node_m)
         waves = np.arange(nodes // 2 + 1)
         omega = 2.0 * math.pi * waves / (nodes * self.node_m)
@@ -102,13 +105,18 @@ def densities(omega: Array, level: str) -> tuple[Array, Array, Array]:
 
 
 def _resampled(points: Array, node_m: float) -> Array:
-    """Return measured points (n, 5) on nodes, the last `JOIN_M` led to the first so that the table can be repeated."""
+    """Return measured points (n, 5) on nodes (nodes, 4)."""
     place = points[:, 0] - points[0, 0]
     nodes = node_m * np.arange(int(place[-1] / node_m) + 1)
-    rails = np.column_stack([np.interp(nodes, place, points[:, column]) for column in range(1, 5)])
-    share = np.clip((nodes - (nodes[-1] - JOIN_M)) / JOIN_M, 0.0, 1.0)[:, None]
-    joined: Array = (1.0 - share) * rails + share * rails[0]
-    return joined
+    return np.column_stack([np.interp(nodes, place, points[:, column]) for column in range(1, 5)])
+
+
+def window(nodes: int, node_m: float) -> Array:
+    """Return the share (nodes,) of every irregularity that lies there: smooth at both ends, see `GROWS_M`."""
+    place = node_m * np.arange(nodes)
+    rising = np.clip(np.minimum(place, place[-1] - SMOOTH_M - place) / GROWS_M, 0.0, 1.0)
+    share: Array = rising * rising * (3.0 - 2.0 * rising)
+    return share
 
 
 def read_points(file: Path) -> tuple[tuple[float, ...], ...]:
@@ -145,6 +153,6 @@ def _points(file: Path, lines: Any) -> tuple[tuple[float, ...], ...]:
         points.append(point)
         if len(points) > _MOST_POINTS:
             raise ParameterError(f"irregularities {file}: more than {_MOST_POINTS} points")
-    if len(points) < 2 or points[-1][0] - points[0][0] < 2.0 * JOIN_M:
-        raise ParameterError(f"irregularities {file}: a table needs {2.0 * JOIN_M:g} m of track or more")
+    if len(points) < 2 or points[-1][0] - points[0][0] < 2.0 * SMOOTH_M:
+        raise ParameterError(f"irregularities {file}: a table needs {2.0 * SMOOTH_M:g} m of track or more")
     return tuple(points)

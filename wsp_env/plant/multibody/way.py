@@ -24,9 +24,6 @@ BEGIN, CURVATURE, CURVATURE_RATE, HEADING, ACROSS, TILT, TILT_RATE = range(7)
 #: Columns of the irregularities: of the left rail across (to the left) and up, of the right rail across and up [m].
 RAILS = 4
 
-#: Irregularities grow over so long a way [m] from the start, as the stop begins with the vehicle at rest on smooth rails.
-FADE_IN_M = 25.0
-
 
 class Way(NamedTuple):
     """A track; straight and smooth if there is one segment and no node of irregularity."""
@@ -111,7 +108,7 @@ def _cubic(t: float, a: float, b: float, c: float, d: float) -> tuple[float, flo
 def rail(place: float, side: int, w: Way) -> Rail:
     """Return the irregularity of a rail, side 0 left or 1 right, at a place [m]."""
     n = w.rails.shape[0]
-    if n == 0 or place <= 0.0:
+    if n == 0:
         return Rail(0.0, 0.0, 0.0, 0.0)
     x = place / w.node
     i = int(np.floor(x))
@@ -120,6 +117,4 @@ def rail(place: float, side: int, w: Way) -> Rail:
     r, j = w.rails, 2 * side
     y, dy = _cubic(t, r[i0, j], r[i1, j], r[i2, j], r[i3, j])
     z, dz = _cubic(t, r[i0, j + 1], r[i1, j + 1], r[i2, j + 1], r[i3, j + 1])
-    begun = min(place / FADE_IN_M, 1.0)
-    share, rate = begun * begun * (3.0 - 2.0 * begun), 6.0 * begun * (1.0 - begun) / FADE_IN_M
-    return Rail(share * y, share * z, share * dy / w.node + rate * y, share * dz / w.node + rate * z)
+    return Rail(y, z, dy / w.node, dz / w.node)
