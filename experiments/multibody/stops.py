@@ -90,14 +90,17 @@ def drive(
     columns = [np.array(values) for values in zip(*samples, strict=True)]
     lengths, distance = np.array(moved).sum(axis=0), made.truth().position
     return [
-        Driven(
-            sample_s * np.arange(length),
-            *(values[:length, i] for values in columns[:6]),
-            float(distance[i]),
-            {name: values[:length, i] for name, values in zip(keep, columns[6:], strict=True)},
-        )
+        _driven(sample_s, [values[:length, i] for values in columns], float(distance[i]), keep)
         for i, length in enumerate(lengths)
     ]
+
+
+def _driven(sample_s: float, columns: list[np.ndarray], distance: float, keep: Sequence[str]) -> Driven:
+    """Return one stop from its columns in the order in which they were sampled."""
+    speed, deceleration, slip, wheel_speed, torque, load_n, *more = columns
+    time = sample_s * np.arange(len(speed))
+    further = dict(zip(keep, more, strict=True))
+    return Driven(time, speed, deceleration, slip, wheel_speed, torque, load_n, distance, further)
 
 
 def table(driven: Driven, seed: int) -> pl.DataFrame:
