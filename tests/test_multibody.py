@@ -10,7 +10,6 @@ import pytest
 from plant_cases import a_stop
 
 from wsp_env import cli  # registers the environments too
-from wsp_env.evaluation.controller import load
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.track_geometry import Curve, TrackGeometry
 from wsp_env.parameters.uic_z1 import COACH
@@ -135,29 +134,6 @@ def test_what_leaves_the_rails_is_truncated_with_the_reason():
     assert truncated
     assert "not finite" in info["given_up"]
     assert math.isfinite(info["speed_mps"])
-
-
-def test_a_slide_protection_in_the_loop_gives_the_same_distances_in_the_mean():
-    """Blocked, against the longitudinal plant, under the rule-based controller.
-
-    Its thresholds make single stops part: a count of the tachometer sooner or later is another slide. Stops that differ in the
-    noise of their sensors alone are such stops; what must agree is their distribution.
-    """
-    n, found = 12, {}
-    for kind in (LongitudinalPlant, MultibodyPlant):
-        plant = kind(COACH, n, Setup(substep_s=5e-4), **({} if kind is LongitudinalPlant else {"blocked": True}))
-        for i in range(n):
-            plant.start(i, a_stop(COACH, mu_cd=0.04, initial_speed=22.0, noise=0.05, key=i + 1))
-        controller = load("rule-based")
-        controller.reset(n, COACH)
-        while plant.moving.any():
-            plant.step(controller.act(plant.reading()._replace(pressure=None)))
-        found[kind] = plant.state.position.copy()
-    one, three = found.values()
-    error = math.sqrt((one.var(ddof=1) + three.var(ddof=1)) / n)
-    assert 0.0 < error < 5e-3 * one.mean()  # the stops do part, and are enough to tell a difference of a percent
-    assert abs(one.mean() - three.mean()) < 3.0 * error
-    assert 0.3 < one.std() / three.std() < 3.0  # F distribution of 11 and 11: beyond with a chance of 0.0005
 
 
 def test_the_batch_is_the_single_environment():
