@@ -83,7 +83,7 @@ class Irregularities(Checked):
         """
         nodes = round(self.length_m / self.node_m)
         waves = np.arange(nodes // 2 + 1)
-        omega = 2.0 * math.pi * waves / (nodes * self.node_m)
+        omega: Array = np.asarray(2.0 * math.pi * waves / (nodes * self.node_m), dtype=np.float64)
         inside = (omega >= 2.0 * math.pi / self.longest_m) & (omega <= 2.0 * math.pi / self.shortest_m)
         generator = np.random.default_rng(self.seed)
 
