@@ -46,6 +46,8 @@ CONTACTS = 8192
 BY_ROOT_FINDER = 200
 TRACK_NODES = 801
 AT_MOST = (("Bogie-v0 by gym.make", 1, 12.0), ("Bogie-v0", 1, 4.0), ("Bogie-v0", 1024, 0.12))  # times CartPole, by batch size
+MOST_IN_SPACE, IN_SPACE = 64, "coach, multibody"  # batches of more take minutes
+FASTEST = {1: 10.0, 64: 15.0}  # times real time that the multibody coach is to reach, by batch size, on one core
 WARM_UP_S = 3.0  # of the stops before they are timed: brakes on, wheels sliding
 
 
@@ -149,19 +151,19 @@ def contact_runs() -> dict[str, Callable[[], int]]:
 
 
 def changing(plant: Plant) -> list[np.ndarray]:
-    """Return the arrays of the longitudinal plant that a step changes."""
+    """Return the arrays of a plant that a step changes."""
 
     def arrays(state: Any) -> list[np.ndarray]:
         return [array for part in state for array in (arrays(part) if isinstance(part, tuple) else [part])]
 
-    return [*arrays(cast(LongitudinalPlant, plant).state), plant.moving]
+    return [*arrays(cast(LongitudinalPlant, plant).state), *getattr(plant, "bodies", ()), plant.moving]
 
 
-def plant_run(name: str, n: int, steps: int) -> Callable[[], int]:
+def plant_run(name: str, n: int, steps: int, kind: str = "longitudinal") -> Callable[[], int]:
     """Step a batch of sliding stops under changing valve commands, from the same state every time."""
     vehicle = VEHICLES[name]
     rng = np.random.default_rng(1)
-    plant = make_plant(vehicle, n, Setup(track_nodes=TRACK_NODES))
+    plant = make_plant(vehicle, n, Setup(track_nodes=TRACK_NODES), kind)
     scenario = Scenario(mu_cd=(0.02, 0.06), demand=(0.7, 1.0), initial_speed=(25.0, 44.5))
     stops = [draw(scenario, vehicle, rng, TRACK_NODES) for _ in range(min(n, 64))]
     for i in range(n):
@@ -216,6 +218,8 @@ def step_runs(n: int) -> dict[str, Callable[[], int]]:
     """Return steps of a batch of n: the plant of each vehicle, the bogie's environment, CartPole."""
     steps = max(3, min(50, 20_000 // n))
     runs: dict[str, Callable[[], int]] = {name: plant_run(name, n, steps) for name in VEHICLES}
+    if n <= MOST_IN_SPACE:
+        runs[IN_SPACE] = plant_run("coach", n, steps, "multibody")
     runs["Bogie-v0"] = env_run(BrakingVectorEnv(n, IDS["wsp_env/Bogie-v0"]), steps)
     runs["CartPole"] = env_run(gym.make_vec("CartPole-v1", num_envs=n, vectorization_mode="sync"), steps)
     return runs
@@ -267,6 +271,9 @@ def measure(quick: bool) -> dict[str, Any]:
         for name, size, most in AT_MOST:
             if n == size and name in shares:
                 goals.append(Goal(f"{name} / CartPole, N = {n}", shares[name], most, False))
+        if IN_SPACE in medians:
+            share = n * Setup().control_interval_s / medians[IN_SPACE]
+            goals.append(Goal(f"{IN_SPACE}, simulated seconds a second, N = {n}", share, FASTEST[n], True))
         if n >= 64:
             goals.append(Goal(f"bogie step / CartPole step, N = {n}", shares["bogie"], 0.5, False))
             interval = Setup().control_interval_s

@@ -10,7 +10,8 @@ eqs. (20) and (21), from when it first exceeds 1 m/s until the coach runs slower
 possible: which window the paper took it does not say (assumption).
 
 What cannot be compared: E_1, eq. (19), needs the recorded velocities, which are not public; the paper's vehicle has the
-dynamics of its suspensions and the adhesion of a real track, here both are left out.
+dynamics of its suspensions and the adhesion of a real track, here both are left out. experiments/multibody/paper.py brakes the
+same tests in three dimensions.
 """
 
 import argparse
@@ -22,7 +23,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from baselines.rule_based import RuleBasedParameters, RuleBasedWSP
-from wsp_env.evaluation.runner import run
+from wsp_env.evaluation.runner import Conduct, StopRecords, run
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.parameters.velim import CONTACT, TAU_M_PER_J, TEST_SPEEDS_MPS
@@ -56,8 +57,8 @@ RANGES = {
 }
 
 
-def slides(values: dict[str, float]) -> dict[str, tuple[float, float]]:
-    """Return mean and deviation of the first wheelset's sliding [m/s] in every test."""
+def brake(values: dict[str, float], conduct: Conduct = Conduct()) -> StopRecords:
+    """Brake the six tests with these thresholds and this torque."""
     thresholds = {name: value for name, value in values.items() if name != "torque_per_bar_nm"}
     parameters = dataclasses.replace(RuleBasedParameters(), **thresholds)
     brake = dataclasses.replace(COACH.brake, torque_per_bar_nm=values["torque_per_bar_nm"])
@@ -68,7 +69,11 @@ def slides(values: dict[str, float]) -> dict[str, tuple[float, float]]:
         Stop(CONTACT.kinetic_friction_d, TAU_M_PER_J, speed, vehicle.mass_kg, 1.0, 0.0, 0.0, 0, radius, flat, flat)
         for speed in TEST_SPEEDS_MPS.values()
     ]
-    stop = run(RuleBasedWSP(parameters), vehicle, stops)
+    return run(RuleBasedWSP(parameters), vehicle, stops, conduct)
+
+
+def slides(stop: StopRecords) -> dict[str, tuple[float, float]]:
+    """Return mean and deviation of the first wheelset's sliding [m/s] in every test."""
     figures = {}
     for i, name in enumerate(TEST_SPEEDS_MPS):
         sliding = stop.slip[:, i, 0][stop.speed[:, i] > SLOWEST_MPS]
@@ -95,7 +100,7 @@ def search(budget: int, progress: Progress, seed: int = 0) -> dict[str, float]:
         else:
             width = 0.3 * (high - low) * (1.0 - (trial - budget // 3) / budget) * (rng.random(len(low)) < 0.5)
             point = np.clip(best + width * rng.normal(size=len(low)), low, high)
-        cost = miss(slides(dict(zip(RANGES, map(float, point), strict=True))))
+        cost = miss(slides(brake(dict(zip(RANGES, map(float, point), strict=True)))))
         if cost < least:
             best, least = point, cost
         progress.update(task, advance=1, description=f"tuning on group A, off by {100 * np.sqrt(least):.1f} %")
@@ -111,7 +116,7 @@ def main() -> None:
     console = Console(highlight=False, stderr=chosen.json)
     with Progress(console=console) as progress:
         found = search(chosen.budget, progress)
-    figures = slides(found)
+    figures = slides(brake(found))
     if chosen.json:
         print(json.dumps({"parameters": found, "slides": figures, "paper_model": PAPER_MODEL, "measured": PAPER_MEASURED}))
         return

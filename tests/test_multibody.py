@@ -1,6 +1,7 @@
 """The multibody plant in motion: energy, convergence, the longitudinal plant as its limit, curves, what it gives up."""
 
 import dataclasses
+import json
 import math
 
 import gymnasium as gym
@@ -8,13 +9,13 @@ import numpy as np
 import pytest
 from plant_cases import a_stop
 
-import wsp_env  # noqa: F401  # registers the environments
+from wsp_env import cli  # registers the environments too
 from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.track_geometry import Curve, TrackGeometry
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.plant.longitudinal.plant import LongitudinalPlant
 from wsp_env.plant.multibody.plant import MultibodyPlant
 from wsp_env.plant.multibody.structure import WHEELSETS, Y_
-from wsp_env.plant.multibody.way import way
 from wsp_env.plant.port import Setup
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("multibody")]  # the step takes a while to compile: once
@@ -32,8 +33,8 @@ def brake(plant, seconds=60.0, cycling=False):
 
 
 def started(kind=MultibodyPlant, setup=None, n=1, track=None, blocked=False, **changes):
-    more = {} if kind is LongitudinalPlant else {"blocked": blocked, "track": track}
-    plant = kind(COACH, n, setup or Setup(), **more)
+    more = {} if kind is LongitudinalPlant else {"blocked": blocked}
+    plant = kind(COACH, n, dataclasses.replace(setup or Setup(), track_geometry=track), **more)
     for i in range(n):
         plant.start(i, a_stop(COACH, **changes))
     return plant
@@ -97,10 +98,10 @@ def test_a_lateral_offset_decays():
 
 def test_a_narrow_curve_is_run_on_the_flange():
     """300 m with transitions and cant at the speed where cant and curvature balance: the outer wheels guide, nothing jumps."""
-    radius, tilt = 300.0, -0.1
-    speed = math.sqrt(0.1 * 9.81 * radius)
-    nodes = [(60.0, 0.0, 0.0), (120.0, 1.0 / radius, tilt), (1e4, 1.0 / radius, tilt)]
-    plant = started(track=way(nodes), mu_cd=0.28, initial_speed=speed, demand=0.0)
+    radius, cant = 300.0, 0.15
+    speed = math.sqrt(math.tan(math.asin(cant / 1.5)) * 9.81 * radius)
+    track = TrackGeometry(curves=(Curve(begin_m=60.0, transition_m=60.0, length_m=1e4, radius_m=radius, cant_m=cant),))
+    plant = started(track=track, mu_cd=0.28, initial_speed=speed, demand=0.0)
     loads, shifts = [], []
     for _ in range(round(14.0 / 0.02)):
         plant.step(np.ones((1, 4)))
@@ -133,6 +134,74 @@ def test_what_leaves_the_rails_is_truncated_with_the_reason():
     assert truncated
     assert "not finite" in info["given_up"]
     assert math.isfinite(info["speed_mps"])
+
+
+def test_the_batch_is_the_single_environment():
+    """Stop i of `make_vec` is the single environment with seed + i, in 3D as in 1D."""
+    envs = gym.make_vec("wsp_env/Coach-v0", num_envs=2, plant="multibody")
+    together, _ = envs.reset(seed=7)
+    single = gym.make("wsp_env/Coach-v0", plant="multibody")
+    alone, _ = single.reset(seed=8)
+    np.testing.assert_array_equal(together[1], alone)
+    for _ in range(25):
+        together, *_, infos = envs.step(np.full((2, 4), 2))
+        alone, *_, info = single.step([2, 2, 2, 2])
+    np.testing.assert_array_equal(together[1], alone)
+    np.testing.assert_array_equal(infos["wheel_load_n"][1], info["wheel_load_n"])
+
+
+def test_irregularities_shake_the_wheels_and_spare_the_carbody():
+    """By `gym.make`: on a rough track wheel loads vary about the same mean; the suspension keeps it from the carbody."""
+    loads, lifts = [], []
+    env = gym.make(
+        "wsp_env/Coach-v0", plant="multibody", track_geometry={"irregularities": {"spectrum": "low", "length_m": 500}}
+    )
+    env.reset(seed=1, options={"initial_speed": 30.0, "mu_cd": 0.28, "demand": 0.0, "load": 0.0})
+    for _ in range(400):
+        _, _, _, truncated, info = env.step([2, 2, 2, 2])
+        loads.append(info["wheel_load_n"])
+        lifts.append(info["body_shift_m"][:2, 2])
+        assert not truncated
+    rough = np.array(loads[100:])
+    assert rough.mean() == pytest.approx(COACH.static_wheel_load_n, rel=0.02)
+    assert 0.01 < rough.std() / rough.mean() < 0.3
+    carbody, bogie = np.diff(np.array(lifts), n=2, axis=0)[100:].std(axis=0)
+    assert carbody < 0.5 * bogie  # accelerations
+
+
+def test_too_fast_for_a_curve_is_truncated_without_a_nan():
+    """40 m/s in a curve of 150 m: 10.7 m/s2 outwards tip and derail any vehicle; every stop of the batch ends with a reason."""
+    env = gym.make("wsp_env/Coach-v0", plant="multibody", track_geometry={"curves": [{"begin_m": 20.0, "radius_m": -150.0}]})
+    env.reset(seed=1, options={"initial_speed": 40.0, "mu_cd": 0.06, "demand": 0.0})
+    truncated = False
+    for _ in range(600):
+        observation, reward, terminated, truncated, info = env.step([2, 2, 2, 2])
+        assert np.isfinite(observation).all()
+        assert math.isfinite(reward)
+        if terminated or truncated:
+            break
+    assert truncated
+    assert "derailed: wheelset" in info["given_up"] or "not finite" in info["given_up"]
+    assert np.isfinite(info["wheel_load_n"]).all()
+
+
+def test_the_commands_brake_in_three_dimensions(tmp_path, capsys):
+    """`wsp evaluate` and `wsp compare` with a track from a file; the same in a plant without rails is refused."""
+    (tmp_path / "track.toml").write_text("[[curves]]\nbegin_m = 5.0\nradius_m = 500.0\n")
+    options = ["--plant", "multibody", "--track-geometry", str(tmp_path / "track.toml")]
+    given = ["--mu-cd", "0.06", "--tau", "1.9e-4", "--speed", "8", "--json", "--out", str(tmp_path / "page.html")]
+    assert cli.main(["compare", *given, *options]) == 0
+    (pair,) = json.loads(capsys.readouterr().out)["pairs"]
+    assert 10.0 < pair["recovering_m"] < 60.0
+    assert cli.main(["compare", *given, *options[2:]]) != 0
+    assert "take plant multibody" in capsys.readouterr().err
+    case = '[[case]]\nname = "slow"\nabout = "short"\ninitial_speed_kmh = 25.0\ninitial_adhesion = [0.1, 0.1]\n'
+    (tmp_path / "programme.toml").write_text('[programme]\nname = "short"\n' + case)
+    run = ["--programme", str(tmp_path / "programme.toml"), "--controllers", "none", "--draws", "1", "--jobs", "1", "--json"]
+    assert cli.main(["evaluate", *run, *options, "--out", str(tmp_path / "out")]) == 0
+    stops = json.loads(capsys.readouterr().out)["stops"]
+    assert {stop["controller"] for stop in stops} == {"none", "perfect-knowledge", "bound"}
+    assert all(stop["stopped"] for stop in stops)
 
 
 def test_info_says_what_the_wheels_do():

@@ -10,6 +10,7 @@ import tyro
 from rich.console import Console
 
 from wsp_env.cli.pages import Pages
+from wsp_env.cli.plant_options import PlantOptions
 from wsp_env.evaluation.compare import PARTED_MPS, Comparison, compare
 from wsp_env.evaluation.controller import load as load_controller
 from wsp_env.evaluation.controller import read_settings
@@ -47,6 +48,7 @@ def main(
     mu_cd: tuple[float, ...] = (0.02, 0.03, 0.04, 0.06),
     tau: tuple[float, ...] = (0.95e-4, TAU_M_PER_J, 3.8e-4),
     stop: Annotated[StopOptions, tyro.conf.arg(name="")] = StopOptions(),
+    plant: Annotated[PlantOptions, tyro.conf.arg(name="")] = PlantOptions(),
     set: tuple[str, ...] = (),
     out: Path = Path("out/compare.html"),
     page: Pages = PageOptions(),
@@ -68,6 +70,8 @@ def main(
         Recovery rates [m/J], above 0.
     stop
         The stop.
+    plant
+        What computes the vehicle's motion.
     set
         Parameters of the controller, as rule-based.slip_base_mps=0.4.
     out
@@ -79,12 +83,13 @@ def main(
 
     """
     braked = find_vehicle(vehicle)
+    plant.check(braked)
     if not mu_cd or not tau or min(tau) <= 0.0:
         raise ParameterError("give at least one --mu-cd and one --tau, each tau above 0: the classic law is run anyway")
     chosen = load_controller(controller, read_settings((controller,), set)[controller])
     ready(*page.files(out))
     try:
-        result = compare(chosen, braked, mu_cd, tau, stop.speed, stop.demand, stop.load)
+        result = compare(chosen, braked, mu_cd, tau, stop.speed, stop.demand, stop.load, conduct=plant.conduct())
     except ControllerFailure as failure:
         raise ParameterError(str(failure)) from None
     title = f"{controller} on the {braked.name} from {stop.speed:g} m/s, demand {stop.demand:g}"

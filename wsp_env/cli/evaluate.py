@@ -19,18 +19,17 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from wsp_env.cli.pages import Pages
+from wsp_env.cli.plant_options import PlantOptions
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.evaluate import BOUND, Failure, ProgrammeResult, Trace, evaluate
 from wsp_env.evaluation.figures import FIGURES
 from wsp_env.evaluation.programme import STANDARD, Draws, read_programme, select_cases
 from wsp_env.evaluation.programme_report import LEFT_LIMIT, write_report
-from wsp_env.evaluation.runner import Conduct
 from wsp_env.evaluation.summary import Verdict, judge, summarise
 from wsp_env.output import all_of, ready, write_whole
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.parameters.vehicle_file import find_vehicle
-from wsp_env.plant import make_plant
 from wsp_env.report import Origin, PageOptions
 
 #: Columns of the printed table: figure, heading, digits.
@@ -88,7 +87,7 @@ def main(
     set: tuple[str, ...] = (),
     stops: Annotated[ProgrammeOptions, tyro.conf.arg(name="")] = ProgrammeOptions(),
     jobs: int = 0,
-    plant: Annotated[str, tyro.conf.arg(metavar="NAME|PACKAGE.MODULE:CLASS")] = "longitudinal",
+    plant: Annotated[PlantOptions, tyro.conf.arg(name="")] = PlantOptions(),
     out: Path = Path("out/evaluate"),
     page: Pages = PageOptions(),
     json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
@@ -112,7 +111,7 @@ def main(
     jobs
         Processes; 0: one per processor. The results do not depend on it.
     plant
-        What computes the vehicle's motion; a class of your own is run as Python (PYTHONPATH=. finds one in this folder).
+        What computes the vehicle's motion.
     out
         Folder of the results.
     page
@@ -122,7 +121,7 @@ def main(
 
     """
     braked = find_vehicle(vehicle)
-    make_plant(braked, name=plant)  # refuses one that cannot be had before anything is computed
+    plant.check(braked)
     draws = Draws(stops.draws, stops.seed)
     if jobs < 0:
         raise ParameterError(f"jobs = {jobs}: at least 0")
@@ -144,7 +143,7 @@ def main(
             out / "cases",
             draws=draws,
             jobs=jobs or os.cpu_count() or 1,
-            conduct=Conduct(pressure_sensors=stops.pressure_sensors, plant=plant),
+            conduct=plant.conduct(pressure_sensors=stops.pressure_sensors),
             done=lambda what: progress.update(bar, advance=1, description=escape(what)),
         )
     for failure in result.failures:

@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.progress import Progress
 
 from wsp_env.cli.pages import Pages
+from wsp_env.cli.plant_options import PlantOptions
 from wsp_env.envs.model import read_model
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.replay import FIGURES, RECORDED, SIMULATED, Course, Replay, replay
@@ -39,6 +40,7 @@ def main(
     set: tuple[str, ...] = (),
     track: Annotated[str, tyro.conf.arg(metavar="constant|recorded")] = "constant",
     model: Path | None = None,
+    plant: Annotated[PlantOptions, tyro.conf.arg(name="")] = PlantOptions(),
     vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "",
     out: Path = Path("out/replay"),
     page: Pages = PageOptions(),
@@ -62,6 +64,8 @@ def main(
         Adhesion along the track: one mu_cd per stop, or as estimated from the recording.
     model
         A model.json of `wsp diagnose`, whose mechanisms are switched on.
+    plant
+        What computes the vehicle's motion under the controllers.
     vehicle
         Gives what campaign.toml does not tell: valve times, sensors, which axles form a bogie. A name (wsp vehicle list) or a
         vehicle file, with the campaign's number of axles; none: the coach's.
@@ -93,7 +97,7 @@ def main(
             recorded,
             chosen,
             along_track=track == "recorded",
-            mechanisms=mechanisms,
+            conduct=plant.conduct(mechanisms=mechanisms),
             base=base,
             done=lambda what: progress.update(bar, advance=1, description=escape(what)),
         )

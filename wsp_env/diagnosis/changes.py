@@ -36,7 +36,7 @@ def tau_change(first: Tuning, second: Tuning) -> Change:
     """Compare the recovery rates, whose logarithms have about normal errors."""
     said_of = [f"{one.tau_m_per_J:.3e} ({one.interval95[0]:.2e} to {one.interval95[1]:.2e})" for one in (first, second)]
     if not (first.determined and second.determined):
-        return Change("recovery rate tau [m/J]", *said_of, "open", None, "tau is open in one of the campaigns")
+        return Change("recovery rate tau [m/J]", said_of[0], said_of[1], "open", None, "tau is open in one of the campaigns")
     ratio = math.log(second.tau_m_per_J / first.tau_m_per_J)
     halves = [0.5 * math.log(one.interval95[1] / one.interval95[0]) for one in (first, second)]
     half = math.hypot(*halves)
@@ -45,7 +45,12 @@ def tau_change(first: Tuning, second: Tuning) -> Change:
     difference = f"{100.0 * math.expm1(ratio):+.0f} % ({low:+.0f} to {high:+.0f} %, 95 %)"
     words = f"the rail recovers {'faster' if ratio > 0.0 else 'slower'} by sliding: tau {difference}"
     return Change(
-        "recovery rate tau [m/J]", *said_of, difference, shown, words if shown else f"tau: no change shown, {difference}"
+        "recovery rate tau [m/J]",
+        said_of[0],
+        said_of[1],
+        difference,
+        shown,
+        words if shown else f"tau: no change shown, {difference}",
     )
 
 
@@ -56,7 +61,7 @@ def friction_change(first: Tuning, second: Tuning) -> Change:
     said_of = [f"{values.mean():.4f} (runs {values.min():.4f} to {values.max():.4f})" if len(values) else "no run slides"
                for values in samples]  # fmt: skip
     if min(map(len, samples)) < 2:
-        return Change(what, *said_of, "open", None, "mu_cd: too few runs slide to compare it")
+        return Change(what, said_of[0], said_of[1], "open", None, "mu_cd: too few runs slide to compare it")
     parts = [float(values.var(ddof=1)) / len(values) for values in samples]
     difference, squared = float(samples[1].mean() - samples[0].mean()), sum(parts)
     if squared <= 0.0:
@@ -67,7 +72,7 @@ def friction_change(first: Tuning, second: Tuning) -> Change:
     text = f"{difference:+.4f} ({difference - half:+.4f} to {difference + half:+.4f}, 95 %)"
     shown = abs(difference) > half
     words = f"the rail is {'less' if difference > 0.0 else 'more'} slippery: mu_cd {text}"
-    return Change(what, *said_of, text, shown, words if shown else f"mu_cd: no change shown, {text}")
+    return Change(what, said_of[0], said_of[1], text, shown, words if shown else f"mu_cd: no change shown, {text}")
 
 
 def mechanism_changes(first: Diagnosis, second: Diagnosis) -> list[Change]:
@@ -98,14 +103,23 @@ def _both(name: str, first: dict[str, Estimate], second: dict[str, Estimate]) ->
         if one.interval90[0] == one.interval90[1] or other.interval90[0] == other.interval90[1]:  # an axle or a place
             moved = one.value != other.value
             text = f"from {one.value:.4g} to {other.value:.4g}{unit}" if moved else "the same"
-            changes.append(Change(what, *said_of, text, moved, f"{what} moves {text}" if moved else f"{what}: the same"))
+            changes.append(
+                Change(what, said_of[0], said_of[1], text, moved, f"{what} moves {text}" if moved else f"{what}: the same")
+            )
             continue
         half = math.hypot(*(0.5 * (e.interval90[1] - e.interval90[0]) for e in (one, other))) * _Z95 / _Z90
         difference = other.value - one.value
         text = f"{difference:+.3g}{unit} ({difference - half:+.3g} to {difference + half:+.3g}{unit}, 95 %)"
         shown = abs(difference) > half
         changes.append(
-            Change(what, *said_of, text, shown, f"{what} changes by {text}" if shown else f"{what}: no change shown, {text}")
+            Change(
+                what,
+                said_of[0],
+                said_of[1],
+                text,
+                shown,
+                f"{what} changes by {text}" if shown else f"{what}: no change shown, {text}",
+            )
         )
     return changes
 
@@ -125,9 +139,14 @@ def _only(name: str, parameters: dict[str, Estimate], at: int, without: Diagnosi
     if would and without.verdict not in ("data", "insufficient"):
         came = "is gone" if at == 0 else "is new"
         text = f"{came}: {words}; the {missing} campaign would have shown an effect of that size"
-        return Change(what, *cells, came, True, text)
+        return Change(what, cells[0], cells[1], came, True, text)
     return Change(
-        what, *cells, "open", None, f"{words}: named in the {there} campaign alone; the {missing} one could not have shown it"
+        what,
+        cells[0],
+        cells[1],
+        "open",
+        None,
+        f"{words}: named in the {there} campaign alone; the {missing} one could not have shown it",
     )
 
 
@@ -138,7 +157,11 @@ def _terms(first: Diagnosis, second: Diagnosis) -> list[Change]:
         return []
     cells = ["; ".join(own) or ("something unexplained" if answer.verdict == "unknown" else "nothing")
              for own, answer in zip(found, (first, second), strict=True)]  # fmt: skip
-    return [Change("without a name in the library", *cells, "not compared", None, "terms without a name are not compared")]
+    return [
+        Change(
+            "without a name in the library", cells[0], cells[1], "not compared", None, "terms without a name are not compared"
+        )
+    ]
 
 
 def sentence(changes: Sequence[Change], first: str, second: str) -> str:

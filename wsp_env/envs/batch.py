@@ -10,6 +10,7 @@ from wsp_env.envs import step
 from wsp_env.envs.task import Task
 from wsp_env.observer.observation import Observer
 from wsp_env.parameters.quantity import ParameterError, shown
+from wsp_env.parameters.track_geometry import find_track_geometry
 from wsp_env.plant import make_plant
 from wsp_env.plant.command import pressure_commands, share_of_pressure, valve_commands
 from wsp_env.plant.port import Measurement, Setup, further_truth, given_up
@@ -47,6 +48,7 @@ class BrakingBatch:
             ends_of(task.mechanisms, 1),  # refuses an axle that the vehicle does not have
             pressure_control=self._by_pressure,
             track_nodes=task.track_nodes,
+            track_geometry=find_track_geometry(task.track_geometry) if task.track_geometry != "" else None,
         )
         self.plant = make_plant(self.vehicle, n, setup, task.plant)
         self.observer = Observer(self.vehicle, task.control_interval_s, task.pressure_sensors, self._by_pressure)

@@ -45,6 +45,8 @@ class Task:
     adhesion : "recovering" (the seed paper's law) or "classic" (lambda = 0)
     control_interval_s, substep_s : time between actions and longest substep of the integration [s]
     plant : one of `wsp_env.plant.PLANTS`, or the import path "package.module:Class" of another, see `wsp_env.plant.port`
+    track_geometry : for a plant whose wheels run on rails in space: a file with curves, irregularities and rails, or the same
+        as a dictionary, see `wsp_env.parameters.track_geometry`; "": straight and smooth
     model : path of a JSON file with a tuned law, mechanisms and vehicle, see `wsp_env.envs.model`; options below go before it
     mechanisms : physics beyond the paper's model, {name: {parameter: value, or (lowest, highest) to draw from at each reset}}
     scenario : ranges that replace those of `Scenario`, {quantity: (lowest, highest)}
@@ -67,6 +69,7 @@ class Task:
     control_interval_s: float = 0.02
     substep_s: float = 0.01
     plant: str = "longitudinal"
+    track_geometry: str | Mapping[str, Any] = ""
     model: str = ""
     mechanisms: Mechanisms = dataclasses.field(default_factory=dict)
     scenario: Mapping[str, Any] = dataclasses.field(default_factory=dict)

@@ -75,7 +75,7 @@ def replay(
     controllers: Mapping[str, Mapping[str, Any]],
     *,
     along_track: bool = False,
-    mechanisms: Mapping[str, Mapping[str, float]] | None = None,
+    conduct: Conduct = Conduct(),
     smoothing: Smoothing = Smoothing(),
     base: Vehicle | None = None,
     done: Callable[[str], None] = lambda what: None,
@@ -86,7 +86,7 @@ def replay(
     ----------
     controllers : names, see `load`, with the parameters that are set
     along_track : mu_cd varies along the track as estimated from the recordings
-    mechanisms : physics beyond the paper's model, as a diagnosis found it
+    conduct : how the controllers' stops are run: the plant, physics beyond the paper's model as a diagnosis found it
     base : gives what the campaign does not tell of its vehicle, see `plant_vehicle`
     done : called with the name of what has been computed
 
@@ -103,7 +103,6 @@ def replay(
     last = {course.stop: float(course.speed_mps[-1]) for course in courses if course.who == RECORDED}
     done(RECORDED)
     vehicle, stops, names = braked(campaign, replayed)
-    conduct = Conduct(mechanisms=mechanisms or {})
     for controller in loaded.values():
         if isinstance(controller, Policy):
             controller.check(vehicle, conduct.control_interval_s, conduct.pressure_sensors)

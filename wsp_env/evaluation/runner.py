@@ -9,6 +9,7 @@ import numpy as np
 from wsp_env.child import TookTooLongError, limited
 from wsp_env.evaluation.controller import Controller
 from wsp_env.evaluation.policy import Policy
+from wsp_env.parameters.track_geometry import TrackGeometry
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import make_plant
 from wsp_env.plant.command import share_of_pressure
@@ -57,6 +58,7 @@ class Conduct:
     pressure_sensors: bool = False
     mechanisms: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
     plant: str = "longitudinal"  # see `wsp_env.plant.make_plant`
+    track_geometry: TrackGeometry | None = None  # see `wsp_env.plant.port.Setup`
 
 
 def run(
@@ -107,6 +109,7 @@ def start_plant(vehicle: Vehicle, stops: Sequence[Stop], conduct: Conduct, by_pr
         mechanisms=conduct.mechanisms,
         pressure_control=by_pressure,
         track_nodes=len(stops[0].profile),
+        track_geometry=conduct.track_geometry,
     )
     plant = make_plant(vehicle, len(stops), setup, conduct.plant)
     for i, stop in enumerate(stops):

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.track_geometry import TrackGeometry
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.command import APPLIES, VENTS
 
@@ -89,8 +90,8 @@ class Stop:
 class Setup:
     """How a plant is run: clock, commands, physics and the grid of the track.
 
-    A plant that does not know the `mechanisms` asked for refuses them with a `ParameterError`. So does this record what cannot
-    be of the rest.
+    A plant that does not know the `mechanisms` or the `track_geometry` asked for refuses them with a `ParameterError`. So does
+    this record what cannot be of the rest.
     """
 
     control_interval_s: float = 0.02  # time between commands
@@ -99,6 +100,7 @@ class Setup:
     pressure_control: bool = False  # commands are shares of the demanded pressure, see `wsp_env.plant.command`
     track_step_m: float = TRACK_STEP_M
     track_nodes: int = 1
+    track_geometry: TrackGeometry | None = None  # curves, irregularities, rails; None: the plant's own, straight and smooth
 
     def __post_init__(self) -> None:
         """Refuse a clock or a grid that cannot be."""

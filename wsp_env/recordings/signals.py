@@ -18,7 +18,7 @@ def write_signals(
     path: Path, campaign: Campaign, made_from: Origin = Origin("wsp inspect"), options: PageOptions = PageOptions()
 ) -> None:
     """Write the page; `ModuleNotFoundError` without plotly."""
-    sections = []
+    sections: list[Section] = []
     for name, run in campaign.runs.items():
         group = "tunes" if name in campaign.tune else "validates" if name in campaign.validate else "in no group"
         share = 0.0 if run.suspect is None else float(run.suspect.mean())

@@ -25,7 +25,7 @@ def picture(figure: Any) -> str:
         return ""
     layout = figure.layout
     height = layout.height or 450
-    look = {"svg.fonttype": "none", "svg.hashsalt": "wsp", "text.parse_math": False, "font.family": "sans-serif",
+    look: Any = {"svg.fonttype": "none", "svg.hashsalt": "wsp", "text.parse_math": False, "font.family": "sans-serif",
             "font.size": 9.0, "axes.spines.top": False, "axes.spines.right": False}  # fmt: skip
     with mpl.rc_context(look):
         canvas = Canvas(figsize=(_WIDTH_PX / _DPI, height / _DPI), dpi=_DPI)
@@ -170,7 +170,7 @@ def _values(given: Any) -> Any:
         if values.dtype.kind in "fiu"
         else [str(one) for one in values]
         if values.dtype.kind in "US"
-        else _numbers(values)
+        else _numbers(list(values))
     )
 
 

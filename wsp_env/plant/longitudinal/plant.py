@@ -32,6 +32,10 @@ class LongitudinalPlant(Plant):
         self.vehicle = vehicle
         self.n = n
         self.setup = setup = setup or Setup()
+        if setup.track_geometry is not None:
+            raise ParameterError(
+                "the longitudinal plant runs on a straight, smooth track: leave track_geometry out, or take plant multibody"
+            )
         self._mechanisms = library.make(setup.mechanisms)
         batched = batch(n, vehicle, setup, self._mechanisms)
         self.state, self.conditions, self._physics, self.constants = batched

@@ -18,10 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.compiled import inlined, loop, rebuilder
-from wsp_env.contact.port import law_at
+from wsp_env.compiled import inlined, loop
 from wsp_env.contact.traction import Surface
-from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.plant.components import brake, rail
 from wsp_env.plant.longitudinal.axles import (
     FORCE,
@@ -41,14 +39,11 @@ from wsp_env.plant.longitudinal.axles import (
     believed_resistance,
     brake_axle,
     notice,
-    read_sensors,
     turn_axle,
 )
 from wsp_env.plant.longitudinal.doing import moment
 from wsp_env.plant.longitudinal.exponential import slip_after, slip_drift, slip_growth
-from wsp_env.plant.longitudinal.state import batch
-from wsp_env.plant.mechanisms import NULL, Active, mechanisms_at
-from wsp_env.plant.port import Setup
+from wsp_env.plant.longitudinal.interval import advance_by
 from wsp_env.plant.slots import (
     after_contact,
     before_contact_acts,
@@ -184,8 +179,8 @@ def _move(i: int, h: float, after: float, on_step: Stepping) -> None:
 
 
 @inlined
-def _substep(i: int, elapsed: float, on_step: Stepping) -> bool:
-    """Advance vehicle i by one substep that starts `elapsed` [s] into the control interval; True when it has stopped."""
+def _substep(i: int, j: int, on_step: Stepping, more: tuple[()]) -> bool:
+    """Advance vehicle i by substep j of the control interval; True when it has stopped."""
     state, c, p, _, active, work, _ = on_step
     h = p.substep
     axles = state.wheel_speed.shape[1]
@@ -198,7 +193,7 @@ def _substep(i: int, elapsed: float, on_step: Stepping) -> bool:
     middle = speed - 0.5 * h * deceleration
     halfway = moment(i, 0.5 * h, deceleration, state, p)
     resisted = resistance(i, middle, believed_resistance(i, middle, c, p), halfway, active)
-    _brake(i, elapsed, deceleration, jerk, on_step)
+    _brake(i, j * h, deceleration, jerk, on_step)
     after = _solve_speed(i, resisted, on_step)
     locks = False
     for k in range(axles):
@@ -220,32 +215,7 @@ def _substep(i: int, elapsed: float, on_step: Stepping) -> bool:
     return stopped
 
 
-_batch = rebuilder(batch(1, COACH, Setup(), NULL))
-
-
 @loop
 def advance(command: np.ndarray, believed: Any, given: Any, moving: np.ndarray, work: np.ndarray) -> None:
-    """Advance every vehicle that moves by one control interval.
-
-    Parameters
-    ----------
-    command : (N, A) see `wsp_env.plant.command`
-    believed : the vehicle's traction law: the type of what the mechanisms make of it
-    given : a `Batch` as `plain` tuples; its state is changed in place
-    moving : (N,) bool, changed in place: False once a vehicle stands; such a vehicle is left as it is
-    work : (ROWS, A) scratch
-
-    """
-    state, c, physics, p = _batch(given)
-    for i in range(command.shape[0]):
-        if not moving[i]:
-            continue
-        law = law_at(believed, physics.law, i)
-        active = Active(mechanisms_at(physics.mechanisms, i), p.derived, state.memory)
-        on_step = Stepping(state, c, p, law, active, work, physics.inertia)
-        brake.receive(i, command, state.brake)
-        for j in range(p.substeps):
-            if _substep(i, j * p.substep, on_step):
-                moving[i] = False
-                break
-        read_sensors(i, state, c, p, active)
+    """Advance every vehicle that moves by one control interval, see `advance_by`."""
+    advance_by(_substep, command, believed, given, moving, work, ())

@@ -6,20 +6,19 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wsp_env.contact.geometry.patch import make_patch_table
 from wsp_env.contact.geometry.port import PENETRATION, Y, Z
-from wsp_env.contact.geometry.standard import s1002, uic60
-from wsp_env.contact.geometry.track import Track, Wheelset, make_pair
 from wsp_env.parameters.quantity import ParameterError
+from wsp_env.parameters.track_geometry import TrackGeometry
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.longitudinal.plant import LongitudinalPlant
 from wsp_env.plant.mechanisms import ALL, NULL, Mechanisms, make
 from wsp_env.plant.multibody import bodies
-from wsp_env.plant.multibody.bodies import NOT_FINITE, OFF_THE_RAIL, BodyConstants, Elements, Rolling
-from wsp_env.plant.multibody.static import centred_radius, lowered
+from wsp_env.plant.multibody.bodies import NOT_FINITE, OFF_THE_RAIL, BodyConstants, Elements
+from wsp_env.plant.multibody.rolling import rolling_of
+from wsp_env.plant.multibody.static import lowered
 from wsp_env.plant.multibody.step import advance
 from wsp_env.plant.multibody.structure import PITCH, WHEELSETS, X_, Z_, Structure, assemble
-from wsp_env.plant.multibody.way import Way, way
+from wsp_env.plant.multibody.way import way_of
 from wsp_env.plant.port import Choice, Setup, Stop, check_command
 
 #: Longest substep [s], whatever the set-up says; docs/multibody.md has the table of errors that it is chosen by.
@@ -27,9 +26,6 @@ SUBSTEP_S = 5e-4
 
 #: Where in a substep springs and normal contact forces are evaluated: next to the midpoint, with a little numerical damping.
 THETA = 0.55
-
-#: Lateral shift and lift [m] of a wheelset beyond which it has derailed: half the width of a rail's head, the flange's height.
-WIDEST_M, HIGHEST_M = 0.035, 0.028
 
 #: What is said of a stop that was given up; wheelsets count from 1.
 REASONS = {OFF_THE_RAIL: "derailed: wheelset {} has left the rails", NOT_FINITE: "the motion is not finite any more"}
@@ -46,22 +42,20 @@ class MultibodyPlant(LongitudinalPlant):
     n : number of vehicles in the batch
     setup : clock, commands, physics, grid of the track; its substep is shortened to `SUBSTEP_S`
     blocked : hold all bodies together but for the forward motion and the turning of the wheelsets
-    track : curves and irregularities; straight and smooth by default
 
     """
 
-    def __init__(
-        self, vehicle: Vehicle, n: int = 1, setup: Setup | None = None, blocked: bool = False, track: Way | None = None
-    ) -> None:
+    def __init__(self, vehicle: Vehicle, n: int = 1, setup: Setup | None = None, blocked: bool = False) -> None:
         setup = setup or Setup()
         structure = assemble(vehicle)
-        shortened = dataclasses.replace(setup, substep_s=min(setup.substep_s or SUBSTEP_S, SUBSTEP_S))
+        substep = min(setup.substep_s or SUBSTEP_S, SUBSTEP_S)
         _refuse_load_transfer(make(setup.mechanisms))
-        super().__init__(vehicle, n, shortened)
+        super().__init__(vehicle, n, dataclasses.replace(setup, substep_s=substep, track_geometry=None))
+        self.setup = dataclasses.replace(setup, substep_s=substep)
         self._blocked = blocked
         self.bodies = bodies.allocate(n, len(structure.mass), vehicle.axles)
         self._scratch = bodies.scratch(len(structure.mass), vehicle.axles)
-        self.body_constants = body_constants(vehicle, structure, track or way([]))
+        self.body_constants = body_constants(vehicle, structure, setup.track_geometry or TrackGeometry())
 
     def start(self, index: int, stop: Stop, mechanisms: Choice | None = None) -> None:
         """Put vehicle `index` at the start of a stop, see `Plant.start`."""
@@ -106,7 +100,7 @@ class MultibodyPlant(LongitudinalPlant):
     def step(self, command: ArrayLike) -> None:
         """Advance by one control interval under the commands (N, A), see `Plant.step`."""
         given = check_command(command, self.n, self.vehicle.axles)
-        advance(given, self._law, *self._given, self.bodies, self.body_constants, self._scratch)
+        advance(given, self._law, *self._given, (self.bodies, self.body_constants, self._scratch))
 
     def set_state(self, index: int, wheel_speed_radps: np.ndarray, pressure_bar: np.ndarray) -> None:
         """Let a stop that was just started begin with these wheel speeds and pressures (A,), the distributor filled."""
@@ -119,7 +113,10 @@ class MultibodyPlant(LongitudinalPlant):
         return {int(i): REASONS[int(fault[i, 0])].format(fault[i, 1] + 1) for i in np.flatnonzero(fault[:, 0])}
 
     def further_truth(self) -> Mapping[str, np.ndarray]:
-        """Return wheel loads, contact points, lateral shift, derailment quotient; sides are left and right."""
+        """Return wheel loads, contact points, lateral shift, derailment quotient, and where carbody and bogies are.
+
+        Sides are left and right; a body shifts along x, y, z (forward, left, up) and turns about them (roll, pitch, yaw).
+        """
         m = self.bodies
         lost = self.given_up()
         touches = m.rows[..., PENETRATION] > 0.0
@@ -130,6 +127,8 @@ class MultibodyPlant(LongitudinalPlant):
             "derailment_quotient": np.where(loaded, m.guiding / np.where(loaded, m.wheel_load, 1.0), np.nan),
             "lateral_shift_m": m.shift.copy(),
             "contact_points_m": np.where(touches[..., None], m.rows[..., [Y, Z]], np.nan),
+            "body_shift_m": m.position[:, :WHEELSETS].reshape(self.n, 3, 6)[..., :3].copy(),
+            "body_turn_rad": m.position[:, :WHEELSETS].reshape(self.n, 3, 6)[..., 3:].copy(),
             "given_up": np.array([lost.get(i, "") for i in range(self.n)]),
         }
 
@@ -151,22 +150,14 @@ class MultibodyPlant(LongitudinalPlant):
         return energy
 
 
-def body_constants(vehicle: Vehicle, structure: Structure, track: Way) -> BodyConstants:
-    """Return what is the same in every stop."""
-    m, contact = vehicle.multibody, vehicle.contact
-    # The vehicle's wheel radius is the rolling radius of the centred wheelset, as in longitudinal motion: the taping line's is
-    # larger (by 0.24 mm for S1002 on UIC60 1:20), and every distance would be shorter in proportion.
-    taping = vehicle.wheel_radius_m
-    taping += taping - centred_radius(make_pair(s1002(), uic60(), Wheelset(radius_m=taping), Track()))
-    pair = make_pair(s1002(), uic60(), Wheelset(radius_m=taping), Track())
-    table = make_patch_table(2.0 * contact.shear_modulus_pa * (1.0 + contact.poisson_ratio), contact.poisson_ratio)
-    rolling = Rolling(pair, table, m.contact_damping_s_per_m, 1.0, vehicle.wheel_radius_m, WIDEST_M, HIGHEST_M)
+def body_constants(vehicle: Vehicle, structure: Structure, track: TrackGeometry) -> BodyConstants:
+    """Return what is the same in every stop; `ParameterError` for a track on which the vehicle cannot stand."""
+    m = vehicle.multibody
     elements = Elements(
         structure.stiffness, structure.damping, structure.bump_stops, np.array(m.bump_stop_deflection_m),
         np.array(m.bump_stop_force_n), structure.place, structure.height,
     )  # fmt: skip
-    rolling = rolling._replace(reference=lowered(vehicle.static_wheel_load_n, rolling).stiffness)
-    return BodyConstants(elements, rolling, track, structure.bogie_of, THETA)
+    return BodyConstants(elements, rolling_of(vehicle, track), way_of(track), structure.bogie_of, THETA)
 
 
 def _refuse_load_transfer(own: Mechanisms) -> None:

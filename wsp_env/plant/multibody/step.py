@@ -16,9 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from wsp_env.compiled import inlined, loop, rebuilder
-from wsp_env.contact.port import law_at
-from wsp_env.parameters.uic_z1 import COACH
+from wsp_env.compiled import inlined, loop
 from wsp_env.plant.components import brake
 from wsp_env.plant.longitudinal.axles import (
     TORQUE,
@@ -26,27 +24,28 @@ from wsp_env.plant.longitudinal.axles import (
     believed_resistance,
     brake_axle,
     notice,
-    read_sensors,
     turn_axle,
 )
 from wsp_env.plant.longitudinal.doing import moment
-from wsp_env.plant.longitudinal.state import batch
-from wsp_env.plant.mechanisms import NULL, Active, mechanisms_at
+from wsp_env.plant.longitudinal.interval import advance_by
 from wsp_env.plant.multibody.bodies import NOT_FINITE, OFF_THE_RAIL, SOUND, Bodies, BodyConstants, Scratch
 from wsp_env.plant.multibody.structure import PITCH, WHEELSETS
 from wsp_env.plant.multibody.suspension import add_product, creep_work, solve_wheelset, suspend
 from wsp_env.plant.multibody.way import here
 from wsp_env.plant.multibody.wheels import touch
-from wsp_env.plant.port import Setup
 from wsp_env.plant.slots import before_contact_acts, resistance
 
 #: Sum of the changes of all speeds [m/s], [rad/s] in a substep beyond which a motion is none any more.
 _LARGEST_CHANGE = 1e4
 
+#: What this plant's substep works on beside the arrays of all plants.
+More = tuple[Bodies, BodyConstants, Scratch]
+
 
 @inlined
-def _substep(i: int, j: int, on_step: Stepping, m: Bodies, b: BodyConstants, w: Scratch) -> bool:
+def _substep(i: int, j: int, on_step: Stepping, more: More) -> bool:
     """Advance vehicle i by substep j of the control interval; True when it has stopped or left the track."""
+    m, b, w = more
     state, c, p, _, active, work, _ = on_step
     h, axles, motion = p.substep, state.wheel_speed.shape[1], w.motion
     speed, last = state.speed[i], state.deceleration[i]
@@ -137,36 +136,9 @@ def _move(i: int, after: float, resisted: float, on_step: Stepping, m: Bodies, b
     return stopped
 
 
-_batch = rebuilder(batch(1, COACH, Setup(), NULL))
-
-
 @loop
 def advance(
-    command: np.ndarray, believed: Any, given: Any, moving: np.ndarray, work: np.ndarray, m: Bodies, b: BodyConstants,
-    w: Scratch,
+    command: np.ndarray, believed: Any, given: Any, moving: np.ndarray, work: np.ndarray, more: More
 ) -> None:  # fmt: skip
-    """Advance every vehicle that moves by one control interval.
-
-    Parameters
-    ----------
-    command : (N, A) see `wsp_env.plant.command`
-    believed : the vehicle's traction law: the type of what the mechanisms make of it
-    given : a `wsp_env.plant.longitudinal.state.Batch` as `plain` tuples; its state is changed in place
-    moving : (N,) bool, changed in place: False once a vehicle stands or was given up; such a vehicle is left as it is
-    work : (ROWS, A) scratch
-    m, b, w : the bodies, changed in place, their constants, scratch
-
-    """
-    state, c, physics, p = _batch(given)
-    for i in range(command.shape[0]):
-        if not moving[i]:
-            continue
-        law = law_at(believed, physics.law, i)
-        active = Active(mechanisms_at(physics.mechanisms, i), p.derived, state.memory)
-        on_step = Stepping(state, c, p, law, active, work, physics.inertia)
-        brake.receive(i, command, state.brake)
-        for j in range(p.substeps):
-            if _substep(i, j, on_step, m, b, w):
-                moving[i] = False
-                break
-        read_sensors(i, state, c, p, active)
+    """Advance every vehicle that moves by one control interval, see `advance_by`; `more`: bodies, their constants, scratch."""
+    advance_by(_substep, command, believed, given, moving, work, more)

@@ -5,12 +5,15 @@ turns with the curve: a body in it feels the curve as forces, and bodies at diff
 turned (`shift`).
 """
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wsp_env.compiled import inlined, loop
+from wsp_env.contact.geometry.track import Track
+from wsp_env.parameters.track_geometry import TrackGeometry
 
 Array = NDArray[np.float64]
 
@@ -64,6 +67,19 @@ def way(curvature: list[tuple[float, float, float]], rails: Array | None = None,
             across += heading * length + curve * length**2 / 2.0 + rate * length**3 / 6.0
             heading += curve * length + rate * length**2 / 2.0
     return Way(np.array(rows), np.zeros((0, RAILS)) if rails is None else np.ascontiguousarray(rails, dtype=float), node_m)
+
+
+def way_of(track: TrackGeometry) -> Way:
+    """Return a track for compiled code."""
+    nodes = [(0.0, 0.0, 0.0)]
+    for curve in track.curves:
+        curvature = 1.0 / curve.radius_m
+        tilt = Track(track.gauge_m, curvature_1pm=curvature, superelevation_m=curve.cant_m).tilt_rad
+        full = curve.begin_m + curve.transition_m
+        nodes += [(curve.begin_m, 0.0, 0.0), (full, curvature, tilt), (full + curve.length_m, curvature, tilt)]
+        nodes += [(curve.end_m, 0.0, 0.0)]
+    kept = [node for node, after in itertools.pairwise(nodes) if after[0] > node[0]] + nodes[-1:]
+    return way(kept if track.curves else [], track.irregularities.rails(), track.irregularities.node_m)
 
 
 @loop

@@ -1,0 +1,111 @@
+"""The multibody coach as truth: its stops, recorded, diagnosed with the one-dimensional model.
+
+    python -m experiments.multibody.truth [--out out/multibody_truth]
+
+Two campaigns of five stops: on straight track, where the wheel loads that move forward are what the model lacks, and in a curve
+of 300 m, where it also lacks what the curve does. Each is written as a campaign folder, diagnosed as `wsp diagnose` does, and
+the loads that the diagnosis says are set beside the true ones.
+"""
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import tyro
+
+from experiments.multibody.stops import Driven, Planned, drive, write_campaign
+from wsp_env.diagnosis import Diagnosis, diagnose
+from wsp_env.parameters.track_geometry import Curve, TrackGeometry
+from wsp_env.parameters.uic_z1 import COACH
+from wsp_env.plant.mechanisms.load_transfer import arms
+from wsp_env.recordings import read_campaign
+
+#: Stops from 42 to 30 m/s, about the friction of the paper's Table 2 within 10 %.
+STRAIGHT = (
+    Planned("A1", 42.3, 0.060), Planned("A2", 36.0, 0.055), Planned("A3", 30.0, 0.065),
+    Planned("B1", 40.0, 0.062), Planned("B2", 33.0, 0.057),
+)  # fmt: skip
+#: Slower, and braked only in the full curve: 300 m radius, 150 mm cant balance 17 m/s; 22 m/s leave 0.6 m/s2.
+CURVED = (
+    Planned("A1", 22.0, 0.060, 7.0), Planned("A2", 20.0, 0.055, 7.5), Planned("A3", 18.0, 0.065, 8.0),
+    Planned("B1", 21.0, 0.062, 7.0), Planned("B2", 19.0, 0.057, 8.0),
+)  # fmt: skip
+CURVE = TrackGeometry(curves=(Curve(begin_m=40.0, transition_m=60.0, length_m=2000.0, radius_m=300.0, cant_m=0.15),))
+VALIDATE = ("B1", "B2")
+
+
+class Campaign(NamedTuple):
+    """What is recorded, and on which track."""
+
+    stops: tuple[Planned, ...]
+    track: TrackGeometry | None
+
+
+CAMPAIGNS = {"straight": Campaign(STRAIGHT, None), "curve": Campaign(CURVED, CURVE)}
+
+
+def sliding(driven: Driven) -> np.ndarray:
+    """Return the samples (T,) bool in which the brake acts and the coach runs faster than 5 m/s."""
+    return (driven.torque.min(axis=1) > 0.0) & (driven.speed > 5.0)
+
+
+def true_levers(driven: list[Driven]) -> np.ndarray:
+    """Return the change of wheel load per deceleration (A,) [N / (m/s2)], least squares over all stops."""
+    own = [sliding(one) for one in driven]
+    slowing = np.concatenate([one.deceleration[at] for one, at in zip(driven, own, strict=True)])
+    change = np.concatenate([one.wheel_load[at] - COACH.static_wheel_load_n for one, at in zip(driven, own, strict=True)])
+    return slowing @ change / (slowing @ slowing)
+
+
+def said_levers(parameters: dict[str, float]) -> np.ndarray:
+    """Return the same (A,) of a load transfer as the diagnosis says it."""
+    body, pivot = (np.array(arm) for arm in arms(COACH.axle_positions_m, COACH.running_gear))
+    heights = parameters.get("body_height_m", 0.0), parameters.get("pivot_height_m", 0.0)
+    return COACH.mass_kg * (heights[0] * body + heights[1] * pivot)
+
+
+def answer(found: Diagnosis, true: np.ndarray) -> dict[str, object]:
+    """Return what is kept of a diagnosis, with the wheel loads it says beside the true ones."""
+    said: dict[str, dict[str, float]] = found.model.get("mechanisms", {})
+    kept: dict[str, object] = {"verdict": found.verdict, "sentence": found.sentence, "mechanisms": said}
+    kept["discovered"] = [str(one) for one in found.discovered]
+    kept["true_n_per_mps2"] = np.round(true, 1).tolist()
+    if "load_transfer" in said:
+        own = said_levers(said["load_transfer"])
+        kept["said_n_per_mps2"] = np.round(own, 1).tolist()
+        kept["said_over_true"] = round(float(own @ true / (true @ true)), 3)
+    return kept
+
+
+def main(out: Path = Path("out/multibody_truth"), only: tuple[str, ...] = tuple(CAMPAIGNS), again: bool = True) -> None:
+    """Record, diagnose, print.
+
+    Parameters
+    ----------
+    out
+        Folder of the campaigns, with answers.json.
+    only
+        Names of the campaigns.
+    again
+        Diagnose too; without, the campaigns are only recorded.
+
+    """
+    answers: dict[str, object] = {}
+    for name in only:
+        campaign = CAMPAIGNS[name]
+        driven = drive(campaign.stops, track=campaign.track)
+        write_campaign(out / name, f"multibody coach, {name}", campaign.stops, driven, VALIDATE)
+        true = true_levers(driven)
+        for stop, one in zip(campaign.stops, driven, strict=True):
+            mean = np.round(one.wheel_load[sliding(one)].mean(axis=0) / 1e3, 2).tolist()
+            print(f"{name} {stop.name}: {one.distance:.0f} m, mean wheel loads {mean} kN", flush=True)
+        print(f"{name}: true change of wheel load {np.round(true).tolist()} N per m/s2", flush=True)
+        if again:
+            answers[name] = answer(diagnose(read_campaign(out / name)), true)
+            print(json.dumps({name: answers[name]}, indent=2), flush=True)
+    (out / "answers.json").write_text(json.dumps(answers, indent=2) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
