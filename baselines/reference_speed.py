@@ -144,6 +144,4 @@ class ReferenceSpeed:
         chosen = np.argmax(np.where(self.failed, -1.0, order), axis=1)
         keep = self.released & ~self.failed
         chosen = np.where(keep.any(axis=1), np.argmax(keep, axis=1), chosen)
-        self.released = np.zeros_like(self.failed)
-        rows = np.flatnonzero(wanted)
-        self.released[rows, chosen[rows]] = True
+        self.released = wanted[:, None] & (np.arange(self.speed.shape[1]) == chosen[:, None])

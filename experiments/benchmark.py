@@ -13,6 +13,7 @@ import dataclasses
 import json
 import math
 import statistics
+import tempfile
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -25,6 +26,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy.optimize import brentq
 
+from experiments.exported import compiler, exported
 from wsp_env.contact.degraded import adhesion_recovered, adhesion_without_recovery, degraded_adhesion
 from wsp_env.contact.fastsim import fastsim_force
 from wsp_env.contact.kalker import Patch, kalker_coefficients
@@ -243,6 +245,23 @@ def decision_run() -> Callable[[], int]:
     return run
 
 
+# --- C beside numba ---------------------------------------------------------------------------------------------------
+
+
+def exported_rows(rounds: int, seconds: float) -> list[dict[str, Any]]:
+    """Return size and cost of the exported C beside the Python it was made from; nothing without a C compiler."""
+    if compiler() is None:
+        return []
+    with tempfile.TemporaryDirectory() as folder:
+        rows = []
+        for one in exported(Path(folder)):
+            times = in_turns({"C": one.in_c, "Python": one.by_numba}, rounds, seconds)
+            c_s, python_s = (statistics.median(times[name].tolist()) for name in ("C", "Python"))
+            sizes = {name: getattr(one, name) for name in ("lines", "object_bytes", "remembered_bytes")}
+            rows.append({"what": one.what, "c_s": c_s, "python_s": python_s, **sizes})
+    return rows
+
+
 # --- the report -------------------------------------------------------------------------------------------------------
 
 
@@ -283,6 +302,7 @@ def measure(quick: bool) -> dict[str, Any]:
         "contact_s": {name: statistics.median(values.tolist()) for name, values in contact.items()},
         "closed_form_to_fastsim": ratio(law, contact["FASTSIM"]),
         "steps": rows,
+        "exported": exported_rows(rounds, seconds),
         "goals": [dataclasses.asdict(goal) | {"met": goal.met} for goal in goals],
     }
 
@@ -308,6 +328,15 @@ def print_tables(result: Mapping[str, Any]) -> None:
         figures = f"{1e6 * row['step_s']:.1f}", f"{row['steps_per_s']:.3g}", f"{row['to_cartpole']:.3f}"
         table.add_row(str(row["n"]), row["what"], *figures, end_section=last)
     console.print(table)
+    if result["exported"]:
+        table = Table(title="Exported C beside the Python it is made from (numba; the rules: numpy)", title_justify="left")
+        table.add_column("unit")
+        for heading in ("C [us]", "Python [us]", "lines of C", "object [kB]", "instance [B]"):
+            table.add_column(heading, justify="right")
+        for row in result["exported"]:
+            sizes = f"{row['lines']}", f"{row['object_bytes'] / 1000:.0f}", f"{row['remembered_bytes']}"
+            table.add_row(row["what"], f"{1e6 * row['c_s']:.3g}", f"{1e6 * row['python_s']:.3g}", *sizes)
+        console.print(table)
     table = Table(title="Goals", title_justify="left")
     table.add_column("figure")
     for heading in ("measured", "goal", "met"):

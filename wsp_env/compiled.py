@@ -118,7 +118,7 @@ def generated(name: str, source: str, names: Mapping[str, Any]) -> Callable[...,
 
     It has no cache of its own: it lives inside the kernels that call it.
     """
-    file = f"<generated {name}>"
+    file = f"<generated {name} {hashlib.sha256(source.encode()).hexdigest()[:8]}>"  # others may bear that name too
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)  # for tracebacks
     namespace = dict(names)
     exec(compile(source, file, "exec"), namespace)

@@ -11,6 +11,7 @@ COMMANDS = {
     "compare": "the same stop with and without recovery of adhesion, over mu_cd and tau",
     "compare-campaigns": "two campaigns, as before and after a repair: tau, mu_cd, mechanisms, what changed and how sure",
     "evaluate": "put controllers through a test programme in the manner of EN 15595 and compare them",
+    "export": "write laws, controllers, policies and the plant as C99 or FMUs for other tools; a template for a WSP in C",
     "inspect": "list the channels of a recorded file of any logger and draft a campaign.toml for it",
     "replay": "let controllers brake under the conditions of recorded stops, beside the stops as recorded",
     "diagnose": "say which physics the tuned law lacks on recorded stops, where it shows and how sure that is",

@@ -18,6 +18,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from wsp_env.child import TookTooLongError, limited
+from wsp_env.evaluation.native import NativeController, is_native
 from wsp_env.evaluation.policy import load_policy
 from wsp_env.parameters.quantity import ParameterError, replace
 from wsp_env.parameters.vehicle import Vehicle
@@ -55,8 +56,9 @@ class Controller(Protocol):
 def load(name: str, parameters: Mapping[str, Any] | None = None) -> Controller:
     """Return the controller of a name, with `parameters` replacing fields of its `parameters` dataclass.
 
-    `name` is one of `SHORT_NAMES`, a policy's folder (see `wsp_env.evaluation.policy`), an import path `package.module:Class`
-    or a file `path/to/file.py:Class` (the class may be left out where the file holds one only), which may import, at its top,
+    `name` is one of `SHORT_NAMES`, a policy's folder (see `wsp_env.evaluation.policy`), a shared library or an FMU (see
+    `wsp_env.evaluation.native`; it runs in a process of its own), an import path `package.module:Class` or a file
+    `path/to/file.py:Class` (the class may be left out where the file holds one only), which may import, at its top,
     what lies beside it. `ParameterError` says what could not be found. A file is run as Python: load only controllers that you
     trust; policies of others come as folders without code.
     """
@@ -64,6 +66,10 @@ def load(name: str, parameters: Mapping[str, Any] | None = None) -> Controller:
         if parameters:
             raise ParameterError(f"controller {name!r} is a policy: it has no parameters to set")
         return load_policy(name)
+    if name not in SHORT_NAMES and is_native(name):
+        if parameters:
+            raise ParameterError(f"controller {name!r} is native code: it has no parameters to set")
+        return NativeController(name)
     place, _, attribute = SHORT_NAMES.get(name, name).partition(":")
     module = _module(name, place)
     if attribute:

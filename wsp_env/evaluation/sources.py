@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from wsp_env.evaluation.controller import SHORT_NAMES
+from wsp_env.evaluation.native import is_native
 
 #: Folders of installed packages: not taken for what lies beside a controller.
 _INSTALLED = ("site-packages", "dist-packages")
@@ -23,7 +24,10 @@ def code_digest(controller: str | None) -> str:
     """
     place = SHORT_NAMES.get(controller or "", controller or "").partition(":")[0]
     files: set[Path] = set()
-    if Path(place).suffix == ".py" and Path(place).is_file():
+    if is_native(place) and Path(place).is_file():
+        beside = Path(place).with_suffix(".toml")  # the map of an FMU's variables
+        files = {Path(place), *([beside] if beside.is_file() else [])}
+    elif Path(place).suffix == ".py" and Path(place).is_file():
         files = imported_beside(Path(place))
     elif place and Path(place).is_dir():
         files = {file for file in Path(place).rglob("*") if file.is_file()}

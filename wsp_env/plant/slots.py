@@ -5,24 +5,28 @@ on goes from one to the next. Their code is made from the cards when this module
 "gradient", "radii", "inertia", "law" and "tau", act on what is constant in a stop, see `mechanisms.believed_to_true`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from wsp_env.compiled import generated, inlined
 from wsp_env.contact.port import traction
 from wsp_env.contact.traction import Adhesion, Surface
-from wsp_env.plant.card import SLOTS, Doing, Moment
+from wsp_env.plant.card import SLOTS, Card, Doing, Moment
 from wsp_env.plant.mechanisms import ALL, Active
 
+#: How each generated slot runs through its cards: what comes before, what each does, what is returned.
+_FORMS: dict[str, tuple[str, str, str]] = {}
 
-def _slot(name: str, start: str, each: str, result: str) -> Callable[..., Any]:
-    """Return the kernel of a slot: `start`, then `each` with the call of every card that acts there, then `result`.
+
+def slot_kernel(name: str, cards: Iterable[Card]) -> Callable[..., Any]:
+    """Return the kernel of a slot in which only these cards act: its start, then the call of each, then the result.
 
     The slot takes `active` and its arguments of `SLOTS`; so do the cards' functions, with their own part of `active`.
     """
     arguments = SLOTS[name]
+    start, each, result = _FORMS[name]
     lines, kernels = [start], {}
-    for card in ALL.values():
+    for card in cards:
         if name in card.acts:
             own = [f"active.parameters.{card.name}"]
             own += [f"active.derived.{card.name}"] if card.derive else []
@@ -33,18 +37,27 @@ def _slot(name: str, start: str, each: str, result: str) -> Callable[..., Any]:
     return generated(name, f"def {name}(active, {arguments}):\n{body}", kernels)
 
 
-def _acts(name: str) -> Callable[..., Any]:
-    """Return the kernel (active) -> bool: whether a mechanism that is on acts in a slot.
+def acts_kernel(name: str, cards: Iterable[Card]) -> Callable[..., Any]:
+    """Return the kernel (active) -> bool: whether one of these mechanisms is on and acts in a slot.
 
     What only such mechanisms ask for need not be computed for a vehicle without them.
     """
     sizes = [
         f"active.parameters.{card.name}.{size.name} != {size.null!r}"
-        for card in ALL.values()
+        for card in cards
         if name in card.acts
         for size in card.sizes
     ]
     return generated(f"{name}_acts", f"def {name}_acts(active):\n    return {' or '.join(sizes) or 'False'}\n", {})
+
+
+def _slot(name: str, start: str, each: str, result: str) -> Callable[..., Any]:
+    _FORMS[name] = start, each, result
+    return slot_kernel(name, ALL.values())
+
+
+def _acts(name: str) -> Callable[..., Any]:
+    return acts_kernel(name, ALL.values())
 
 
 def _factor(name: str) -> Callable[..., Any]:
@@ -136,3 +149,27 @@ def resistance(i: int, speed: float, believed: float, moment: Moment, active: Ac
     """Force [N] against the motion beside the wheels; `believed` is that of running resistance and gradient [N]."""
     total: float = _force(active, i, speed, believed, moment)
     return total
+
+
+#: The kernels of this module that are made from the cards, by slot.
+FROM_CARDS: dict[str, Callable[..., Any]] = {
+    "before_contact": before_contact,
+    "contaminated_friction": _contaminated_friction,
+    "friction": _friction,
+    "layer": _layer,
+    "axle_friction": _axle_friction,
+    "recovery": recovery,
+    "contact": _contact,
+    "wheel_load": _wheel_load,
+    "force": _force,
+    "torque_factor": torque_factor,
+    "torque": _torque,
+    "reading": reading,
+    "wheel_speed": wheel_speed,
+    "recorded_speed": recorded_speed,
+    "true_speed": true_speed,
+    "after_contact": after_contact,
+    "after_passage": after_passage,
+}
+#: The same of those that say whether anything acts there.
+ACTING: dict[str, Callable[..., Any]] = {"before_contact": before_contact_acts, "torque": torque_acts}

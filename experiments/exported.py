@@ -1,0 +1,127 @@
+"""Size and cost of the exported C beside numba's, for `experiments/benchmark.py`."""
+
+import ctypes
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from wsp_env.evaluation.controller import load
+from wsp_env.export.controller import random_drive
+from wsp_env.export.files import FLAGS, write_unit
+from wsp_env.export.law import evaluate_many, law_unit, random_states
+from wsp_env.export.make import make_unit
+from wsp_env.export.plant import plant_unit, random_stop
+from wsp_env.export.unit import Unit
+from wsp_env.parameters.uic_z1 import VEHICLES
+from wsp_env.parameters.velim import CONTACT
+from wsp_env.plant.longitudinal.plant import LongitudinalPlant
+from wsp_env.plant.port import Setup
+
+#: Units of work of one call.
+CONTACTS, STEPS = 4096, 400
+
+#: A library that begins a unit and takes many steps of it: with rows of inputs (rows, width), or the same ones.
+_MANY = """#include "{name}.h"
+void many(const double *rows, long width, long n);
+long remembered(void);
+void many(const double *rows, long width, long n)
+{{
+    static {name} self;
+    {name}_parameters p;
+    {name}_input u;
+    {name}_output y;
+    long i, j;
+    {name}_defaults(&p);
+    {name}_start(&self, &p);
+    for (i = 0; i < n; i++) {{
+        for (j = 0; j < width; j++) {{
+            ((double *)&u)[j] = rows[i * width + j];
+        }}
+        {name}_step(&self, &u, &y);
+    }}
+}}
+long remembered(void)
+{{
+    return (long)sizeof({name});
+}}
+"""
+
+
+class Exported(NamedTuple):
+    """A unit of C and what it is compared with."""
+
+    what: str
+    lines: int
+    object_bytes: int
+    remembered_bytes: int
+    in_c: Callable[[], int]
+    by_numba: Callable[[], int]  # or by numpy, of a controller by rules
+
+
+def compiler() -> str | None:
+    """Return a C compiler of this machine."""
+    return shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
+
+
+def _built(unit: Unit, folder: Path, rows: np.ndarray) -> tuple[int, int, int, Callable[[], int]]:
+    """Return lines, bytes of the object, bytes of an instance and what takes the steps."""
+    write_unit(unit, folder)
+    (folder / "many.c").write_text(_MANY.format(name=unit.name))
+    flags = [str(compiler()), *FLAGS, "-fPIC"]
+    subprocess.run([*flags, "-c", f"{unit.name}.c"], cwd=folder, check=True)
+    subprocess.run([*flags, "-shared", "-o", "many.so", "many.c", f"{unit.name}.o", "-lm"], cwd=folder, check=True)
+    library = ctypes.CDLL(str(folder / "many.so"))
+    library.remembered.restype = ctypes.c_long
+    given = np.ascontiguousarray(rows)
+    arguments = (ctypes.c_void_p(given.ctypes.data), ctypes.c_long(given.shape[1]), ctypes.c_long(len(given)))
+
+    def run() -> int:
+        library.many(*arguments)
+        return len(given)
+
+    lines = len((folder / f"{unit.name}.c").read_text().splitlines())
+    return lines, (folder / f"{unit.name}.o").stat().st_size, library.remembered(), run
+
+
+def exported(folder: Path) -> list[Exported]:
+    """Return the law, the plant of a coach and the rules, in C and as they are."""
+    states, made = random_states(CONTACTS), np.empty((CONTACTS, 6))
+
+    def law() -> int:
+        evaluate_many(states, CONTACT.law, made)
+        return CONTACTS
+
+    coach = VEHICLES["coach"]
+    plant = LongitudinalPlant(coach, 1, Setup())
+    stop = random_stop(coach, 1, np.random.default_rng(0))
+    command = np.ones((1, coach.axles))
+
+    def step() -> int:
+        plant.start(0, stop)
+        for _ in range(STEPS):
+            plant.step(command)
+        return STEPS
+
+    rules = load("rule-based")
+    drive = list(random_drive(coach, 0.02, STEPS, np.random.default_rng(0)))
+    seen = np.array([[one.time[0], *one.wheel_speed[0], one.demand[0]] for one in drive])
+
+    def decide() -> int:
+        rules.reset(1, coach)
+        for one in drive:
+            rules.act(one)
+        return STEPS
+
+    units = (
+        ("degraded law, one contact", law_unit(CONTACT.law), states, law),
+        ("plant of a coach, 20 ms", plant_unit(coach), np.ones((STEPS, coach.axles + 1)), step),
+        ("rule-based, one decision", make_unit("rule-based", coach), seen, decide),
+    )
+    found = []
+    for number, (what, unit, rows, own) in enumerate(units):
+        found.append(Exported(what, *_built(unit, folder / str(number), rows), own))
+    return found

@@ -1,0 +1,187 @@
+"""A controller by rules as a unit of C: its methods translated, its attributes what an instance remembers."""
+
+import copy
+import dataclasses
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from wsp_env.evaluation.controller import SHORT_NAMES, Controller, load
+from wsp_env.export import kinds
+from wsp_env.export.plant import assigned
+from wsp_env.export.translator import Translator
+from wsp_env.export.unit import Unit, Variable, flat
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.port import Measurement
+
+#: By how much C and Python may differ, and why.
+TOLERANCE = 1e-9
+WHY = "numpy's exp of arrays may differ from the C library's in the last bit"
+
+_RUNNING = {
+    "reference": ("m/s", "reference speed"),
+    "failed": ("1", "1 where a speed sensor has failed"),
+    "standing": ("1", "1 where a wheel stands while the vehicle runs"),
+}
+
+
+def measured(axles: int, pressure: bool = False) -> tuple[Variable, ...]:
+    """Return the inputs of a controller."""
+    sensors = (Variable("pressure", "bar", "in the brake cylinders", size=axles),) if pressure else ()
+    return (
+        Variable("time", "s", "since the start of the stop"),
+        Variable("wheel_speed", "rad/s", "measured, axle by axle from the front", size=axles),
+        Variable("demand", "1", "brake demand, share of full pressure", (1.0,)),
+        *sensors,
+    )
+
+
+def controller_unit(name: str, vehicle: Vehicle, interval_s: float = 0.02) -> Unit:
+    """Return the unit of a controller by rules, for one vehicle; `UntranslatableError` for one that is written otherwise."""
+    controller: Any = load(name)
+    controller.reset(kinds.SENTINEL, vehicle)
+    prefix = "wsp_" + (name if name in SHORT_NAMES else type(controller).__name__.lower()).replace("-", "_")
+    t = Translator(prefix)
+    own = t.type_of(controller)
+    n, axles = kinds.SENTINEL, vehicle.axles
+    seen = t.type_of(Measurement(np.zeros(n), np.zeros((n, axles)), np.zeros(n)))
+    assert isinstance(own, kinds.Record)
+    assert isinstance(seen, kinds.Record)
+    method = type(controller).act
+    call = t.call(method, [kinds.variable(own, "self->controller"), kinds.variable(seen, "seen")], None, "controller")
+    wheels = getattr(controller, "wheels", None)
+    running = {} if wheels is None else _RUNNING
+    free, places = _parameters(controller, vehicle), _places(controller, "self->controller")
+    changeable = [field for field in free if field.name in _free_names(controller, vehicle)]
+    return Unit(
+        name=prefix,
+        title=f"Controller {name!r} for the {axles} axles of the {vehicle.name}",
+        translator=t,
+        parameters=tuple(
+            Variable(field.name, _unit(field), f"{field.name.replace('_', ' ')}: {field.metadata['source']}",
+                     (float(getattr(controller.parameters, field.name)),))
+            for field in changeable
+        ),
+        inputs=measured(axles),
+        outputs=(
+            Variable("command", "1", "-1 vents, 0 holds, +1 applies", (1.0,), axles),
+            *(Variable(what, *said, size=None if what == "reference" else axles) for what, said in running.items()),
+        ),
+        state=(f"{own.name} controller;",),
+        start=(
+            "memset(self, 0, sizeof *self);",
+            *assigned("self->controller", controller, own),
+            *(f"{place}.{field.name} = p->{field.name};" for place in places for field in changeable),
+        ),
+        step=(
+            f"double result[{axles}];",
+            f"{seen.name} seen;",
+            "seen.time = u->time;",
+            "seen.demand = u->demand;",
+            f"memcpy(seen.wheel_speed, u->wheel_speed, {axles} * sizeof(double));",
+            f"{call.code};",
+            f"memcpy(y->command, result, {axles} * sizeof(double));",
+            *(_told(what, axles) for what in running),
+        ),
+        reference=lambda: _reference(name, vehicle, interval_s, [field.name for field in changeable]),
+        interval_s=interval_s,
+        tolerance=TOLERANCE,
+        why_tolerance=WHY,
+        controller=True,
+        axles=axles,
+    )  # fmt: skip
+
+
+def _told(what: str, axles: int) -> str:
+    if what == "reference":
+        return "y->reference = self->controller.wheels.reference;"
+    return f"for (int64_t k = 0; k < {axles}; k++) {{ y->{what}[k] = self->controller.wheels.{what}[k] ? 1.0 : 0.0; }}"
+
+
+def _unit(field: Any) -> str:
+    return {"-": "1"}.get(field.metadata["unit"], field.metadata["unit"])
+
+
+def _parameters(controller: Any, vehicle: Vehicle) -> list[Any]:
+    held = getattr(controller, "parameters", None)
+    return [f for f in dataclasses.fields(held) if "unit" in f.metadata] if dataclasses.is_dataclass(held) else []
+
+
+def _free_names(controller: Any, vehicle: Vehicle) -> set[str]:
+    """Return the parameters from which nothing is computed at the start of a stop: they may be changed in C."""
+    free = set()
+    made = type(controller)
+    for field in _parameters(controller, vehicle):
+        value = getattr(controller.parameters, field.name)
+        for changed in (1.01 * value + 1e-3, 0.99 * value - 1e-3):
+            try:
+                other = made(dataclasses.replace(controller.parameters, **{field.name: changed}))
+            except ValueError:
+                continue
+            other.reset(1, vehicle)
+            same = made(controller.parameters)
+            same.reset(1, vehicle)
+            if _numbers(other) == _numbers(same):
+                free.add(field.name)
+            break
+    return free
+
+
+def _numbers(value: Any) -> list[float]:
+    """Return all that an object remembers, its parameters left out."""
+    found: list[float] = []
+    for name, item in vars(value).items():
+        if name == "parameters":
+            continue
+        if isinstance(item, np.ndarray | float | int):
+            found += flat(item)
+        elif hasattr(item, "__dict__"):
+            found += _numbers(item)
+    return found
+
+
+def _places(value: Any, place: str) -> list[str]:
+    """Return where in the C an object and its parts keep the parameters."""
+    found = [f"{place}.parameters"] if hasattr(value, "parameters") else []
+    for name, item in vars(value).items():
+        if name != "parameters" and hasattr(item, "__dict__") and not dataclasses.is_dataclass(item):
+            found += _places(item, f"{place}.{kinds.safe(name)}")
+    return found
+
+
+def random_drive(vehicle: Vehicle, interval_s: float, steps: int, rng: np.random.Generator) -> Iterator[Measurement]:
+    """Yield what sensors might say in a stop: wheels that slide at random times, roll again, stand, and sensors that fail."""
+    axles = vehicle.axles
+    speed = float(rng.uniform(15.0, 45.0))
+    slip, rate = np.zeros(axles), np.zeros(axles)
+    radius = vehicle.wheel_radius_m * rng.uniform(0.985, 1.0, axles)
+    fails = np.where(rng.random(axles) < 0.15, rng.uniform(0.0, steps * interval_s, axles), np.inf)
+    for step in range(steps):
+        time = step * interval_s
+        if step > 40:
+            speed = max(speed - float(rng.uniform(0.0, 2.0)) * interval_s, 0.0)
+            rate = np.where(rng.random(axles) < 0.04, rng.normal(0.0, 8.0, axles), rate)
+            slip = np.clip(slip + rate * interval_s, 0.0, speed)
+        wheel = np.maximum((speed - slip) / radius + rng.normal(0.0, 0.01, axles), 0.0)
+        wheel[time >= fails] = rng.choice([0.0, np.nan])
+        yield Measurement(np.array([time]), wheel[None, :], np.array([float(rng.choice([1.0, 0.7]))]))
+
+
+def _reference(
+    name: str, vehicle: Vehicle, interval_s: float, parameters: Sequence[str], drives: int = 4, steps: int = 500
+) -> Iterator[tuple[str, list[float], list[float]]]:
+    rng = np.random.default_rng(0)
+    controller: Any = load(name)
+    for _ in range(drives):
+        controller.reset(1, vehicle)
+        yield "start", [float(getattr(controller.parameters, one)) for one in parameters], []
+        for seen in random_drive(vehicle, interval_s, steps, rng):
+            yield "step", flat((seen.time, seen.wheel_speed, seen.demand)), outputs(controller, seen)
+
+
+def outputs(controller: Controller, seen: Measurement) -> list[float]:
+    """Return what the C gives for a measurement, by the Python."""
+    made = [copy.copy(controller.act(seen))]
+    wheels = getattr(controller, "wheels", None)
+    return flat(made + ([] if wheels is None else [getattr(wheels, what) for what in _RUNNING]))
