@@ -73,6 +73,14 @@ def test_a_faulty_sensor_is_found_in_time_and_left_out(name):
     assert abs(stop.observer.estimate.speed[0] - stop.speed) < 0.3
 
 
+def test_a_sensor_that_is_frozen_from_the_start_is_found_once_the_brake_acts():
+    stop = Stop()  # its reading keeps the estimated speed up: the other wheel tells
+    assert stop.go_on(3.0, frozen(stop)) < 2.0
+    assert stop.guard.failed.tolist() == [[True, False]]
+    stop.go_on(5.0)
+    assert abs(stop.observer.estimate.speed[0] - stop.speed) < 0.5
+
+
 def test_a_sensor_that_was_never_there_is_found_at_the_start():
     stop = Stop()
     stop.guard.begin(stop.measure(lambda wheel: np.array([0.0, wheel[1]])))

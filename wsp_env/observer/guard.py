@@ -33,8 +33,8 @@ JUMP_MPS2 = 100.0
 ABSENT_SHARE = 0.5
 
 #: A sensor whose readings stay the same to the last digit for so long [s], above this circumferential speed [m/s], while the
-#: estimated running speed changes by so much [m/s], is frozen (assumptions: a pulse wheel of 60 pulses a turn then passes six
-#: edges; measured speeds have noise; without noise a vehicle may coast at the same speed).
+#: estimated running speed or the mean of the other wheels changes by so much [m/s], is frozen (assumptions: a pulse wheel of
+#: 60 pulses a turn then passes six edges; measured speeds have noise; without noise a vehicle may coast at the same speed).
 FROZEN_S, FROZEN_ABOVE_MPS, FROZEN_CHANGE_MPS = 0.3, 1.0, 0.05
 
 #: A wheel below the one speed while the vehicle runs above the other [m/s] stands. After its brake has been empty for so long
@@ -73,6 +73,7 @@ class Doubts(NamedTuple):
     raw: np.ndarray  # (N, A) as last measured [rad/s]
     same: np.ndarray  # (N, A) for how long the readings stayed the same [s]
     held_at: np.ndarray  # (N, A) running speed since which they did [m/s]
+    others_at: np.ndarray  # (N, A) and mean of the other wheels [m/s]
     empty: np.ndarray  # (N, A) for how long a standing wheel's brake was empty [s]
     difference: np.ndarray  # (N, A) of the last two readings [rad/s]
     second: np.ndarray  # (N, A) difference of the last two differences [rad/s]
@@ -213,9 +214,11 @@ def _judge(
     change = reading - d.raw[i, k]
     d.failed[i, k] = abs(change) * c.radius > JUMP_MPS2 * c.interval
     d.same[i, k] = d.same[i, k] + c.interval if change == 0.0 and reading * c.radius > FROZEN_ABOVE_MPS else 0.0
+    others = c.radius * _others(i, k, d)
     if d.same[i, k] == 0.0:
-        d.held_at[i, k] = e.speed[i]
-    d.failed[i, k] |= d.same[i, k] >= FROZEN_S - 1e-9 and abs(e.speed[i] - d.held_at[i, k]) > FROZEN_CHANGE_MPS
+        d.held_at[i, k], d.others_at[i, k] = e.speed[i], others
+    moved = max(abs(e.speed[i] - d.held_at[i, k]), abs(others - d.others_at[i, k]))
+    d.failed[i, k] |= d.same[i, k] >= FROZEN_S - 1e-9 and moved > FROZEN_CHANGE_MPS
     second = change - d.difference[i, k]
     third = second - d.second[i, k]
     d.variance[i, k] += c.slow * (third * third / 20.0 - d.variance[i, k])  # white noise makes 20 times its variance
@@ -230,6 +233,17 @@ def _judge(
         d.speed[i, k], d.rate[i, k] = reading, change
         return
     _filter(i, k, reading, noise, d, c)
+
+
+@inlined
+def _others(i: int, k: int, d: Doubts) -> float:
+    """Mean reading of the other believed sensors [rad/s], 0 without any."""
+    total, sound = 0.0, 0
+    for j in range(d.raw.shape[1]):
+        if j != k and not d.failed[i, j]:
+            total += d.raw[i, j]
+            sound += 1
+    return total / max(sound, 1)
 
 
 @inlined
