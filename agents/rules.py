@@ -1,7 +1,8 @@
-"""The rule-based WSP with its own best thresholds, searched with as many simulated stops as a policy was trained with.
+"""Controllers by rules with their own best settings, searched with as many simulated stops as a policy was trained with.
 
 `python -m agents.rules --vehicle bogie` writes `agents/trained/bogie/rules.json`: for each price of sliding the thresholds that
 make metres travelled plus the price of the metres slid least. The prices trace the front of what these rules can do.
+With `--controller adaptive` the same for the adaptive controller, in `adaptive.json`.
 For the command line: `wsp evaluate --controllers rule-based --set $(python -m agents.rules --show 2)`.
 """
 
@@ -9,14 +10,16 @@ import dataclasses
 import json
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import tyro
 from rich.progress import track
 
 from agents.measure import Yardstick, mixed
+from baselines.adaptive import AdaptiveController, AdaptiveParameters
 from baselines.rule_based import RuleBasedParameters, RuleBasedWSP
+from wsp_env.evaluation.controller import Controller
 
 #: Threshold -> range of the search, around the defaults of the rules.
 RANGES = {
@@ -33,6 +36,30 @@ RANGES = {
     "pulsing_s": (0.0, 4.0),
 }
 
+#: The same of the adaptive controller.
+ADAPTIVE_RANGES = {
+    "slide_price": (0.3, 8.0),
+    "settling_s": (0.08, 0.6),
+    "dead_band": (0.0, 0.3),
+    "reached_share": (0.0, 0.9),
+    "smallest_slip_mps": (0.03, 0.4),
+}
+
+
+class Searched(NamedTuple):
+    """A controller whose settings are searched."""
+
+    controller: Any  # its class
+    parameters: Any  # the class of its settings
+    ranges: dict[str, tuple[float, float]]
+    file: str
+
+
+KINDS = {
+    "rule-based": Searched(RuleBasedWSP, RuleBasedParameters, RANGES, "rules.json"),
+    "adaptive": Searched(AdaptiveController, AdaptiveParameters, ADAPTIVE_RANGES, "adaptive.json"),
+}
+
 #: Seed of the stops of the search; others than those watched or held out.
 SEARCHED = 3_000_017
 
@@ -45,6 +72,7 @@ class RuleSearch:
     """What a search is made of."""
 
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
+    controller: Literal["rule-based", "adaptive"] = "rule-based"
     stops: int = 3072  # simulated for each price: as many as a training brakes in 5 million decisions
     each: int = 12  # of them for each trial
     trials: int = 16  # of a generation
@@ -60,30 +88,30 @@ class Trials:
     """Many sets of thresholds braking the same stops at once."""
 
     def __init__(self, arguments: RuleSearch) -> None:
-        self.trials = arguments.trials
+        self.trials, self.kind = arguments.trials, KINDS[arguments.controller]
         stops = mixed(arguments.vehicle, arguments.each, arguments.classic_share, SEARCHED)
         self.yardstick = Yardstick(arguments.vehicle, stops * arguments.trials)
-        self.low, self.high = (np.array(ends) for ends in zip(*RANGES.values(), strict=True))
+        self.low, self.high = (np.array(ends) for ends in zip(*self.kind.ranges.values(), strict=True))
 
     def values(self, points: np.ndarray) -> dict[str, np.ndarray]:
         """Return the thresholds, each (P,), of points (P, thresholds) in the unit cube."""
         scaled = self.low + points * (self.high - self.low)
-        return dict(zip(RANGES, scaled.T, strict=True))
+        return dict(zip(self.kind.ranges, scaled.T, strict=True))
 
     def cost(self, points: np.ndarray, slide_price: float) -> np.ndarray:
         """Return metres travelled and priced ones, mean over the stops, for each point: (P,) with P = trials."""
         each = len(self.yardstick.stops) // self.trials
         columns = {name: np.repeat(value, each)[:, None] for name, value in self.values(points).items()}
-        found = self.yardstick.figures(RuleBasedWSP(_thresholds(columns)))
+        found = self.yardstick.figures(self.kind.controller(_rows(self.kind, columns)))
         slid = found["mean_slip_mps"] * found["duration_s"]
         paid = found["distance_m"] + slide_price * slid + LOCKED_PRICE_MPS * found["locked_s"]
         means: np.ndarray = paid.reshape(self.trials, each).mean(axis=1)
         return means
 
 
-def _thresholds(columns: dict[str, np.ndarray]) -> Any:
-    """Return what the rules take for their parameters: one row (N, 1) of thresholds for each stop."""
-    return SimpleNamespace(**dataclasses.asdict(RuleBasedParameters()) | columns)
+def _rows(kind: Searched, columns: dict[str, np.ndarray]) -> Any:
+    """Return what a controller takes for its parameters: one row (N, 1) of settings for each stop."""
+    return SimpleNamespace(**dataclasses.asdict(kind.parameters()) | columns)
 
 
 def search(trials: Trials, arguments: RuleSearch, slide_price: float) -> dict[str, float]:
@@ -92,15 +120,15 @@ def search(trials: Trials, arguments: RuleSearch, slide_price: float) -> dict[st
     The first generation spreads over the whole cube; the default thresholds are among it.
     """
     rng = np.random.default_rng(arguments.seed)
-    defaults = RuleBasedParameters()
-    start = (np.array([getattr(defaults, name) for name in RANGES]) - trials.low) / (trials.high - trials.low)
-    points = rng.uniform(size=(arguments.trials, len(RANGES)))
+    defaults, names = trials.kind.parameters(), list(trials.kind.ranges)
+    start = (np.array([getattr(defaults, name) for name in names]) - trials.low) / (trials.high - trials.low)
+    points = rng.uniform(size=(arguments.trials, len(names)))
     points[0] = start
-    mean, deviation, best, least = start, np.full(len(RANGES), 0.3), start, np.inf
+    mean, deviation, best, least = start, np.full(len(names), 0.3), start, np.inf
     generations = max(2, arguments.stops // (arguments.each * arguments.trials))
     for generation in track(range(generations), description=f"price {slide_price:g}"):
         if generation > 0:
-            points = np.clip(rng.normal(mean, deviation, (arguments.trials, len(RANGES))), 0.0, 1.0)
+            points = np.clip(rng.normal(mean, deviation, (arguments.trials, len(names))), 0.0, 1.0)
             points[0] = best
         reached = trials.cost(points, slide_price)
         order = np.argsort(reached)
@@ -125,11 +153,19 @@ def best_at(folder: Path, price: str) -> RuleBasedParameters:
 
 def read_best(folder: Path) -> dict[str, RuleBasedParameters]:
     """Return the thresholds found before, by price; none where no search was written."""
-    path = folder / "rules.json"
-    if not path.exists():
-        return {}
-    found = json.loads(path.read_text(encoding="utf-8"))["thresholds"]
-    return {price: RuleBasedParameters(**thresholds) for price, thresholds in found.items()}
+    return {price: RuleBasedParameters(**settings) for price, settings in _found(folder / "rules.json").items()}
+
+
+def front(folder: Path, controller: str = "rule-based") -> dict[str, Controller]:
+    """Return the controllers with the settings found before, by price; none where no search was written."""
+    kind = KINDS[controller]
+    found = _found(folder / kind.file)
+    return {price: kind.controller(kind.parameters(**settings)) for price, settings in found.items()}
+
+
+def _found(path: Path) -> dict[str, dict[str, float]]:
+    """Return the settings of a file by price; none where there is no file."""
+    return json.loads(path.read_text(encoding="utf-8"))["thresholds"] if path.exists() else {}
 
 
 def show(folder: Path, price: str) -> str:
@@ -147,8 +183,11 @@ def main(arguments: RuleSearch) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     trials = Trials(arguments)
     found = {f"{price:g}": search(trials, arguments, price) for price in arguments.slide_prices}
-    own = {name: value for name, value in dataclasses.asdict(arguments).items() if name not in ("out", "slide_prices", "show")}
-    (folder / "rules.json").write_text(json.dumps({"search": own, "thresholds": found}, indent=1) + "\n", encoding="utf-8")
+    left_out = ("out", "slide_prices", "show")
+    own = {name: value for name, value in dataclasses.asdict(arguments).items() if name not in left_out}
+    (folder / KINDS[arguments.controller].file).write_text(
+        json.dumps({"search": own, "thresholds": found}, indent=1) + "\n", encoding="utf-8"
+    )
     print(json.dumps(found))
 
 

@@ -34,7 +34,7 @@ from agents.imitation import imitate
 from agents.recurrent import RecurrentActor
 from agents.steering import Steered, make_steering
 from agents.watch import Watch
-from agents.worlds import Joined, Shaped, Stopped, observed
+from agents.worlds import REWARD, Joined, Shaped, Stopped, observed
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
 from wsp_env.parameters.quantity import ParameterError
@@ -74,7 +74,7 @@ class Arguments:
     slide_price: float = 4.3  # metres travelled that a metre of sliding is worth, see `Shaped`
     action: Literal["steered", "valve", "pressure"] = "steered"  # steered: brake wanted, reached by the valves
     pressure_sensors: bool = False
-    reward: str = '{"air": 0.00005}'  # JSON, see `wsp_env.envs.task.RewardWeights`
+    reward: str = '{"air": 0.00005}'  # JSON, changes of `agents.worlds.REWARD`, see `wsp_env.envs.task.RewardWeights`
     scenario: str = (  # JSON, see `wsp_env.scenario.Scenario`
         '{"mu_cd": [0.02, 0.065], "tau": [1e-4, 3.5e-4], "demand": [0.35, 1.0], "initial_speed": [12.0, 44.5]}'
     )
@@ -147,6 +147,7 @@ def make_model(arguments: Arguments, world: VecNormalize) -> OnPolicyAlgorithm:
 def task_options(arguments: Arguments) -> dict[str, Any]:
     """Return the options of the environments."""
     texts = {name: _read(name, getattr(arguments, name)) for name in ("reward", "scenario", "mechanisms")}
+    texts["reward"] = REWARD | texts["reward"]
     action = "pressure" if arguments.action == "pressure" else "valve"
     vehicle = {"brake": {"torque_per_bar_nm": arguments.torque_per_bar_nm}}
     return texts | {"action": action, "pressure_sensors": arguments.pressure_sensors, "vehicle": vehicle}

@@ -43,6 +43,46 @@ class RuleBasedParameters(ReferenceParameters, SafetyParameters):
     calm_s: float = quantity(3.0, "s", _TUNED + "; all axles applied for so long: the slide is over", 0.0, 60.0)
     blind_rest_s: float = quantity(0.3, "s", _TUNED + "; safety_rest_s of an axle without sensor: too short to lock", 0.0, 60.0)
     cut_out_mps: float = quantity(1.4, "m/s", "assumption: EN 15595, no WSP below 3 to 5 km/h", 0.0, 10.0)
+    long_slide: float = quantity(0.0, "-", "assumption: devices of today hold 0.1 to 0.25 to clean the rail; 0: off", 0.0, 0.3)
+    long_slide_trial_s: float = quantity(8.0, "s", "assumption: two renewals of the reference speed", 1.0, 60.0)
+    long_slide_gain: float = quantity(
+        1.1, "-", "assumption: deceleration in the trial over that before; else given up", 0.0, 5.0
+    )
+
+
+class LongSlide:
+    """The long slide of today's devices, an option: large slip is held on purpose where it cleans the rail.
+
+    Once the protection has acted for as long as a trial takes, large slip is tried. It is kept if the vehicle slows more than
+    before, and given up for the rest of the stop if not.
+    """
+
+    def __init__(self, parameters: RuleBasedParameters, n: int) -> None:
+        self.parameters = parameters
+        self._for = np.zeros(n)  # in this phase [s]
+        self._from = np.zeros(n)  # reference speed at its begin [m/s]
+        self._before = np.zeros(n)  # deceleration of the phase before the trial [m/s2]
+        self._phase = np.zeros(n, dtype=int)  # 0 usual slip, 1 trial, 2 kept, 3 given up
+
+    def creepage(self, step: np.ndarray, reference: np.ndarray, active: np.ndarray) -> np.ndarray:
+        """Return the growth of the slip threshold with the speed (N,) after `step` (N,) [s] more."""
+        p, usual = self.parameters, np.asarray(self.parameters.slip_per_speed).reshape(-1)
+        long = np.asarray(p.long_slide).reshape(-1)
+        if not long.any():
+            return usual
+        waits = (self._phase == 0) & ~active
+        self._for = np.where(waits, 0.0, self._for + step)
+        self._from = np.where(waits, reference, self._from)
+        over = (self._for > p.long_slide_trial_s) & (self._phase < 2)
+        slowed = (self._from - reference) / np.maximum(self._for, 1e-6)
+        pays = slowed > p.long_slide_gain * self._before
+        after = np.where(self._phase == 0, 1, np.where(pays, 2, 3))
+        self._before = np.where(over & (self._phase == 0), slowed, self._before)
+        self._phase = np.where(over, after, self._phase)
+        self._for, self._from = np.where(over, 0.0, self._for), np.where(over, reference, self._from)
+        held = ((self._phase == 1) | (self._phase == 2)) & (long > 0.0)
+        chosen: np.ndarray = np.where(held, np.maximum(long, usual), usual)
+        return chosen
 
 
 class RuleBasedWSP:
@@ -68,6 +108,7 @@ class RuleBasedWSP:
         self._calm = np.full(n, np.inf)  # all axles applied for so long [s]
         self._command = np.ones(shape)
         self._blind = np.zeros(shape, dtype=bool)  # released, as its sensor failed and the rail is slippery
+        self._long = LongSlide(self.parameters, n)
 
     def act(self, measurement: Measurement) -> np.ndarray:
         """Return the commands (N, A): -1 vent, 0 hold, +1 apply."""
@@ -82,7 +123,8 @@ class RuleBasedWSP:
         state, acceleration = self._state, self.wheels.acceleration
         reference = self.wheels.reference[:, None]
         slip = reference - self.wheels.speed
-        threshold = p.slip_base_mps + p.slip_per_speed * reference
+        per_speed = self._long.creepage(step, self.wheels.reference, self._calm <= p.calm_s)[:, None]
+        threshold = p.slip_base_mps + per_speed * reference
         slides = (slip > threshold) & (acceleration < -p.deceleration_mps2)
         slides |= (slip > p.slip_large_factor * threshold) & (acceleration < p.recovered_mps2)
         slides |= (slip > p.slip_small_factor * threshold) & (acceleration < -p.deceleration_large_mps2)

@@ -25,7 +25,10 @@ OPTIONS = [
     ({"mechanisms": ["load_transfer"]}, "mechanisms = .* must be a dictionary"),
     ({"scenario": {"friction": (0.1, 0.2)}}, "unknown scenario quantity friction; valid: mu_cd"),
     ({"scenario": {"tau": (-1.0, 1.0)}}, "tau = .* must lie in"),
-    ({"reward": {"speed": 1.0}}, "unknown reward term speed; valid: stopping_distance, slip, locked_wheels, air"),
+    (
+        {"reward": {"speed": 1.0}},
+        "unknown reward term speed; valid: stopping_distance, time, rest_of_stop, slip, locked_wheels, air",
+    ),
     ({"reward": {"air": -1.0}}, "reward weight air = -1.0 is impossible"),
     ({"reward": {"air": float("nan")}}, "reward weight air = nan is impossible"),
     ({"vehicle": {"mass": 1.0}}, "unknown vehicle parameter mass; valid: .*mass_kg"),

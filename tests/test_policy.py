@@ -97,7 +97,7 @@ def test_it_sees_what_the_environment_shows(tmp_path):
     """The command of the runner is the network's answer to the observation of the environment of the same stop."""
     environment = gym.make("wsp_env/Bogie-v0").unwrapped
     observation, _ = environment.reset(seed=4)
-    policy = load(write(tmp_path))
+    policy = load_policy(write(tmp_path), guarded=False)
     policy.reset(1, BOGIE)
     done = False
     for _ in range(1500):

@@ -100,7 +100,7 @@ def main(
     Parameters
     ----------
     controllers
-        Short names (none, rule-based, slip, extremum), folders of policies, package.module:Class, path.py:Class,
+        Short names (none, rule-based, slip, extremum, adaptive), folders of policies, package.module:Class, path.py:Class,
         libraries in C (.so) and FMUs (see wsp export template); such code is run.
     vehicle
         A name (wsp vehicle list) or a vehicle file (wsp vehicle show coach > mine.toml).

@@ -56,7 +56,7 @@ def main(
     campaign
         Folder that holds campaign.toml and one table per run.
     controllers
-        Short names (none, rule-based, slip, extremum), folders of policies, package.module:Class, path.py:Class;
+        Short names (none, rule-based, slip, extremum, adaptive), folders of policies, package.module:Class, path.py:Class;
         such code is run.
     set
         Parameters of controllers, as rule-based.slip_base_mps=0.4.

@@ -45,8 +45,8 @@ def main(
     fixed_mu_cd
         Keep the friction coefficients of campaign.toml instead of tuning one for each run.
     controller
-        Also simulate in closed loop with this one: a short name (none, rule-based, slip, extremum), package.module:Class or
-        path.py:Class; such code is run.
+        Also simulate in closed loop with this one: a short name (none, rule-based, slip, extremum, adaptive),
+        package.module:Class or path.py:Class; such code is run.
     smoothing
         How the recordings are filtered, and which samples count.
     page

@@ -137,8 +137,8 @@ class BrakingBatch:
         given = self.commands(actions)
         plant, task = self.plant, self.task
         state = plant.truth()
-        before = np.empty((3, self.n))
-        step.note(state.position, state.time, state.air, before)
+        before = np.empty((5, self.n))
+        step.note(state.position, state.time, state.air, state.speed, self._dry_deceleration(), before)
         plant.step(share_of_pressure(given) if self._by_pressure else given)
         state = plant.truth()
         terms, reward = np.empty((len(step.TERMS), self.n)), np.empty(self.n)
@@ -151,6 +151,14 @@ class BrakingBatch:
         late = (state.time >= task.time_limit_s - 1e-9) | (state.position >= task.track_limit_m)
         observation = self.observer.observe(self.measurement(), given)
         return observation, reward, dict(zip(step.TERMS, terms, strict=True)), terminated, (late | lost) & ~terminated
+
+    def _dry_deceleration(self) -> np.ndarray:
+        """Return the deceleration (N,) [m/s2] of the demanded brake on dry rail, of a tenth of full brake at least."""
+        vehicle, c = self.vehicle, self.plant.conditions
+        force = np.maximum(c.demand, 0.1) * vehicle.axles * vehicle.full_brake_torque_nm / vehicle.wheel_radius_m
+        rotating = vehicle.axles * vehicle.wheelset_inertia_kgm2 / vehicle.wheel_radius_m**2
+        deceleration: np.ndarray = force / (c.mass + rotating)
+        return deceleration
 
     @property
     def locked(self) -> np.ndarray:

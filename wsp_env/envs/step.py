@@ -13,16 +13,15 @@ LOCKED_WHEEL_MPS = 0.3
 LOCKED_RUNNING_MPS = 5.0 / 3.6
 
 #: Terms of the reward, in the order of `judge`.
-TERMS = ("stopping_distance", "slip", "locked_wheels", "air")
-
-#: Below this running speed [m/s] the creepage is that at this speed: it is undefined at rest.
-_SLOWEST_MPS = 1e-3
+TERMS = ("stopping_distance", "time", "rest_of_stop", "slip", "locked_wheels", "air")
 
 
 class Prices(NamedTuple):
     """What the reward is made of, see `wsp_env.envs.task.RewardWeights` and `Task`."""
 
     stopping_distance: float
+    time: float
+    rest_of_stop: float
     slip: float
     locked_wheels: float
     air: float
@@ -52,10 +51,22 @@ def _sum(i: int, values: np.ndarray) -> float:
 
 
 @loop
-def note(position: np.ndarray, time: np.ndarray, air: np.ndarray, before: np.ndarray) -> None:
-    """Write position (N,) [m], time (N,) [s] and air (N, A) [Nl] before a step, summed over the axles, into `before` (3, N)."""
+def note(
+    position: np.ndarray, time: np.ndarray, air: np.ndarray, speed: np.ndarray, dry: np.ndarray, before: np.ndarray
+) -> None:  # fmt: skip
+    """Write position (N,) [m], time (N,) [s], air (N, A) [Nl] summed over the axles and speed (N,) [m/s] before a step.
+
+    They go into `before` (5, N), and so does the deceleration `dry` (N,) [m/s2] of the demanded brake on dry rail.
+    """
     for i in range(len(position)):
         before[0, i], before[1, i], before[2, i] = position[i], time[i], _sum(i, air)
+        before[3, i], before[4, i] = speed[i], dry[i]
+
+
+@inlined
+def _rest(speed: float, dry: float, p: Prices) -> float:
+    """Price of the rest of a stop from `speed` [m/s] with the deceleration `dry` [m/s2]."""
+    return (0.5 * p.stopping_distance * speed + p.time) * speed / dry
 
 
 @loop
@@ -63,11 +74,11 @@ def judge(
     before: np.ndarray, position: np.ndarray, time: np.ndarray, air: np.ndarray, speed: np.ndarray, slip: np.ndarray,
     p: Prices, terms: np.ndarray, reward: np.ndarray,
 ) -> None:  # fmt: skip
-    """Write the terms of the reward for a step (4, N), in the order of `TERMS`, and their sum (N,).
+    """Write the terms of the reward for a step (6, N), in the order of `TERMS`, and their sum (N,).
 
     Parameters
     ----------
-    before : (3, N) see `note`
+    before : (5, N) see `note`
     position, time, air : the same after the step
     speed, slip : running speed (N,) and slip speed (N, A) [m/s]
     p : weights and limits
@@ -78,15 +89,17 @@ def judge(
         beyond, locked = 0.0, 0.0
         for k in range(axles):
             if speed[i] > p.slide_limit_speed:
-                beyond += max(slip[i, k] / max(speed[i], _SLOWEST_MPS) - p.slide_limit, 0.0)
+                beyond += max(slip[i, k] - p.slide_limit * speed[i], 0.0)
             if _is_locked(speed[i], speed[i] - slip[i, k]):
                 locked += 1.0
-        elapsed = time[i] - before[1, i]
-        terms[0, i] = -p.stopping_distance * (position[i] - before[0, i])
-        terms[1, i] = -p.slip * (beyond / axles) * elapsed
-        terms[2, i] = -p.locked_wheels * (locked / axles) * elapsed
-        terms[3, i] = -p.air * (_sum(i, air) - before[2, i])
-        reward[i] = terms[0, i] + terms[1, i] + terms[2, i] + terms[3, i]
+        elapsed, travelled = time[i] - before[1, i], position[i] - before[0, i]
+        terms[0, i] = -p.stopping_distance * travelled
+        terms[1, i] = -p.time * elapsed
+        terms[2, i] = p.rest_of_stop * (_rest(before[3, i], before[4, i], p) - _rest(speed[i], before[4, i], p))
+        terms[3, i] = -p.slip * (beyond / axles) * elapsed
+        terms[4, i] = -p.locked_wheels * (locked / axles) * travelled
+        terms[5, i] = -p.air * (_sum(i, air) - before[2, i])
+        reward[i] = terms[0, i] + terms[1, i] + terms[2, i] + terms[3, i] + terms[4, i] + terms[5, i]
 
 
 @loop

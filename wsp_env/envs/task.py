@@ -18,12 +18,24 @@ from wsp_env.scenario import PINS, Mechanisms, Scenario, check_mechanisms
 
 @dataclasses.dataclass(frozen=True)
 class RewardWeights:
-    """Weights of the reward's terms; each term is minus its weight times the quantity, their sum is the reward."""
+    """Weights of the reward's terms.
+
+    Each term but `rest_of_stop` is minus its weight times the quantity; their sum is the reward.
+
+    The rest of a stop, at the deceleration a of the demanded brake on dry rail, costs F(v) = stopping_distance v^2 / 2a + time
+    v / a. `rest_of_stop` pays F(v) - F(v') for each step (a potential: Ng, Harada, Russell 1999, without the discount). So
+    what the brake does is rewarded at once, whatever the discount: for a deceleration a' the reward is (stopping_distance v +
+    time) (a' / a - 1) a second. Over a stop it sums to what the stop costs beyond the dry one.
+    """
 
     stopping_distance: float = 0.01  # per metre travelled [1/m]
-    slip: float = 5.0  # per second and unit of creepage beyond the slide limit, mean of the axles [1/s]
-    locked_wheels: float = 5.0  # per second with all wheelsets locked, in proportion when fewer are [1/s]
-    air: float = 0.001  # per normal litre let into the cylinders [1/Nl]
+    time: float = 0.02  # per second [1/s]; as 2 m, else nothing is gained from coming to a stand (assumption)
+    rest_of_stop: float = 1.0  # share of the potential that is paid [-]; 0: metres and seconds are charged as they pass
+    slip: float = 0.01  # per metre slid beyond the slide limit, mean of the axles [1/m]; as much as one travelled (assumption)
+    locked_wheels: float = (
+        0.01  # per metre travelled with all wheelsets locked, in proportion when fewer are [1/m] (assumption)
+    )
+    air: float = 0.0001  # per normal litre let into the cylinders [1/Nl]; as a centimetre (assumption)
 
     def __post_init__(self) -> None:
         """Refuse weights that are not finite numbers of at least zero."""

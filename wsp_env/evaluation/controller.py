@@ -30,6 +30,7 @@ SHORT_NAMES = {
     "rule-based": "baselines.rule_based:RuleBasedWSP",
     "slip": "baselines.slip_control:SlipController",
     "extremum": "baselines.extremum_seeking:ExtremumSeeker",
+    "adaptive": "baselines.adaptive:AdaptiveController",
 }
 
 

@@ -65,7 +65,7 @@ def figures(result: StopRecords, ceiling: Ceiling) -> dict[str, np.ndarray]:
         "utilisation": _utilisation(result, ceiling),
         "air_nl": result.air.sum(axis=1),
         "valve_switchings": changed.sum(axis=(0, 2)).astype(np.float64),
-        "longest_vent_s": interval * _longest(vented).max(axis=1),
+        "longest_vent_s": interval * longest_run(vented).max(axis=1),
         "contact_energy_mj": 0.5e-6 * result.contact_work.max(axis=1),
     }
 
@@ -110,7 +110,7 @@ def _utilisation(result: StopRecords, ceiling: Ceiling) -> np.ndarray:
     return total
 
 
-def _longest(active: np.ndarray) -> np.ndarray:
+def longest_run(active: np.ndarray) -> np.ndarray:
     """Longest run of True along the first axis of a boolean array (T, ...): (...) numbers of steps."""
     count = np.zeros(active.shape[1:], dtype=int)
     longest = count.copy()

@@ -14,6 +14,7 @@ import numpy as np
 
 from wsp_env.evaluation.network import Infer, open_network
 from wsp_env.observer import estimator, rail
+from wsp_env.observer.guard import Guard
 from wsp_env.observer.observation import Observer
 from wsp_env.parameters.document import DocumentError, read_json
 from wsp_env.parameters.quantity import ParameterError, number, shown
@@ -171,18 +172,25 @@ def describe_observation(axles: int, pressure_sensors: bool) -> list[dict[str, s
 
 
 class Policy:
-    """A controller that asks a network.
+    """A controller that asks a network, with a guard before and behind it (`wsp_env.observer.guard`).
+
+    `wheels.failed` and `wheels.standing` (N, axles) report sensors that are not believed and locked wheels.
 
     Parameters
     ----------
     contract : what it needs
     infer : from observations (N, size) and memory (N, M), both float32, to commands (N, axles) and memory
     memory : M, 0 for a network without
+    guarded : sensors are doubted, radii learned, axles that are not watched braked by rules; False: what comes from the network
+        alone, as in its training
 
     """
 
-    def __init__(self, contract: Contract, infer: Infer, memory: int = 0) -> None:
+    wheels: Guard
+
+    def __init__(self, contract: Contract, infer: Infer, memory: int = 0, guarded: bool = True) -> None:
         self.contract = contract
+        self.guarded = guarded
         self.action = contract.action
         self.infer, self._size = infer, memory
 
@@ -206,6 +214,7 @@ class Policy:
         self._observer = Observer(
             vehicle, self.contract.control_interval_s, self.contract.pressure_sensors, by_pressure=self.action == "pressure"
         )
+        self.wheels = Guard(vehicle, self._observer, n)
         self._command = np.ones((n, vehicle.axles))
         self._memory = np.zeros((n, self._size), dtype=np.float32)
         self._time = np.zeros(n)
@@ -216,19 +225,22 @@ class Policy:
         if self._decisions < 2:
             since = float(np.max(measurement.time - self._time)) if self._decisions else self.contract.control_interval_s
             self.check(self._vehicle, since, measurement.pressure is not None)
-        if self._decisions == 0:
-            observation = self._observer.reset(measurement)
+        if self.guarded:
+            first, later = self.wheels.begin, self.wheels.observe
         else:
-            observation = self._observer.observe(measurement, self._command)
+            first, later = self._observer.reset, self._observer.observe
+        observation = first(measurement) if self._decisions == 0 else later(measurement, self._command)
         self._time = np.array(measurement.time)
         self._decisions += 1
         command, self._memory = self.infer(observation, self._memory)
-        self._command = command.astype(np.float64)
+        self._command = np.array(command, dtype=np.float64, order="C")
+        if self.guarded and self.action == "valve":
+            self.wheels.overrule(self._command)
         return self._command.copy()
 
 
-def load_policy(folder: str | Path) -> Policy:
-    """Return the policy of a folder; `ParameterError` says what is missing in it or does not fit."""
+def load_policy(folder: str | Path, guarded: bool = True) -> Policy:
+    """Return the policy of a folder, see `Policy`; `ParameterError` says what is missing in it or does not fit."""
     place = Path(folder)
     contract, network = read_contract(place), place / NETWORK
     try:
@@ -238,7 +250,7 @@ def load_policy(folder: str | Path) -> Policy:
     if hashlib.sha256(content).hexdigest() != contract.sha256:
         raise ParameterError(f"policy {place}: {NETWORK} is not the network that {CONTRACT} was written for (sha256 differs)")
     try:
-        return Policy(contract, *open_network(content, len(contract.observation), contract.axles))
+        return Policy(contract, *open_network(content, len(contract.observation), contract.axles), guarded)
     except ParameterError:  # not installed
         raise
     except ValueError as error:

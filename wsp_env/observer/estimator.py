@@ -82,6 +82,7 @@ class VehicleEstimate(NamedTuple):
     rolling_adhesion: np.ndarray  # (N, A) that a wheelset which rolls is asked for at most [-]
     rolling_time: np.ndarray  # (N, A) for which it was asked for less [s]
     ahead: np.ndarray  # (N, A) of the running speed, smoothed [m/s]
+    trusted: np.ndarray  # (N, A) bool, the wheel's speed says something of the vehicle's, see `wsp_env.observer.guard`
     commands: np.ndarray  # (N, K, A) on their way to the valves, newest first
 
 
@@ -146,6 +147,7 @@ def allocate(n: int, vehicle: Vehicle, interval: float) -> VehicleEstimate:
     per_vehicle |= {"speed_variance", "covariance", "mass_variance"}
     arrays = {name: np.zeros(n if name in per_vehicle else (n, axles)) for name in VehicleEstimate._fields}
     arrays["doubtful"] = np.zeros(n, dtype=bool)
+    arrays["trusted"] = np.ones((n, axles), dtype=bool)
     arrays["commands"] = np.zeros((n, round(vehicle.brake.dead_time_s / interval) + 1, axles))
     return VehicleEstimate(**arrays)
 
@@ -161,6 +163,7 @@ def begin(i: int, wheel_speed: np.ndarray, e: VehicleEstimate, c: EstimatorConst
         e.adhesion[i, k] = e.usual_adhesion[i, k] = 0.0
         e.rolling_adhesion[i, k] = ROLLING_ADHESION
         e.rolling_time[i, k] = e.ahead[i, k] = 0.0
+        e.trusted[i, k] = True
         for age in range(e.commands.shape[1]):
             e.commands[i, age, k] = 1.0
     e.speed[i], e.uncertainty[i], e.doubtful[i] = fastest, START_DEVIATION_MPS, False
@@ -187,7 +190,7 @@ def update(
     axles = wheel_speed.shape[1]
     e.demand[i] = demand
     e.distributor[i] = min(max(demand, e.distributor[i] - c.rise), e.distributor[i] + c.rise)
-    slowed, fastest = 0.0, 0.0
+    slowed, fastest = 0.0, -1.0
     for k in range(axles):
         before = e.pressure[i, k]
         _follow_brake(i, k, command[i, k], measured, e, c)
@@ -195,12 +198,12 @@ def update(
         impulse = c.full_force * 0.5 * (before + e.pressure[i, k]) * c.interval  # of the brake
         impulse += c.rotating * (wheel - e.wheel[i, k])
         e.wheel[i, k] = wheel
-        fastest = max(fastest, wheel)
+        fastest = max(fastest, wheel) if e.trusted[i, k] else fastest
         used = impulse / (c.axle_weight * c.interval)
         e.adhesion[i, k] += c.smooth * (used - e.adhesion[i, k])
         slowed += impulse
         below = e.rolling_adhesion[i, k]
-        rolls = c.full_brake * e.pressure[i, k] < below and used < below
+        rolls = c.full_brake * e.pressure[i, k] < below and used < below and e.trusted[i, k]
         e.rolling_time[i, k] = e.rolling_time[i, k] + c.interval if rolls else 0.0
         e.usual_adhesion[i, k] += c.usual * (e.adhesion[i, k] - e.usual_adhesion[i, k])
         e.rolling_adhesion[i, k] = max(ROLLING_ADHESION, ROLLING_SHARE * e.usual_adhesion[i, k])
@@ -208,7 +211,7 @@ def update(
     for k in range(axles):
         if e.rolling_time[i, k] >= ROLLING_S:
             _correct(i, e.wheel[i, k] + ROLLING_CREEP_MPS, ROLLING_DEVIATION_MPS, e)
-    if e.since_slide[i] == math.inf:
+    if e.since_slide[i] == math.inf and fastest >= 0.0:
         _correct(i, fastest + ROLLING_CREEP_MPS, BRAKED_DEVIATION_MPS, e)
     _raise(i, e, c)
     speed = max(e.speed[i], 0.0)

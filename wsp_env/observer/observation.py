@@ -106,7 +106,7 @@ class Observer:
         self.interval = control_interval_s
         self.pressure_sensors = pressure_sensors
         self.size = self.size_for(vehicle.axles)
-        self._given = plain(_constants_of(vehicle, control_interval_s, by_pressure))
+        self.given = plain(_constants_of(vehicle, control_interval_s, by_pressure))
 
     @staticmethod
     def size_for(axles: int) -> int:
@@ -135,11 +135,11 @@ class Observer:
         if mask is None:
             mask = np.ones(n, dtype=bool)
             self._memory = _allocate(n, self.vehicle, self.interval)
-            self._state = plain(self._memory)
+            self.state = plain(self._memory)
             self._observation = np.zeros((n, self.size), dtype=np.float32)
         demand = np.array(measurement.demand, np.float64, order="C")
         self._check(wheel_speed, demand)
-        _begin(np.array(mask, dtype=bool), wheel_speed, demand, self._state, self._given, self._observation)
+        _begin(np.array(mask, dtype=bool), wheel_speed, demand, self.state, self.given, self._observation)
         return self._observation.copy()
 
     def observe(self, measurement: Measurement, command: np.ndarray) -> np.ndarray:
@@ -155,7 +155,7 @@ class Observer:
             self._check(pressure, demand)
         self._check(wheel_speed, demand)
         self._check(command, demand)
-        _observe(wheel_speed, command, demand, pressure, self._state, self._given, self._observation)
+        _observe(wheel_speed, command, demand, pressure, self.state, self.given, self._observation)
         return self._observation.copy()
 
     def _check(self, per_axle: np.ndarray, per_vehicle: np.ndarray) -> None:
@@ -192,8 +192,9 @@ def _allocate(n: int, vehicle: Vehicle, interval: float) -> Memory:
     return Memory(estimator.allocate(n, vehicle, interval), rail.allocate(n), filtered)
 
 
-_memory = rebuilder(_allocate(1, COACH, 0.02))
-_constants = rebuilder(_constants_of(COACH, 0.02, False))
+#: Kernels that make `Memory` and `ObserverConstants` of `Observer.state` and `Observer.given`, for compiled code that goes on.
+memory_of = rebuilder(_allocate(1, COACH, 0.02))
+constants_of = rebuilder(_constants_of(COACH, 0.02, False))
 
 
 @loop
@@ -201,7 +202,7 @@ def _begin(
     mask: np.ndarray, wheel_speed: np.ndarray, demand: np.ndarray, state: Any, given: Any, observation: np.ndarray
 ) -> None:
     """Begin new stops where `mask` (N,) is True; write their first observations into `observation` (N, size)."""
-    memory, c = _memory(state), _constants(given)
+    memory, c = memory_of(state), constants_of(given)
     f = memory.filtered
     for i in range(len(mask)):
         if mask[i]:
@@ -220,7 +221,7 @@ def _observe(
     state: Any, given: Any, observation: np.ndarray,
 ) -> None:  # fmt: skip
     """Go on by one interval with every vehicle, see `Observer.observe`; pressures (N, A) or (0, 0) [bar]."""
-    memory, c = _memory(state), _constants(given)
+    memory, c = memory_of(state), constants_of(given)
     e, f = memory.estimate, memory.filtered
     n, axles = wheel_speed.shape
     for i in range(n):

@@ -1,0 +1,202 @@
+"""Controllers on vehicles that are not quite what they believe: `python -m agents.drawn --vehicle bogie`.
+
+Held-out stops with nominal brakes, and with brakes, radii, sensors and wear drawn. Controllers are told the nominal vehicle.
+Prints each one's figures over those that the front of the rules (their own best thresholds for several prices of sliding, in
+the same world) has at its own slip; by `--json` the means.
+"""
+
+import dataclasses
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import tyro
+
+from agents.measure import HELD_OUT, Yardstick, low_adhesion, means
+from agents.rules import front
+from wsp_env.evaluation.controller import Controller, load
+from wsp_env.evaluation.policy import load_policy
+from wsp_env.evaluation.runner import Conduct
+from wsp_env.parameters.uic_z1 import VEHICLES
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.port import Measurement, Stop
+
+#: What a vehicle's brakes may be (assumptions: tolerances of valves and pads): dead time, time constants of filling and of
+#: venting and the rise of the demand [s], gain of all and of one axle and radius of each wheel over the nominal ones [-], lag
+#: of one axle [s].
+DEAD_S, FILL_S, VENT_S, RISE_S = (0.02, 0.06), (0.18, 0.35), (0.10, 0.22), (3.0, 5.0)
+GAIN, GAIN_OF_ONE, RADIUS, LAG_S = 0.05, 0.1, 5e-4, (0.0, 0.03)
+
+#: Vehicles drawn; each brakes as many of the stops.
+DRAWS = 8
+
+#: Worn radius of one wheelset over the nominal one [-], and noise of all sensors [rad/s], of the worlds so called.
+WORN = (0.01, 0.02, 0.03, 0.04)
+NOISE = 0.3
+
+#: Figures that are reported as ratios to the rules' front.
+REPORTED = ("distance_m", "slip_deviation_mps", "contact_energy_mj", "air_nl")
+
+World = list[tuple[Vehicle, dict[str, dict[str, float]], list[Stop]]]
+
+
+class Believing:
+    """A controller that is told another vehicle than the one that it brakes.
+
+    Parameters
+    ----------
+    controller : whom
+    vehicle : what it is told
+
+    """
+
+    def __init__(self, controller: Controller, vehicle: Vehicle) -> None:
+        self.controller, self.vehicle = controller, vehicle
+        self.action = getattr(controller, "action", "valve")
+
+    def reset(self, n: int, vehicle: Vehicle) -> None:
+        """Begin n new stops."""
+        self.controller.reset(n, self.vehicle)
+
+    def act(self, measurement: Measurement) -> np.ndarray:
+        """Return the commands (N, A)."""
+        return self.controller.act(measurement)
+
+
+@dataclasses.dataclass(frozen=True)
+class Arguments:
+    """What is compared."""
+
+    vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
+    stops: int = 40  # in each world and under each law
+    worlds: tuple[str, ...] = ("nominal", "drawn brakes")  # see `world`
+    laws: tuple[str, ...] = ("recovering", "classic")
+    prices: tuple[str, ...] = ("2", "3")  # of the adaptive controller's settings
+    policies: tuple[Path, ...] = ()  # folders; none: agents/trained/VEHICLE
+    drawn_by: int = HELD_OUT  # seed of the stops and of what is drawn
+    json: bool = False
+
+
+def drawn_vehicle(vehicle: Vehicle, rng: np.random.Generator) -> tuple[Vehicle, dict[str, dict[str, float]]]:
+    """Draw the brakes of a vehicle: itself, and the mechanisms on one axle."""
+    dead, fill, vent, rise = (float(rng.uniform(*ends)) for ends in (DEAD_S, FILL_S, VENT_S, RISE_S))
+    gain, weak, axle = rng.normal(0.0, GAIN), rng.normal(0.0, GAIN_OF_ONE), float(rng.integers(vehicle.axles) + 1)
+    brake = dataclasses.replace(
+        vehicle.brake,
+        dead_time_s=dead,
+        fill_time_constant_s=fill,
+        vent_time_constant_s=vent,
+        demand_rise_s=rise,
+        torque_per_bar_nm=vehicle.brake.torque_per_bar_nm * float(np.exp(gain)),
+    )
+    slow = {"lag_s": float(rng.uniform(*LAG_S)), "axle": float(rng.integers(vehicle.axles) + 1)}
+    mechanisms = {"brake_gain_imbalance": {"gain": float(np.clip(weak, -0.3, 0.3)), "axle": axle}, "brake_delay": slow}
+    return dataclasses.replace(vehicle, brake=brake), mechanisms
+
+
+def world(name: str, vehicle: Vehicle, law: str, count: int, seed: int) -> World:
+    """Return the vehicles of a world with the stops of each.
+
+    "nominal"; "drawn brakes"; "noise"; "worn" (one wheelset of each stop, by 1 to 4 %); "all" of these.
+    """
+    stops = low_adhesion(vehicle, law, count, seed)
+    rng = np.random.default_rng([seed, 1])
+    if name in ("drawn brakes", "all"):
+        stops = [_changed(stop, 1.0 + RADIUS * rng.normal(size=vehicle.axles)) for stop in stops]
+    if name in ("worn", "all"):
+        wear = [WORN[i % len(WORN)] for i in range(count)]
+        axles = rng.integers(vehicle.axles, size=count)
+        one = np.eye(vehicle.axles)
+        stops = [_changed(stop, 1.0 - worn * one[k]) for stop, worn, k in zip(stops, wear, axles, strict=True)]
+    if name == "noise":
+        stops = [dataclasses.replace(stop, noise=NOISE) for stop in stops]
+    if name == "all":
+        stops = [dataclasses.replace(stop, noise=float(rng.uniform(0.0, NOISE))) for stop in stops]
+    if name in ("nominal", "noise", "worn"):
+        return [(vehicle, {}, stops)]
+    if name not in ("drawn brakes", "all"):
+        raise SystemExit(f"no world {name!r}; valid: nominal, drawn brakes, noise, worn, all")
+    return [(*drawn_vehicle(vehicle, rng), stops[i::DRAWS]) for i in range(min(DRAWS, count))]
+
+
+def _changed(stop: Stop, radius: np.ndarray) -> Stop:
+    return dataclasses.replace(stop, radius=stop.radius * radius)
+
+
+class Drawn:
+    """The same stops of a world for every controller; as `agents.measure.Yardstick`, of several vehicles."""
+
+    def __init__(self, believed: Vehicle, parts: World) -> None:
+        self.believed = believed
+        self.parts = [Yardstick(own, stops, Conduct(mechanisms=mechanisms)) for own, mechanisms, stops in parts]
+
+    def figures(self, controller: Controller) -> dict[str, np.ndarray]:
+        """Return the figures of all stops, (N,) each."""
+        found = [part.figures(Believing(controller, self.believed)) for part in self.parts]
+        return {name: np.concatenate([own[name] for own in found]) for name in found[0]}
+
+
+def at_slip(points: Sequence[Mapping[str, float]], slip: float) -> dict[str, float]:
+    """Return the figures of a front at a mean slip [m/s], linear between its points and level beyond them.
+
+    A point that another one beats at no more slip is none of the front.
+    """
+    ordered = sorted(points, key=lambda own: own["mean_slip_mps"])
+    kept = [own for i, own in enumerate(ordered) if all(own["distance_m"] < b["distance_m"] for b in ordered[:i])]
+    slips = [own["mean_slip_mps"] for own in kept]
+    return {name: float(np.interp(slip, slips, [own[name] for own in kept])) for name in kept[0]}
+
+
+def contestants(arguments: Arguments) -> dict[str, Controller]:
+    """Return who is compared with the rules' front."""
+    shipped = Path("agents/trained") / arguments.vehicle
+    own = front(shipped, "adaptive")
+    found = {f"adaptive, price {price}": own[price] for price in arguments.prices if price in own}
+    found = found or {"adaptive, default settings": load("adaptive")}
+    for folder in arguments.policies or (shipped,):
+        found[f"policy {folder.name}"] = load_policy(folder)
+    return found
+
+
+def compare(arguments: Arguments) -> list[dict[str, Any]]:
+    """Return a row for each world, law and controller: its means, and over those of the rules' front at its slip."""
+    vehicle, rows = VEHICLES[arguments.vehicle], list[dict[str, Any]]()
+    for name in arguments.worlds:
+        for law in arguments.laws:
+            yardstick = Drawn(vehicle, world(name, vehicle, law, arguments.stops, arguments.drawn_by))
+            rules = [means(yardstick.figures(own)) for own in front(Path("agents/trained") / arguments.vehicle).values()]
+            for who, controller in contestants(arguments).items():
+                found = yardstick.figures(controller)
+                own, worst = means(found), float(found["locked_s"].max())
+                other = at_slip(rules, own["mean_slip_mps"])
+                ratios = {f"{figure}_ratio": own[figure] / other[figure] for figure in REPORTED}
+                beyond = max(point["mean_slip_mps"] for point in rules) < own["mean_slip_mps"]
+                rows.append({"world": name, "law": law, "controller": who, "worst_locked_s": worst, "beyond_front": beyond})
+                rows[-1] |= ratios | own
+    return rows
+
+
+def table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return the rows as a table in Markdown."""
+    lines = [
+        "| world | law | controller | distance [m] | slip [m/s] | distance | deviation | energy | air | worst lock [s] |",
+        "|:--|:--|:--|--:|--:|--:|--:|--:|--:|--:|",
+    ]
+    for row in rows:
+        ratios = [f"{row[f'{figure}_ratio']:.{3 if figure == 'distance_m' else 2}f}" for figure in REPORTED]
+        mark = " (beyond the front)" if row["beyond_front"] else ""
+        cells = [row["world"], row["law"], row["controller"], f"{row['distance_m']:.0f}", f"{row['mean_slip_mps']:.2f}{mark}"]
+        lines.append("| " + " | ".join([*cells, *ratios, f"{row['worst_locked_s']:.2f}"]) + " |")
+    return "\n".join(lines)
+
+
+def main(arguments: Arguments) -> None:
+    """Compare and print."""
+    rows = compare(arguments)
+    print(json.dumps(rows, indent=1) if arguments.json else table(rows))
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Arguments))

@@ -1,0 +1,172 @@
+"""The observer that doubts: faults of sensors, radii, axles that are not watched, the end of a stop."""
+
+import numpy as np
+import pytest
+
+from wsp_env.observer import estimator
+from wsp_env.observer.guard import CALM_S, DEAD_S, END_CREEPAGE, FROZEN_S, USUAL_NOISE, Guard
+from wsp_env.observer.observation import Observer
+from wsp_env.parameters.uic_z1 import BOGIE, COACH
+from wsp_env.plant.port import Measurement
+
+INTERVAL_S = 0.02
+
+
+class Stop:
+    """A vehicle that is slowed by its brake as the observer believes, its wheels rolling but for what a test changes."""
+
+    def __init__(self, vehicle=BOGIE, speed=30.0, noise=0.05, radius=None):
+        self.vehicle, self.speed, self.noise, self.time = vehicle, speed, noise, 0.0
+        self.radius = np.full(vehicle.axles, vehicle.wheel_radius_m) if radius is None else np.array(radius)
+        self.rng = np.random.default_rng(1)
+        self.observer, self.nominal = Observer(vehicle, INTERVAL_S), estimator.constants(vehicle, INTERVAL_S, False)
+        self.guard = Guard(vehicle, self.observer, 1)
+        self.command = np.ones((1, vehicle.axles))
+        self.guard.begin(self.measure(lambda wheel: wheel))
+
+    def measure(self, change):
+        wheel = self.speed / self.radius + self.noise * self.rng.normal(size=len(self.radius))
+        return Measurement(np.array([self.time]), change(wheel)[None], np.ones(1))
+
+    def go_on(self, seconds, change=lambda wheel: wheel, wanted=1.0):
+        """Brake on; return for how long an axle was reported first [s], nan if none was."""
+        first = np.nan
+        for step in range(round(seconds / INTERVAL_S)):
+            self.time += INTERVAL_S
+            force = self.nominal.full_force * self.observer.estimate.pressure.sum()
+            rotating = self.vehicle.axles * self.nominal.rotating
+            self.speed = max(self.speed - force / (self.nominal.mass + rotating) * INTERVAL_S, 0.0)
+            self.guard.observe(self.measure(change), self.command)
+            self.command = self.guard.overrule(np.full_like(self.command, wanted))
+            if np.isnan(first) and self.guard.failed.any():
+                first = (step + 1) * INTERVAL_S
+        return first
+
+
+def frozen(stop):
+    held = stop.speed / stop.radius[0]
+
+    def change(wheel):
+        return np.concatenate([[held], wheel[1:]])
+
+    return change
+
+
+FAULTS = {
+    "lost": (lambda stop: lambda wheel: np.concatenate([[np.nan], wheel[1:]]), INTERVAL_S),
+    "zero": (lambda stop: lambda wheel: wheel * (np.arange(len(wheel)) > 0), INTERVAL_S),
+    "frozen": (frozen, FROZEN_S + 2 * INTERVAL_S),
+    "noisy": (lambda stop: lambda wheel: wheel + 4.0 * (np.arange(len(wheel)) == 0) * stop.rng.normal(), 1.0),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_faulty_sensor_is_found_in_time_and_left_out(name):
+    make, soon = FAULTS[name]
+    stop = Stop()
+    assert np.isnan(stop.go_on(2.0))
+    assert stop.go_on(2.0, make(stop)) <= soon
+    assert stop.guard.failed.tolist() == [[True, False]]
+    assert stop.observer.estimate.trusted.tolist() == [[False, True]]
+    stop.go_on(10.0)  # it is sound again: not believed for the rest of the stop
+    assert stop.guard.failed.tolist() == [[True, False]]
+    assert abs(stop.observer.estimate.speed[0] - stop.speed) < 0.3
+
+
+def test_a_sensor_that_is_frozen_from_the_start_is_found_once_the_brake_acts():
+    stop = Stop()  # its reading keeps the estimated speed up: the other wheel tells
+    assert stop.go_on(3.0, frozen(stop)) < 2.0
+    assert stop.guard.failed.tolist() == [[True, False]]
+    stop.go_on(5.0)
+    assert abs(stop.observer.estimate.speed[0] - stop.speed) < 0.5
+
+
+def test_a_sensor_that_was_never_there_is_found_at_the_start():
+    stop = Stop()
+    stop.guard.begin(stop.measure(lambda wheel: np.array([0.0, wheel[1]])))
+    assert stop.guard.failed.tolist() == [[True, False]]
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1, 0.3])
+def test_sound_sensors_are_believed_down_to_standstill(noise):
+    stop = Stop(COACH, 12.0, noise)
+    if noise == 0.0:  # as a pulse wheel reads: no two readings of a moving wheel are quite the same
+        stop.noise = 1e-6
+    assert np.isnan(stop.go_on(24.0))
+
+
+def test_a_wheel_that_stands_though_its_brake_is_empty_has_no_sensor():
+    stop = Stop()
+    stop.go_on(4.0)
+    slows = {"wheel": stop.speed / stop.radius[1]}
+
+    def lock(wheel):  # by 33 m/s2, as no sensor that is lost
+        slows["wheel"] = max(slows["wheel"] - 1.5, 0.0)
+        return np.array([slows["wheel"], wheel[1]])
+
+    found = stop.go_on(3.0, lock, -1.0)
+    assert found > DEAD_S
+    assert stop.guard.standing.tolist() == [[True, False]]
+
+
+def test_radii_are_learned_before_the_brake_acts():
+    worn = np.array([1.0, 0.97, 1.0, 1.01]) * COACH.wheel_radius_m
+    stop = Stop(COACH, 40.0, 0.05, worn)
+    stop.go_on(2.0)
+    found = stop.guard.radius[0]
+    np.testing.assert_allclose(found / found.mean(), worn / worn.mean(), atol=4e-4)  # 0.05 rad/s in some 25 readings of 90
+    assert np.ptp(stop.observer.estimate.wheel[0]) < 0.1  # as nominal wheels
+
+
+def test_usual_readings_pass_as_they_are_and_noisy_ones_lose_noise():
+    for noise, filtered in ((0.5 * USUAL_NOISE, False), (3.0 * USUAL_NOISE, True)):
+        stop = Stop(noise=noise)
+        stop.go_on(3.0)
+        errors = []
+        for _ in range(200):
+            seen = {}
+            stop.go_on(INTERVAL_S, lambda wheel, seen=seen: seen.setdefault("wheel", wheel))
+            passed = stop.guard.doubts.clean[0] / stop.guard.doubts.ratio[0]
+            if not filtered:
+                np.testing.assert_array_equal(passed, seen["wheel"])
+            errors.append(passed - stop.speed / stop.radius)
+        assert np.std(errors) < (0.75 if filtered else 1.1) * noise
+
+
+def slide(share):
+    """Let the watched axle slide, at a share of the running speed."""
+    return lambda wheel: np.array([np.nan, (1.0 - share) * wheel[1]])
+
+
+def test_an_axle_that_is_not_watched_is_braked_fully_where_nothing_slides():
+    stop = Stop()
+    stop.go_on(4.0)
+    stop.go_on(2.0, lambda wheel: np.array([np.nan, wheel[1]]))
+    assert (stop.command == 1.0).all()
+
+
+def test_an_axle_that_is_not_watched_is_braked_less_than_the_watched_ones_where_these_slide():
+    stop = Stop()
+    stop.go_on(5.0)
+    stop.go_on(3.0, slide(0.03), 0.0)
+    estimate = stop.observer.estimate
+    assert 0.0 < estimate.pressure[0, 0] < 0.8 * estimate.pressure[0, 1]
+    assert stop.go_on(2.0 * CALM_S, lambda wheel: np.array([np.nan, wheel[1]]), 1.0)
+    assert stop.command[0, 0] == 1.0  # nothing has slid for long
+
+
+def test_at_the_end_of_a_stop_no_wheel_locks_beside_a_faster_one():
+    stop = Stop(speed=4.0)
+    while stop.speed > 1.9:
+        stop.go_on(INTERVAL_S)
+    stop.observer.estimate.speed[0] = 1.0  # it was lost
+    stop.go_on(INTERVAL_S, lambda wheel: wheel * [1.0, 0.9 - END_CREEPAGE])
+    assert stop.command.tolist() == [[1.0, -1.0]]
+
+
+def test_when_the_stop_is_as_good_as_over_the_brake_is_applied_whatever_is_wanted():
+    stop = Stop(speed=3.0)
+    while stop.speed > 0.3:
+        stop.go_on(INTERVAL_S)
+    stop.go_on(INTERVAL_S, lambda wheel: wheel * [1.0, 0.0], 0.0)
+    assert (stop.command == 1.0).all()

@@ -1,0 +1,130 @@
+"""Rivals by rules: long slide, adaptive slip control's search and price, drawn vehicles and broken sensors."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from agents.drawn import DRAWS, FILL_S, WORN, at_slip, world
+from agents.faults import Broken, longest_lock
+from agents.rules import KINDS, RANGES
+from baselines.adaptive import AdaptiveParameters, Settings
+from baselines.rule_based import LongSlide, RuleBasedParameters
+from wsp_env.evaluation.runner import StopRecords
+from wsp_env.observer import rail, worth
+from wsp_env.parameters.uic_z1 import BOGIE
+from wsp_env.plant.port import Measurement
+
+STEP_S = np.array([0.02])
+
+
+def long_slide(gain, after=0.8):
+    """Run the long slide with a deceleration of 0.5 m/s2 before its trial and `after` in it; return the creepages seen."""
+    parameters = dataclasses.replace(RuleBasedParameters(), long_slide=0.2, long_slide_trial_s=2.0)
+    long, speed, seen = LongSlide(dataclasses.replace(parameters, long_slide_gain=gain), 1), 40.0, []
+    for step in range(400):
+        found = float(long.creepage(STEP_S, np.array([speed]), np.array([step > 20]))[0])
+        speed -= 0.02 * (after if found > parameters.slip_per_speed else 0.5)
+        seen.append(found)
+    return seen
+
+
+def test_the_long_slide_is_kept_where_it_pays_and_given_up_where_it_does_not():
+    usual = RuleBasedParameters().slip_per_speed
+    pays, does_not = long_slide(1.2), long_slide(1.2, after=0.5)
+    assert pays[:100] == [usual] * 100  # not before the protection has acted for long enough
+    assert pays[150] == does_not[150] == 0.2  # the trial
+    assert pays[-1] == 0.2
+    assert does_not[-1] == usual
+    off = LongSlide(RuleBasedParameters(), 1)
+    assert all(off.creepage(1e3 * STEP_S, np.ones(1), np.ones(1, dtype=bool)) == usual for _ in range(3))
+
+
+def test_what_is_searched_are_settings_of_the_controller():
+    for kind, ranges in (("rule-based", RANGES), ("adaptive", KINDS["adaptive"].ranges)):
+        for name, (low, high) in ranges.items():
+            default = getattr(KINDS[kind].parameters(), name)
+            assert low <= default <= high, name
+            KINDS[kind].parameters(**{name: low}), KINDS[kind].parameters(**{name: high})
+    assert set(KINDS["adaptive"].ranges) == set(Settings._fields) <= {f.name for f in dataclasses.fields(AdaptiveParameters)}
+
+
+def believed(friction, deviation):
+    """Return what is believed of one rail, and the constants, of an observer of bogies."""
+    rails, constants = rail.allocate(1), rail.constants(BOGIE, 0.02)
+    rails.friction[0], rails.deviation[0], rails.seen[0] = friction, deviation, 8.0
+    weights = worth.weights_of(1)
+    worth.believe(0, rails, weights)
+    return rails, weights, constants
+
+
+def test_of_the_beliefs_on_the_rail_the_one_that_fits_counts():
+    _, even, _ = believed(0.03, 0.1)
+    assert_allclose(even[0], 0.25)
+    _, sure, _ = believed(0.03, [0.4, 0.4, 0.05, 0.4])
+    assert sure[0, 2] > 0.99
+    assert_allclose(sure.sum(), 1.0)
+
+
+def test_the_slip_worth_its_price_falls_with_the_price_and_is_larger_where_sliding_cleans():
+    classic, cleans = ([0.05, 0.4, 0.4, 0.4], [0.4, 0.4, 0.4, 0.05])
+    slips = {}
+    for name, deviation in (("classic", classic), ("cleans", cleans)):
+        rails, weights, constants = believed(0.03, deviation)
+        slips[name] = [worth.slip_worth_its_price(0, 30.0, 0.12, price, rails, weights, constants) for price in (0.5, 2.0, 8.0)]
+        assert slips[name] == sorted(slips[name], reverse=True)
+    assert slips["cleans"][0] > 2.0 * slips["classic"][0]
+    # Where the brake asks for next to nothing the least slip carries it.
+    assert worth.slip_worth_its_price(0, 30.0, 1e-3, 1.0, rails, weights, constants) <= 0.1
+
+
+def test_drawn_vehicles_differ_from_the_nominal_one_and_worn_stops_in_one_wheelset():
+    ((vehicle, mechanisms, stops),) = world("nominal", BOGIE, "classic", 4, 1)
+    assert vehicle is BOGIE
+    assert not mechanisms
+    ((_, _, worn),) = world("worn", BOGIE, "classic", 4, 1)
+    for nominal, own, wear in zip(stops, worn, WORN, strict=True):
+        assert_allclose(sorted(own.radius / nominal.radius), [1.0 - wear, 1.0])
+    parts = world("all", BOGIE, "classic", 2 * DRAWS, 1)
+    assert len(parts) == DRAWS
+    assert len({own.brake.fill_time_constant_s for own, _, _ in parts}) == DRAWS
+    assert all(FILL_S[0] <= own.brake.fill_time_constant_s <= FILL_S[1] for own, _, _ in parts)
+    with pytest.raises(SystemExit, match="no world 'x'"):
+        world("x", BOGIE, "classic", 1, 1)
+
+
+def test_a_front_is_taken_at_the_same_slip_and_without_points_that_are_none_of_it():
+    points = [{"mean_slip_mps": s, "distance_m": d} for s, d in ((0.5, 900.0), (1.0, 800.0), (0.8, 950.0))]
+    assert_allclose(at_slip(points, 0.75)["distance_m"], 850.0)
+    assert at_slip(points, 2.0)["distance_m"] == 800.0
+
+
+class Echo:
+    """Keeps what it is shown."""
+
+    def reset(self, n, vehicle):
+        self.seen = []
+
+    def act(self, measurement):
+        self.seen.append(measurement.wheel_speed)
+        return np.ones(measurement.wheel_speed.shape)
+
+
+def test_a_sensor_breaks_on_its_axle_and_at_its_time():
+    for fault, expected in (("zero", 0.0), ("lost", np.nan), ("frozen", 60.0)):
+        echo = Echo()
+        broken = Broken(echo, fault, np.array([1]), np.array([0.03]))
+        broken.reset(1, BOGIE)
+        for step in range(4):
+            broken.act(Measurement(np.array([0.02 * step]), np.array([[70.0, 61.0 - step]]), np.ones(1)))
+        assert_array_equal(np.array(echo.seen)[:, 0, 1], [61.0, 60.0, expected, expected])
+        assert_array_equal(np.array(echo.seen)[:, 0, 0], 70.0)
+
+
+def test_the_longest_lock_counts_without_a_break_and_above_15_kmh():
+    speed = np.array([10.0, 10.0, 10.0, 10.0, 10.0, 4.0, 4.0])[:, None]
+    slip = np.array([0.0, 10.0, 10.0, 0.0, 10.0, 4.0, 4.0])[:, None, None] * np.array([1.0, 0.0])
+    fields = dict.fromkeys((field.name for field in dataclasses.fields(StopRecords)), None)
+    records = StopRecords(**fields | {"time": 0.02 * np.arange(7), "speed": speed, "slip": slip})
+    assert_allclose(longest_lock(records), [0.04])

@@ -1,0 +1,72 @@
+"""The slip that is worth its price on the rail that is believed in.
+
+With the adhesion f(s) of the rail, a wheelset at slip speed s slows the vehicle by f g and slides s metres a second: of all
+slips the one with the least (v + c s) / f(s) costs least metres travelled and priced metres slid for the speed lost. Which rail
+it is the observer knows as beliefs, one for each rate of recovery (`wsp_env.observer.rail`): they are weighted by their fit.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from wsp_env.compiled import inlined
+from wsp_env.contact.degraded import adhesion
+from wsp_env.contact.traction import Surface
+from wsp_env.observer.rail import RECOVERY_M_PER_J, RailEstimate, RailEstimateConstants
+
+#: Slips tried, as shares of the running speed, and the lowest [m/s] (assumptions: below the slide limit of 0.3, and down to
+#: what wheels slip that roll under brake).
+SHARES = tuple(0.003 * (0.25 / 0.003) ** (j / 15.0) for j in range(16))
+LEAST_MPS = 0.05
+
+#: What is seen of a rail within this time of sliding [s] is one independent reading (assumption: the slow changes of a slide).
+READING_S = 0.5
+
+
+@inlined
+def believe(i: int, r: RailEstimate, weights: np.ndarray) -> None:
+    """Write the weights (N, K) of the beliefs on rail i: likelihoods of normal readings whose deviation is not known."""
+    readings, total = r.seen[i] / READING_S, 0.0
+    least = 1e9
+    for j in range(len(RECOVERY_M_PER_J)):
+        least = min(least, r.deviation[i, j])
+    for j in range(len(RECOVERY_M_PER_J)):
+        weights[i, j] = (max(least, 1e-3) / max(r.deviation[i, j], 1e-3)) ** readings
+        total += weights[i, j]
+    for j in range(len(RECOVERY_M_PER_J)):
+        weights[i, j] /= total
+
+
+@inlined
+def slip_worth_its_price(
+    i: int, speed: float, offered: float, price: float, r: RailEstimate, weights: np.ndarray, c: RailEstimateConstants
+) -> float:
+    """Return the slip [m/s] with the least (v + c s) / f(s) on the believed rail i.
+
+    Parameters
+    ----------
+    speed : v, running speed [m/s]
+    offered : adhesion [-] that the brake asks for at most; more is of no use
+    price : c, metres travelled that a metre of sliding is worth
+    weights : (N, K), see `believe`
+
+    """
+    least, best, before = 1e30, LEAST_MPS, 0.0
+    for share in SHARES:
+        slip = max(share * speed, LEAST_MPS)
+        if slip == before:
+            continue
+        before, carried = slip, 0.0
+        for j in range(len(RECOVERY_M_PER_J)):
+            if weights[i, j] > 0.01:
+                on = Surface(r.friction[i, j], c.law.mu_cr, 1.0, 0.0)
+                carried += weights[i, j] * adhesion(slip, max(speed, slip), c.load, on, RECOVERY_M_PER_J[j], c.law).f
+        cost = (speed + price * slip) / max(min(carried, offered), 1e-4)
+        if cost < least:
+            least, best = cost, slip
+    return best
+
+
+def weights_of(n: int) -> Any:
+    """Return room for the weights of n rails (N, K)."""
+    return np.zeros((n, len(RECOVERY_M_PER_J)))
