@@ -68,8 +68,6 @@ class LongSlide:
         """Return the growth of the slip threshold with the speed (N,) after `step` (N,) [s] more."""
         p, usual = self.parameters, np.asarray(self.parameters.slip_per_speed).reshape(-1)
         long = np.asarray(p.long_slide).reshape(-1)
-        if not long.any():
-            return usual
         waits = (self._phase == 0) & ~active
         self._for = np.where(waits, 0.0, self._for + step)
         self._from = np.where(waits, reference, self._from)
@@ -108,7 +106,7 @@ class RuleBasedWSP:
         self._calm = np.full(n, np.inf)  # all axles applied for so long [s]
         self._command = np.ones(shape)
         self._blind = np.zeros(shape, dtype=bool)  # released, as its sensor failed and the rail is slippery
-        self._long = LongSlide(self.parameters, n)
+        self._long = LongSlide(self.parameters, n) if np.any(self.parameters.long_slide) else None
 
     def act(self, measurement: Measurement) -> np.ndarray:
         """Return the commands (N, A): -1 vent, 0 hold, +1 apply."""
@@ -123,7 +121,9 @@ class RuleBasedWSP:
         state, acceleration = self._state, self.wheels.acceleration
         reference = self.wheels.reference[:, None]
         slip = reference - self.wheels.speed
-        per_speed = self._long.creepage(step, self.wheels.reference, self._calm <= p.calm_s)[:, None]
+        per_speed: float | np.ndarray = p.slip_per_speed
+        if self._long is not None:
+            per_speed = self._long.creepage(step, self.wheels.reference, self._calm <= p.calm_s)[:, None]
         threshold = p.slip_base_mps + per_speed * reference
         slides = (slip > threshold) & (acceleration < -p.deceleration_mps2)
         slides |= (slip > p.slip_large_factor * threshold) & (acceleration < p.recovered_mps2)

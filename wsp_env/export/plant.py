@@ -18,7 +18,7 @@ from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import mechanisms as library
 from wsp_env.plant import slots
 from wsp_env.plant.card import Card
-from wsp_env.plant.longitudinal import step
+from wsp_env.plant.longitudinal import interval, step
 from wsp_env.plant.longitudinal.plant import LongitudinalPlant
 from wsp_env.plant.longitudinal.state import batch
 from wsp_env.plant.port import LIMITS, Choice, Setup, Stop
@@ -176,7 +176,7 @@ def _replaced(vehicle: Vehicle, cards: Sequence[Card]) -> dict[Any, Any]:
     text = f"def read_mechanisms(rows, i):\n    return Mechanisms({', '.join(records)})\n"
     reader = generated("read_mechanisms", text, {"Mechanisms": own} | {card.name: card.record for card in cards})
     return {
-        step._batch: Direct(lambda given, body: given[0]),
+        interval._batch: Direct(lambda given, body: given[0]),
         port.law_at: Direct(_law_reader(law)),
         port.traction: port._EVALUATE[law],
         library.mechanisms_at: reader if cards else Direct(lambda given, body: kinds.known(None)),

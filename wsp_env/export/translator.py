@@ -159,8 +159,10 @@ class Translator:
             self._signatures[key] = self._translate(source, names, given, method_of)
         return self._called(self._signatures[key], names, given, body)
 
-    def _translate(self, source: Any, names: Sequence[str], given: Sequence[Value], method_of: str) -> Signature:
-        stored_to = _subscripted(source.tree)
+    def _translate(
+        self, source: Any, names: Sequence[str], given: Sequence[Value], method_of: str, passed_on: frozenset[str] = frozenset()
+    ) -> Signature:
+        stored_to = _subscripted(source.tree) | passed_on
         by_pointer = frozenset(
             name
             for name, v in zip(names, given, strict=True)
@@ -184,6 +186,14 @@ class Translator:
         except UntranslatableError as error:
             raise UntranslatableError(f"{source.tree.name}: {error}") from None
         body.without_unused()
+        # What a function that it calls changes it changes too.
+        text = "\n".join(body.lines)
+        given_on = {a for a in names if a not in by_pointer and re.search(rf"&{re.escape(kinds.safe(a))}\b(?!->)", text)}
+        if further := frozenset(
+            a for a, v in zip(names, given, strict=True)
+            if a in given_on and isinstance(v.type, Array) and not v.type.sizes
+        ):  # fmt: skip
+            return self._translate(source, names, given, method_of, passed_on | further)
         returns = body.returns
         if isinstance(returns, Array) and returns.sizes:
             parameters.append(("result", returns.declared("result")))
