@@ -41,6 +41,8 @@ MATTERS = 0.75
 INDISTINCT = 10.0
 #: Factor by which a mechanism may grow beside a further one: twice what its own form may err by, at 90 % (assumption).
 GROWN = 1.7
+#: Deviations by which a nuisance may be pulled further beside a mechanism than without it: what cancels it is no finding.
+PULLED = 4.0
 #: Share of a mechanism's effect that nature's form may differ by, over slip, speed, work, axles and runs: assumption.
 FORM = 0.2
 #: The same of a term without a name, which is one of few forms that were tried: assumption.
@@ -125,7 +127,13 @@ def select(
         # What the form of those before may leave of what they explain looks like another.
         form = sum(form_of(one.trial.listed) ** 2 * one.trial.evidence for one in accepted)
         sure = [one for one in trials if odds(one.listed, one.evidence) > max(SURE, form)]
-        best = next((one for one in _preferred(sure) if not _compensates(replica, one, accepted, seen)), None)
+        best = next(
+            (
+                one for one in _preferred(sure)
+                if not _compensates(replica, one, accepted, seen) and not _pulls(replica, one, fitted.model, weights)
+            ),
+            None,
+        )  # fmt: skip
         if best is None:
             break
         accepted.append(Accepted(best, *belief(best, trials, seen.found)))
@@ -178,6 +186,16 @@ def _compensates(replica: Replica, trial: Trial, accepted: Sequence[Accepted], s
         if now > GROWN * one.trial.size.multiple:
             return True
     return False
+
+
+def _pulls(replica: Replica, trial: Trial, before: Model, weights: Weights) -> bool:
+    """Whether a mechanism pulls nuisances from what they are: what is missing lets them relax, as they stood in for it."""
+
+    def unlikely(model: Model) -> float:
+        amplitudes = weights.projector.amplitudes(weights(replica.raw(model)))
+        return float(amplitudes @ amplitudes)
+
+    return unlikely(trial.fitted.model) - unlikely(before) > PULLED**2
 
 
 def _trials(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor) -> list[Trial]:
