@@ -30,7 +30,7 @@ _UNIFORM = 1.0 / np.sqrt(3.0)
 _EXPECTED = {
     "gain": 0.01 * _UNIFORM,  # of an axle's torque, where it comes from the cylinder pressure
     "measured gain": 0.001,  # of a torque that is itself measured
-    "zero": 0.005 * _UNIFORM,  # of a torque over the largest: sensors of class 0.5
+    "zero": 0.001 * _UNIFORM,  # of a torque over the largest: sensors are set to zero before a test
     "inertia": 0.03,  # of a wheelset: wheels wear
     "radius": 0.0005 * _UNIFORM,  # of an axle's wheels
     "stiffness": 0.03 * _UNIFORM,  # of the creep curve
