@@ -112,6 +112,9 @@ def prepare(campaign: Campaign) -> tuple[list[PreparedStop], list[str]]:
         if fast < needed:
             left_out.append(f"run {name}: {fast} samples above {LEAST_SPEED_MPS:g} m/s, {needed} are needed")
             continue
+        if run.suspect is not None and run.suspect.all():  # nor does it say anything of the others' noise
+            left_out.append(f"run {name}: left out, no sample can be compared with the law")
+            continue
         courses[name] = _predicted(campaign, run)
     if not courses:
         return stops, left_out
