@@ -16,7 +16,8 @@ from wsp_env.diagnosis.candidates import Candidate, Variant, refined, switched, 
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.decide import FORM, MATTERS, PRIOR, PRIOR_TERM, SURE, Trial, belief, odds
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Fitted
+from wsp_env.diagnosis.fitting import Fitted, Weights
+from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.search import LARGE, SEEN, SMALL, Found, _freed, _one, _posterior, can_be
 from wsp_env.diagnosis.speed import SpeedNoise, estimate, estimate_noise
@@ -274,6 +275,31 @@ def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, l
 
 def test_a_term_s_form_may_miss_more_than_a_name_s():
     assert decide.form_of(TERM) > decide.form_of(GRADIENT) == FORM
+
+
+def test_a_size_at_the_end_of_what_it_may_be_is_no_finding():
+    high = decide.parameter_of("brake_gain_imbalance", "gain").high
+    for value, expected in ((0.1, False), (high, True)):
+        model = switched(Model(2e-4, (0.06,)), GAIN, np.array([value]))
+        one = dataclasses.replace(trial(GAIN, 40.0), fitted=Fitted(model, (GAIN,), (), (), 0.0))
+        assert decide._at_bound(one) == expected
+
+
+@pytest.mark.parametrize(("cancels", "expected"), [(False, False), (True, True)])
+def test_what_pulls_a_nuisance_is_no_finding(cancels, expected):
+    """A nuisance of deviation 1 is the mechanism's own effect: it stood in for it, or is needed to cancel it."""
+    effect = np.random.default_rng(2).standard_normal(50)
+    projector = Projector(effect[:, None], np.ones(1, dtype=bool))
+    weights = Weights(Whitening(np.ones(50), ()), np.ones(50), projector)
+    sizes = {True: 0.0, False: 9.0}  # of the recordings' effect
+
+    class Replica:
+        def raw(self, model: Model) -> np.ndarray:
+            return effect * (sizes[cancels] - 9.0 * ("track_gradient" in model.choice))
+
+    on = switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.002]))
+    one = dataclasses.replace(trial(GRADIENT, 40.0), fitted=Fitted(on, (GRADIENT,), (), (), 0.0))
+    assert decide._pulls(Replica(), one, Model(2e-4, (0.06,)), weights) == expected
 
 
 def test_only_what_matters_is_missing():

@@ -26,6 +26,7 @@ EXCEPTIONS = {
     "wsp_env/envs/__init__.py": "what Train-v0 is made for, and switches on by default",
     "wsp_env/plant/mechanisms/term_words.py": "the words for what a term without a name looks like, some of them cards' names",
     "agents/card.py": "a published benchmark, with one mechanism at a stated size; its figures are stored",
+    "agents/drawn.py": "the worlds of a comparison, whose brakes differ from axle to axle",
     "agents/behaviour.py": "the worlds of a drawn picture, which its page discusses",
 }
 #: Names that are also a function's, of eq. (7) in `wsp_env.contact.polach`: they count where they are a whole string.

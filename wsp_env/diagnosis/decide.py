@@ -11,7 +11,7 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from wsp_env.diagnosis.candidates import Variant, refined, switched, without
+from wsp_env.diagnosis.candidates import Variant, parameter_of, refined, switched, values_in, without
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.discovered import terms
 from wsp_env.diagnosis.evaluate import Model
@@ -128,12 +128,8 @@ def select(
         form = sum(form_of(one.trial.listed) ** 2 * one.trial.evidence for one in accepted)
         sure = [one for one in trials if odds(one.listed, one.evidence) > max(SURE, form)]
         best = next(
-            (
-                one for one in _preferred(sure)
-                if not _compensates(replica, one, accepted, seen) and not _pulls(replica, one, fitted.model, weights)
-            ),
-            None,
-        )  # fmt: skip
+            (one for one in _preferred(sure) if not _refused(replica, one, accepted, fitted.model, seen, weights)), None
+        )
         if best is None:
             break
         accepted.append(Accepted(best, *belief(best, trials, seen.found)))
@@ -177,6 +173,24 @@ def _preferred(trials: Sequence[Trial]) -> list[Trial]:
         return []
     least = (1.0 - FORM) ** 2 * max(one.evidence for one in trials)
     return sorted(trials, key=lambda one: (bool(one.listed.family) or one.evidence < least, -one.evidence))
+
+
+def _refused(
+    replica: Replica, trial: Trial, accepted: Sequence[Accepted], before: Model, seen: Screen, weights: Weights
+) -> bool:
+    """Whether a mechanism contradicts itself, whatever its evidence."""
+    if _at_bound(trial) or _compensates(replica, trial, accepted, seen):
+        return True
+    return _pulls(replica, trial, before, weights)
+
+
+def _at_bound(trial: Trial) -> bool:
+    """Whether a size was fitted to the end of what it may be: the recordings ask for something else."""
+    for name, value in zip(trial.listed.sizes, values_in(trial.fitted.model, trial.listed), strict=True):
+        size = parameter_of(trial.listed.name, name)
+        if value != size.null and not size.low < value < size.high:
+            return True
+    return False
 
 
 def _compensates(replica: Replica, trial: Trial, accepted: Sequence[Accepted], seen: Screen) -> bool:
