@@ -73,6 +73,8 @@ def _panel(canvas: Any, layout: Any, pair: tuple[str, str], height: float) -> An
     for axis, one in ((panel.xaxis, across), (panel.yaxis, up)):
         if one.type == "log":
             getattr(panel, f"set_{axis.axis_name}scale")("log")
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter("")
         axis.set_label_text((one.title.text or "").replace("<br>", " "))
         axis.set_inverted(one.autorange == "reversed")
         if one.tickvals is not None:
