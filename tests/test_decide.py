@@ -281,8 +281,7 @@ def test_a_size_at_the_end_of_what_it_may_be_is_no_finding():
     high = decide.parameter_of("brake_gain_imbalance", "gain").high
     for value, expected in ((0.1, False), (high, True)):
         model = switched(Model(2e-4, (0.06,)), GAIN, np.array([value]))
-        one = dataclasses.replace(trial(GAIN, 40.0), fitted=Fitted(model, (GAIN,), (), (), 0.0))
-        assert decide._at_bound(one) == expected
+        assert decide.at_bound(GAIN, model) == expected
 
 
 @pytest.mark.parametrize(("cancels", "expected"), [(False, False), (True, True)])

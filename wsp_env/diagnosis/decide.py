@@ -179,15 +179,15 @@ def _refused(
     replica: Replica, trial: Trial, accepted: Sequence[Accepted], before: Model, seen: Screen, weights: Weights
 ) -> bool:
     """Whether a mechanism contradicts itself, whatever its evidence."""
-    if _at_bound(trial) or _compensates(replica, trial, accepted, seen):
+    if at_bound(trial.listed, trial.fitted.model) or _compensates(replica, trial, accepted, seen):
         return True
     return _pulls(replica, trial, before, weights)
 
 
-def _at_bound(trial: Trial) -> bool:
+def at_bound(listed: Variant, model: Model) -> bool:
     """Whether a size was fitted to the end of what it may be: the recordings ask for something else."""
-    for name, value in zip(trial.listed.sizes, values_in(trial.fitted.model, trial.listed), strict=True):
-        size = parameter_of(trial.listed.name, name)
+    for name, value in zip(listed.sizes, values_in(model, listed), strict=True):
+        size = parameter_of(listed.name, name)
         if value != size.null and not size.low < value < size.high:
             return True
     return False

@@ -127,7 +127,11 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         for one in outcome.accepted
         if one not in outcome.missing
     ]
-    small += [f"seen, but not sure on the held-out runs alone: {one.words}" for one in outcome.missing if one not in repeated]
+    small += [
+        f"seen, but not confirmed by the held-out runs, or at a size that cannot be: {one.words}"
+        for one in outcome.missing
+        if one not in repeated
+    ]
     if worthless:
         small += [f"seen in the runs to tune on, but worth nothing on those held out: {one.words}" for one in missing]
     if holds and missing and left > _STRUCTURED:

@@ -9,7 +9,7 @@ import numpy as np
 from wsp_env.diagnosis.answer import FitQuality
 from wsp_env.diagnosis.candidates import Variant, columns, without
 from wsp_env.diagnosis.covariance import Sizes
-from wsp_env.diagnosis.decide import SURE, Outcome
+from wsp_env.diagnosis.decide import SURE, Outcome, at_bound
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights, refit, weigh
 from wsp_env.diagnosis.gls import fit
@@ -29,7 +29,7 @@ class Quality:
     before: Model  # as fitted to the runs to tune on
     after: Model
     held_out: tuple[float, ...]  # by how much each accepted mechanism reduces chi-square of the runs to validate
-    repeated: tuple[bool, ...]  # whether they make it sure by themselves; where no run is held out, yes
+    repeated: tuple[bool, ...]  # whether they make it sure by themselves, if any is held out, at a size that can be
     weights: Weights  # of all rows
     expected: Weights  # the same with the sizes and the noise that are expected of sound recordings
 
@@ -72,7 +72,10 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
             off = refit(replica, without(after, one.trial.variant), others, tuned, ~held).model
             # Alone they show what nuisances take over once it is learned, predicted what these take over in a few runs.
             gains += (float(np.max(held_out(off) - own)),)
-    repeated = tuple(0.5 * gain > SURE for gain in gains) or (True,) * len(outcome.accepted)
+    repeated = tuple(
+        0.5 * gain > SURE and not at_bound(one.trial.listed, outcome.fitted.model)
+        for gain, one in zip(gains or (np.inf,) * len(outcome.accepted), outcome.accepted, strict=True)
+    )
     for one, sure in zip(outcome.accepted, repeated, strict=True):
         if not sure:
             after = without(after, one.trial.variant)
