@@ -5,9 +5,11 @@ from collections.abc import Iterator
 
 import gymnasium as gym
 import pytest
+from example_diagnosis import named_gradient
 from hypothesis import settings
 
 import agents  # noqa: F401  # before torch: its threads then sleep while they wait, and pytest's processes share the cores
+from wsp_env.diagnosis.answer import Diagnosis
 from wsp_env.parameters.uic_z1 import VEHICLES
 
 # Without a time limit, as the first call of a kernel may compile it.
@@ -36,3 +38,9 @@ def _what_was_there_before_is_not_collected() -> None:
     """Spare the garbage collector what earlier modules left: the MDF4 reader calls it for every file, seconds at a time."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture
+def found() -> Diagnosis:
+    """Return a made-up diagnosis that names a gradient."""
+    return named_gradient()

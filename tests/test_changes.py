@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 from scipy.stats import ttest_ind
-from test_diagnosis_report import DISCOVERED, SUSPECT, found  # noqa: F401  # a fixture
+from test_diagnosis_report import DISCOVERED, SUSPECT
 
 from wsp_env.diagnosis.answer import Worth
 from wsp_env.diagnosis.changes import friction_change, mechanism_changes, sentence, tau_change
@@ -25,7 +25,7 @@ ONE = tuning(2e-4, (0.05, 0.052, 0.049, 0.051))
 OTHER = tuning(4e-4, (0.06, 0.063, 0.058))
 
 
-def test_nothing_differs_from_itself(found):  # noqa: F811
+def test_nothing_differs_from_itself(found):
     changes = [tau_change(ONE, ONE), friction_change(ONE, ONE), *mechanism_changes(found, found)]
     assert [one.shown for one in changes] == [False] * len(changes)
     assert sentence(changes, "a", "b") == "Nothing that these recordings show has changed from a to b."
@@ -58,7 +58,7 @@ def test_friction_is_compared_by_welchs_interval():
     ("least", "verdict", "shown"),
     [(3e-4, "adequate", True), (0.1, "adequate", None), (3e-4, "data", None), (3e-4, "unknown", True)],
 )
-def test_what_is_gone_is_told_only_where_it_would_have_been_seen(found, least, verdict, shown):  # noqa: F811
+def test_what_is_gone_is_told_only_where_it_would_have_been_seen(found, least, verdict, shown):
     without = dataclasses.replace(found, mechanisms=(), verdict=verdict, detectable={"track_gradient": {"rise": least}})
     gone = next(one for one in mechanism_changes(found, without) if one.what == "track gradient")
     new = next(one for one in mechanism_changes(without, found) if one.what == "track gradient")
@@ -68,7 +68,7 @@ def test_what_is_gone_is_told_only_where_it_would_have_been_seen(found, least, v
         assert "is new" in new.words
 
 
-def test_a_parameter_that_moves_beyond_both_intervals_has_changed(found):  # noqa: F811
+def test_a_parameter_that_moves_beyond_both_intervals_has_changed(found):
     def at(value):
         (one,) = found.mechanisms
         rise = dataclasses.replace(one.parameters["rise"], value=value, interval90=(value - 0.0008, value + 0.0008))
@@ -79,7 +79,7 @@ def test_a_parameter_that_moves_beyond_both_intervals_has_changed(found):  # noq
     assert not mechanism_changes(at(-0.0089), at(-0.0089 + 0.99 * half))[0].shown
 
 
-def test_a_diagnosis_is_read_as_it_was_written(found, tmp_path):  # noqa: F811
+def test_a_diagnosis_is_read_as_it_was_written(found, tmp_path):
     whole = dataclasses.replace(
         found, discovered=(DISCOVERED,), suspect_channels=(SUSPECT,), worth=Worth(0.03, (0.02, 0.04), 0.2, 420.0)
     )

@@ -5,7 +5,6 @@ from html.parser import HTMLParser
 
 import pytest
 from synthetic_stops import stop, write_campaign
-from test_diagnosis_report import found  # noqa: F401  # a fixture
 
 from wsp_env.cli import main
 from wsp_env.cli.diagnose import _print
@@ -55,7 +54,7 @@ def same_elements(page, harmless):
     return evil
 
 
-def test_a_diagnosis(found, tmp_path, capsys):  # noqa: F811
+def test_a_diagnosis(found, tmp_path, capsys):
     write_report(tmp_path / "sound.html", found)
     bad = dataclasses.replace(poisoned(found), sentence=found.sentence + EVIL, next_test=found.next_test + EVIL, notes=(EVIL,))
     write_report(tmp_path / "evil.html", bad)

@@ -83,9 +83,9 @@ def test_a_plants_fmu_stops_as_pythons_plant(version: int, tmp_path: Path) -> No
     state, saved = ctypes.c_void_p(), "FMUstate" if version == 2 else "FMUState"
     inputs, outputs = fmu.numbers("input"), fmu.numbers("output")
     rng = np.random.default_rng(0)
-    expected, step = [], 0
+    expected, step, command = [], 0, np.ones(2, dtype=int)
     while plant.moving[0]:
-        command = rng.integers(-1, 2, 2) if step % 10 == 0 else command  # noqa: F821  # of the step before
+        command = rng.integers(-1, 2, 2) if step % 10 == 0 else command
         fmu.code.set(fmu.own, inputs, [*map(float, command), stop.demand])
         if step == 100:
             fmu.code._do(f"Get{saved}", fmu.own, ctypes.byref(state))

@@ -20,7 +20,6 @@ _BINS = 16
 _LEAST_ROWS = 5  # in a bin
 _ACTS = 0.02  # of a mechanism's largest change of a residual, from which on a row is one that it acts on
 _COURSE_POINTS = 200
-_SLIDES = 0.01  # creepage from which on a wheel counts as sliding, here and in the figures of runs
 _UNITS = {"slip": "slip speed [m/s]", "work": "W_sp [J/m]", "place": "place [m]", "time": "time [s]", "speed": "speed [m/s]",
           "axle": "axle [-]", "deceleration": "deceleration [m/s2]"}  # fmt: skip
 
