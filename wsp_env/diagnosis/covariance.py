@@ -107,6 +107,15 @@ class Evidence:
                 noise[k] = max(np.sqrt((left + _PRIOR_WEIGHT) / (self.rows[k] + _PRIOR_WEIGHT)), _LEAST_NOISE)
         return Sizes(scale, noise)
 
+    def amplitudes(self, sizes: Sizes) -> np.ndarray:
+        """Return the most likely amplitudes (p,) of the nuisances, over what is expected of each."""
+        p = self.nuisances
+        index = np.append(np.arange(p), self.gram.shape[1] - 1)
+        whole = np.tensordot(1.0 / sizes.noise**2, self.gram[:, index[:, None], index], axes=1)
+        precision = whole[:-1, :-1] + np.diag(1.0 / sizes.groups[self.group] ** 2)
+        result: np.ndarray = linalg.solve(precision, whole[:-1, -1], assume_a="pos", check_finite=False)
+        return result
+
 
 def inverse_of(factor: np.ndarray) -> np.ndarray:
     """Return the inverse (p, p) of a matrix from its lower Cholesky factor: a third of the work of solving for it."""

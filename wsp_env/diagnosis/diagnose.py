@@ -22,6 +22,7 @@ from wsp_env.diagnosis.quality import Quality, quality, structured
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import detectable, net_change
 from wsp_env.diagnosis.stops import PreparedStop, prepare
+from wsp_env.diagnosis.timing import aligned, times
 from wsp_env.diagnosis.words import next_test, sentence
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import Campaign, CampaignError
@@ -71,6 +72,10 @@ def _diagnose(campaign: Campaign, progress: Progress, pool: Executor) -> Diagnos
         raise CampaignError(f"campaign {campaign.name}: no run can be diagnosed: {'; '.join(notes)}")
     progress("fitting the baseline")
     replica, damaged = _sound(campaign, stops)
+    read = times(replica)
+    if read.matters:
+        stops, notes = prepare(aligned(campaign, read))
+        replica, damaged = _sound(campaign, stops)
     notes += damaged
     progress("searching")
     outcome = select(replica, list(variants(replica)), pool, progress)

@@ -41,6 +41,26 @@ class Forces:
             found.append(self._rows(part, one, moment, lost, moment, slow=True))
         return np.vstack(found)
 
+    def late_wheels(self) -> np.ndarray:
+        """Columns (n, A) by each wheel speed's time [s]: how much earlier it is recorded than the rest."""
+        balances, found = self._balances, []
+        for part, one in self._parts:
+            stop = part.stop
+            lost = balances.inertia * stop.wheel_rate / (balances.radius * one.mass)
+            mine = np.nonzero(part.used)[1][:, None] == np.arange(balances.axles)
+            less_slip = part.joined(part.wheel_rows(one.slope * balances.radius * stop.wheel_rate)[:, None] * mine)
+            found.append(self._rows(part, one, balances.inertia * stop.wheel_jerk, lost) + less_slip)
+        return np.vstack(found)
+
+    def late_torques(self) -> np.ndarray:
+        """Columns (n, A) by each torque's time [s], likewise."""
+        found = []
+        for part, one in self._parts:
+            moment = np.gradient(one.torque, part.stop.step_s, axis=0)
+            lost = np.column_stack([part.summed(x) for x in moment.T / (self._balances.radius * one.mass)])
+            found.append(self._rows(part, one, moment, lost, moment))
+        return np.vstack(found)
+
     def courses(self, apart_s: float) -> np.ndarray:
         """Columns by a relative change of each axle's torque in time, between nodes, in each run."""
         nodes, rows = self._nodes(apart_s), self._balances.rows

@@ -32,11 +32,12 @@ class StopChange:
 
     distance: float  # relative change of the stopping distance [-], mean of the stops that it changes most, gentle or sliding
     slip: float  # largest change of an axle's slip, upper or lower half of speeds, mean of stops [m/s]
+    most: float = np.inf  # multiple that the samples of a time allow
 
     @property
     def multiple(self) -> float:
         """Size as multiple of the smallest effect of interest [-]."""
-        return max(abs(self.distance) / DISTANCE, abs(self.slip) / SLIP_MPS, _LEAST)
+        return min(max(abs(self.distance) / DISTANCE, abs(self.slip) / SLIP_MPS, _LEAST), self.most)
 
 
 def only_sensors(choice: Choice) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import linalg
 
 from wsp_env.diagnosis.balances import Rows, Whitening
-from wsp_env.diagnosis.candidates import Candidate, Variant, columns, parameter_of, switched, without
+from wsp_env.diagnosis.candidates import Candidate, Variant, columns, parameter_of, switched, values_in, without
 from wsp_env.diagnosis.covariance import Evidence, Sizes, inverse_of
 from wsp_env.diagnosis.evaluate import Evaluation, Model
 from wsp_env.diagnosis.interest import StopChange, change, only_sensors
@@ -25,7 +25,8 @@ from wsp_env.diagnosis.variation import Group, Net, law_columns, nuisances, segm
 #: assumption that many such together move a stop by less than one interest; the second is one too: what conceals itself from a
 #: validation is hardly larger.
 SMALL, LARGE = 0.15, 5.0
-#: Samples that the smallest effect of interest has at least where a size is a time. Its small size is then 0.6 of a sample:
+#: Samples that the smallest effect of interest has at least where a size is a time, or a distance that is rolled at the stops'
+#: median speed in such a time. Its small size is then 0.6 of a sample:
 #: channels of one logger are read within a sample of each other.
 _SAMPLES = 4.0
 #: Evidence from which on a mechanism counts as seen: 95 % at a prior of one in fifty.
@@ -104,7 +105,6 @@ def candidate(replica: Replica, model: Model, base: np.ndarray, law: _Law, varia
     """Return a mechanism that is off, with its columns about a model and their size in smallest effects of interest, net."""
     found, scale, moves = [], [], variant.moves()
     sensor = only_sensors({variant.name: {}})
-    least = _SAMPLES * max(source.step_s for source in replica.sources)
 
     def step_by(i: int, move: float) -> tuple[np.ndarray, np.ndarray, Sequence[Evaluation]]:
         values = variant.null()
@@ -121,8 +121,17 @@ def candidate(replica: Replica, model: Model, base: np.ndarray, law: _Law, varia
             column, logs, after = step_by(i, -move)
         found.append(column)
         multiple = change(replica, law.before, after if sensor else law.without(after, logs), sensor).multiple
-        scale.append(min(multiple, abs(moves[i]) / least) if size.unit == "s" else multiple)
+        scale.append(min(multiple, _samples(replica, variant.name, variant.sizes[i], move) / _SAMPLES))
     return Candidate(dataclasses.replace(variant, steps=tuple(moves)), np.column_stack(found), np.array(scale))
+
+
+def _samples(replica: Replica, name: str, size: str, move: float) -> float:
+    """Return the samples that pass in a change of a time, or of a distance rolled at the stops' median speed; else infinity."""
+    parameter = parameter_of(name, size)
+    if parameter.unit != "s" and not parameter.rolled:
+        return np.inf
+    seconds = abs(move) / (float(np.median(replica.rows.speed)) if parameter.rolled else 1.0)
+    return seconds / max(source.step_s for source in replica.sources)
 
 
 def screen(
@@ -163,7 +172,12 @@ def screen(
 
 def net_effect(replica: Replica, model: Model, variant: Variant, whitening: Whitening) -> StopChange:
     """Return what a mechanism that is on changes against the law tuned anew without it."""
-    return net_change(replica, model, without(model, variant), whitening, only_sensors({variant.name: {}}))
+    found = net_change(replica, model, without(model, variant), whitening, only_sensors({variant.name: {}}))
+    samples = [
+        _samples(replica, variant.name, name, value - null)
+        for name, value, null in zip(variant.sizes, values_in(model, variant), variant.null(), strict=True)
+    ]
+    return dataclasses.replace(found, most=max(samples) / _SAMPLES)
 
 
 def net_change(replica: Replica, model: Model, off: Model, whitening: Whitening, sensor: bool = False) -> StopChange:

@@ -11,20 +11,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wsp_env.diagnosis.balances import ACTUATOR, Balances, Whitening
+from wsp_env.diagnosis.balances import ACTUATOR, Balances, Rows, Whitening
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.forces import Forces
 from wsp_env.diagnosis.replica import Replica
 
 #: Lengths over which mu_cd is alike along the track [m]. The short one is, of those tried, the likeliest on a campaign of 2 %
 #: over 5 to 20 m; how large it is the recordings say, as a wheel passes many such lengths. The long one is that of rails of
-#: different history; what is as long as that and large is a finding, so its size is the expected one (assumption).
-_SHORT_M, _LONG_M = 3.0, 30.0
+#: different history; what is as long as that and large is a finding, so its size is the expected one (assumption). Leaves and
+#: water also lie differently in each run, where all its wheels pass; a wheel passes 10 m in two to six rows (6 m: the same).
+_SHORT_M, _LONG_M, _RUN_M = 3.0, 30.0, 10.0
 _COURSE_NODE_S = 4.0  # of what varies in time
 _SHAPE_NODES = 6  # of what varies over slip, speed or work, at quantiles
 MU_CD = 0.15  # [-] of a run's, about the believed one: assumption
 LOG_TAU = 1.0  # [-] about where the search starts: says next to nothing
 _UNIFORM = 1.0 / np.sqrt(3.0)
+WHEEL_TIME, TORQUE_TIME = "time of a wheel speed", "time of a torque"
 
 #: Deviation expected of sound vehicles and tracks [-]: assumptions, from tolerances of brakes, wheels and test tracks.
 _EXPECTED = {
@@ -114,6 +116,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
     differs = own @ _contrasts(axles)  # of axles from each other: what is common to them is the law's
     lines = [_line(values, slides[:, 0] != 0.0) for values in (rows.slip, rows.speed, rows.work)]
     gain = _EXPECTED["measured gain" if balances.campaign.vehicle.torque_is_measured else "gain"]
+    sample = max(stop.step_s for stop in balances.sources) * _UNIFORM  # in which channels are read: within one of each other
     groups = [
         Group("offset", segments, np.inf, True),
         Group("tau", law[:, :1], LOG_TAU, True),
@@ -123,6 +126,8 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("gain of a run", each(forces.gain), gain),
         Group("zero of the torque", forces.zeros(), _EXPECTED["zero"], True),
         Group("torque in time", forces.courses(_COURSE_NODE_S), _EXPECTED["torque"]),
+        Group(WHEEL_TIME, forces.late_wheels(), sample, True),
+        Group(TORQUE_TIME, forces.late_torques(), sample, True),
         Group("inertia", np.column_stack([turning, turning.sum(axis=1)]), _EXPECTED["inertia"], True),
         Group("radius", radius[:, None] * own, _EXPECTED["radius"], True, "radius of a run"),
         Group("radius of a run", each(radius[:, None] * own), _EXPECTED["radius"]),
@@ -130,6 +135,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
               "stiffness of a run"),
         Group("stiffness of a run", each(steepness[:, None] * own), _EXPECTED["stiffness"]),
         Group("track", friction[:, None] * _track(rows.place, rows.wheels, _SHORT_M), _EXPECTED["track"]),
+        Group("track of a run", _track_of_runs(friction, rows), _EXPECTED["friction"]),
         Group("track over long", friction[:, None] * _track(rows.place, rows.wheels, _LONG_M), _EXPECTED["track"], True),
         Group("friction of an axle", slides * own, _EXPECTED["friction"], True, "friction of an axle in a run"),
         Group("form of an axle's friction", np.column_stack([slides * differs * line[:, None] for line in lines]),
@@ -192,12 +198,19 @@ def _slips(balances: Balances | Replica, model: Model) -> tuple[np.ndarray, np.n
     return np.concatenate(steepness), np.concatenate(radius), np.vstack(uncertain)
 
 
+def _track_of_runs(friction: np.ndarray, rows: Rows) -> np.ndarray:
+    """Change of the residuals (n, m) by friction along the track in one run, where all wheels pass and other runs do not."""
+    return np.column_stack(
+        [friction[:, None] * _track(rows.place, rows.wheels & (rows.run == run), _RUN_M) for run in range(rows.run.max() + 1)]
+    )
+
+
 def _track(place: np.ndarray, used: np.ndarray, length_m: float) -> np.ndarray:
     """Weights (n, m) of the directions in which friction varies along the track, alike over a length."""
     return _kept_track(place.tobytes(), used.tobytes(), length_m)
 
 
-@functools.lru_cache(maxsize=4)  # every replica of a campaign has the same places
+@functools.lru_cache(maxsize=64)  # every replica of a campaign has the same places
 def _kept_track(place: bytes, used: bytes, length_m: float) -> np.ndarray:
     hats = _hats(np.frombuffer(place), 0.5 * length_m, np.frombuffer(used, dtype=bool))
     node = np.arange(hats.shape[1])

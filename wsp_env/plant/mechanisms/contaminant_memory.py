@@ -55,7 +55,9 @@ def follow(p: Parameters, removed: Removed, i: int, k: int, rolled_m: float, kep
 CARD = Card(
     name="contaminant_memory",
     summary="the contaminant layer follows the friction work over a rolling distance",
-    parameters=(Parameter("distance_m", "m", 0.0, 5.0, 0.0, 500.0, "form: first order in distance; size: assumption"),),
+    parameters=(
+        Parameter("distance_m", "m", 0.0, 5.0, 0.0, 500.0, "form: first order in distance; size: assumption", rolled=True),
+    ),
     record=Parameters,
     acts={"layer": split, "after_contact": follow},
     memory=memory,
