@@ -1,8 +1,13 @@
 """What all tests share: no time limit for random tests, and kernels that are compiled once before the tests begin."""
 
 import gc
+import os
 from collections.abc import Iterator
 from typing import Any
+
+# Before numpy is loaded, and for the processes that tests start, too: the matrices are small, and pytest's processes share the
+# cores. Where these were busy, a stop took twenty times as long to prepare with two threads of BLAS as with one.
+os.environ |= {name: os.environ.get(name, "1") for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 
 import gymnasium as gym
 import pytest
