@@ -59,7 +59,7 @@ def _driven(protection: Controller, vehicle: Vehicle, stops: Sequence[Stop], cho
         warnings.simplefilter("ignore")
         without = run(protection, vehicle, stops).position[-1]
         if all(one == chosen[0] for one in chosen):  # all side by side
-            found = run(protection, vehicle, stops, Conduct(mechanisms=chosen[0])).position[-1]
+            found = list(run(protection, vehicle, stops, Conduct(mechanisms=chosen[0])).position[-1])
         else:
             found = [_distance(protection, vehicle, stop, one) for stop, one in zip(stops, chosen, strict=True)]
     return float(np.mean(np.array(found) / without - 1.0))
