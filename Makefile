@@ -28,7 +28,7 @@ demo: $(VENV)/.report
 
 # The whole suite comes last: its summary is the last line.
 test: lint docs plain $(VENV)/.dev
-	$(BIN)/pytest --numprocesses $(JOBS) --dist loadgroup
+	$(BIN)/pytest --numprocesses $(JOBS)
 
 # Compiled code hides from coverage and from Python's own checks: some tests once more without the compiler.
 plain: $(VENV)/.dev
@@ -38,7 +38,7 @@ plain: $(VENV)/.dev
 coverage: $(VENV)/.dev
 	@mkdir -p out
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest --quiet -m plain --cov --cov-report=
-	$(BIN)/pytest --numprocesses $(JOBS) --dist loadgroup --cov --cov-append --cov-report=
+	$(BIN)/pytest --numprocesses $(JOBS) --cov --cov-append --cov-report=
 	$(BIN)/coverage report > out/coverage.txt
 	@echo "out/coverage.txt"; grep ^TOTAL out/coverage.txt
 

@@ -25,7 +25,6 @@ from wsp_env.plant import mechanisms
 
 TRUTH = ("truth", "records", "setup", "effects", "sensors", "interest", "campaign", "plan", "faults")
 SIZES = interest.sizes()
-pytestmark = pytest.mark.xdist_group("small bank")  # with the tests that make one: the truth model is compiled once
 
 
 def sliding() -> Setup:

@@ -1,5 +1,6 @@
 """The proof's bank, answers and score: labels, every step on a small bank, figures on made-up answers, the page."""
 
+import dataclasses
 import hashlib
 import json
 import shutil
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from few_stops import TUNE, VALIDATE, few_stops
 
 from experiments.concealed import answers, bank, black_box, concealment, diagnoses, page, rivals, workers
 from experiments.concealed.__main__ import Diagnose, Page, Rivals, Score
@@ -18,7 +20,6 @@ from experiments.concealed.promised import found
 from experiments.concealed.rates import plain, rate, restored
 from experiments.concealed.required import DISTANCES, checks
 from experiments.concealed.score import score
-from experiments.concealed.setup import RUNS
 from experiments.concealed.truths import true_value
 from wsp_env.diagnosis.candidates import Variant, parameter_of, step
 from wsp_env.plant import mechanisms
@@ -26,18 +27,17 @@ from wsp_env.plant.mechanisms import clock_offset
 from wsp_env.recordings import CampaignError, demo_campaign, read_campaign
 
 DOCS = Path(__file__).parents[1] / "docs"
-together = pytest.mark.xdist_group("small bank")  # it is made once
 
 
 @pytest.fixture(scope="module")
 def small_bank(tmp_path_factory):
     """Return the folder of the small bank and its digest."""
     out = tmp_path_factory.mktemp("bank")
-    return out, bank.make(out, len(SHARES), 11, 1)
+    with few_stops():
+        yield out, bank.make(out, len(SHARES), 11, 1)  # within: a test makes a part of the bank anew
 
 
 @pytest.mark.slow
-@together
 def test_bank_is_readable_concealed_labelled_and_reproducible(small_bank):
     out, digest = small_bank
     labels = bank.read_labels(out)
@@ -45,7 +45,7 @@ def test_bank_is_readable_concealed_labelled_and_reproducible(small_bank):
     assert {label["class"] for label in labels.values()} == set(SHARES)
     for name, label in labels.items():
         campaign = read_campaign(out / "campaigns" / name)
-        assert (*campaign.tune, *campaign.validate) == RUNS
+        assert (campaign.tune, campaign.validate) == (TUNE, VALIDATE)
         assert campaign.vehicle.axles == label["axles"]
         assert (campaign.vehicle.brake_torque_source == "measured") == label["measured_torque"]
         assert label["fault"] or concealment.passes(concealment.worst_error(out / "campaigns" / name))
@@ -64,7 +64,6 @@ def test_bank_is_readable_concealed_labelled_and_reproducible(small_bank):
 
 
 @pytest.mark.slow
-@together
 def test_bank_refuses_other_numbers_and_changed_labels(small_bank):
     out, _ = small_bank
     with pytest.raises(BankError, match="another bank"):
@@ -284,7 +283,6 @@ def test_black_box_learns_from_the_other_folds(tmp_path):
 
 
 @pytest.mark.slow
-@together
 def test_every_step_on_a_small_bank(small_bank, tmp_path):
     """One case is diagnosed; the others were, it seems, before the command was broken off."""
     out = tmp_path / "bank"
@@ -327,7 +325,7 @@ def said_of(name, **values):
 
 @pytest.mark.slow
 def test_change_of_distance_is_that_of_stops_driven_with_and_without():
-    campaign = read_campaign(demo_campaign())
+    campaign = dataclasses.replace(read_campaign(demo_campaign()), tune=("A1",), validate=())
     band = {"lowest_mps": 5.0, "highest_mps": 100.0}
     found = distance_change(campaign, said_of("non_adhesive_brake", force_n=4000.0, **band))
     # Some 4 kN beside the 25 kN or so that such rail carries.

@@ -47,7 +47,6 @@ def test_the_share_done_only_grows_over_the_steps_of_stops(rounds):
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("diagnosis")
 def test_every_step_that_a_diagnosis_of_stops_tells_is_known(tmp_path):
     told: list[str] = []
     folder = write_campaign(tmp_path, {"A1": stop(2e-4, 0.06, duration_s=6.0, noise=1.0)})

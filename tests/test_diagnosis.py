@@ -14,6 +14,7 @@ import numpy as np
 import polars as pl
 import pytest
 from browser import BROWSER, open_page
+from few_stops import few_stops, small_demo
 from synthetic_stops import stop, write_campaign
 
 from experiments.concealed.campaign import build, write
@@ -33,7 +34,6 @@ from wsp_env.plant.mechanisms import ALL, LIBRARY
 from wsp_env.recordings import Campaign, CampaignError, CampaignWarning, demo_campaign, read_campaign
 
 VERDICTS = {"adequate", "named", "ambiguous", "discovered", "unknown", "insufficient", "data"}
-pytestmark = pytest.mark.xdist_group("diagnosis")  # what several tests look at is diagnosed once
 
 
 def campaign_of(folder: Path) -> Campaign:
@@ -131,20 +131,21 @@ def test_report_opens_without_a_network_and_its_plots_have_axes(sloping, tmp_pat
 @pytest.mark.parametrize(("axles", "measured"), [(1, False), (2, True)])
 def test_vehicles_of_one_and_two_axles_torque_by_pressure_or_measured(axles, measured, tmp_path):
     case = Case(0, "null", (), 0.0, 1.0, axles=axles, measured_torque=measured)
-    setup, _ = build(case, 7, 0, sizes(), 1.0)
-    write(tmp_path / "case", case, setup, 7, 0)
-    found = diagnose(campaign_of(tmp_path / "case"))
+    with few_stops():
+        setup, _ = build(case, 7, 0, sizes(), 1.0)
+        write(tmp_path / "case", case, setup, 7, 0)
+    campaign = campaign_of(tmp_path / "case")
+    found = diagnose(campaign)
     assert found.verdict == "adequate"
     # Stops need no null recordings: the answer depends on nothing but the recordings.
-    assert diagnose(campaign_of(tmp_path / "case"), workers=1).to_json() == found.to_json()
+    assert diagnose(campaign, workers=1).to_json() == found.to_json()
     assert any("leading_axle_cleaning" in note for note in found.notes) == (axles == 1)
     assert any("the torque itself is measured" in note for note in found.notes) == measured
 
 
 @pytest.mark.slow
 def test_a_wheelset_of_another_radius_is_found(tmp_path):
-    folder = tmp_path / "campaign"
-    shutil.copytree(demo_campaign(), folder)
+    folder = small_demo(tmp_path / "campaign")
     for file in folder.glob("*.csv"):
         table = pl.read_csv(file)
         table.with_columns(pl.col("axle3_wheel_speed_radps") * 1.01, pl.col("axle3_brake_torque_nm") / 1.01).write_csv(file)
@@ -173,8 +174,7 @@ def test_stops_without_sliding_are_insufficient_for_adhesion(tmp_path):
 
 @pytest.mark.slow
 def test_a_torque_that_is_wrong_in_one_run_is_a_matter_of_data(tmp_path):
-    folder = tmp_path / "campaign"
-    shutil.copytree(demo_campaign(), folder)
+    folder = small_demo(tmp_path / "campaign")
     table = pl.read_csv(folder / "A3.csv")
     table.with_columns(pl.col("axle2_brake_torque_nm") * 1.8).write_csv(folder / "A3.csv")
     found = diagnose(campaign_of(folder))

@@ -18,7 +18,7 @@ from wsp_env.plant.multibody.plant import MultibodyPlant
 from wsp_env.plant.multibody.structure import WHEELSETS, Y_
 from wsp_env.plant.port import Setup
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("multibody")]  # the step takes a while to compile: once
+pytestmark = pytest.mark.slow
 
 
 def brake(plant, seconds=60.0, cycling=False):

@@ -26,14 +26,12 @@ def wheel(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("package")
 def test_wheel_carries_the_two_packages_and_nothing_else(wheel):
     tops = {name.split("/")[0] for name in wheel.namelist()}
     assert {top for top in tops if not top.endswith(".dist-info")} == {"wsp_env", "baselines"}
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("package")
 def test_wheel_carries_every_source_and_data_file(wheel):
     for package in ("wsp_env", "baselines"):
         paths = [path for path in (ROOT / package).rglob("*") if path.is_file() and "__pycache__" not in path.parts]
@@ -44,7 +42,6 @@ def test_wheel_carries_every_source_and_data_file(wheel):
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("package")
 def test_wheel_has_the_command_and_the_licence(wheel):
     (entry_points,) = (name for name in wheel.namelist() if name.endswith(".dist-info/entry_points.txt"))
     assert "wsp = wsp_env.cli:main" in wheel.read(entry_points).decode()

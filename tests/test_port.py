@@ -29,10 +29,7 @@ def a_stop(vehicle, **changes):
     return Stop(**(usual | {"noise": 0.0, "key": 1} | axles | changes))
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["longitudinal", pytest.param("multibody", marks=[pytest.mark.slow, pytest.mark.xdist_group("multibody")]), ELSEWHERE],
-)
+@pytest.mark.parametrize("name", ["longitudinal", pytest.param("multibody", marks=pytest.mark.slow), ELSEWHERE])
 def test_every_plant_keeps_the_contract_of_the_port(name):
     """Shapes, a vehicle that stands stays as it is, readings are copies, a stop leaves nothing behind."""
     plant = make_plant(COACH, 3, Setup(), name)

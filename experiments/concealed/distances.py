@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -37,33 +37,44 @@ def distance_change(campaign: Campaign, answer: Mapping[str, Any]) -> dict[str, 
     parameters, whose share is taken from the change at the recorded slip.
     """
     chosen = {one["name"]: answer["model"]["mechanisms"][one["name"]] for one in answer["mechanisms"]}
-    changes = np.array([_driven(campaign, answer["model"], chosen, load(name)) for name in PROTECTIONS])
+    vehicle, stops, names = _stops(campaign, answer["model"])
+    other = [_met(chosen, campaign, name) for name in names]
+    changes = np.array([_driven(load(name), vehicle, stops, other) for name in PROTECTIONS])
     value, count = float(changes.mean()), len(changes)
     another = float(changes.std(ddof=1) * np.sqrt(1.0 + 1.0 / count) * student.ppf(_LEVEL, count - 1))
     half = float(np.hypot(another, abs(value) * _parameter_share(campaign, answer, chosen)))
     return {"value": value, "interval90": [value - half, value + half]}
 
 
-def _driven(campaign: Campaign, model: Mapping[str, Any], chosen: Choice, protection: Controller) -> float:
-    """Return the mean relative change of the distances [-], driven from the call of the brake to standstill."""
+def _stops(campaign: Campaign, model: Mapping[str, Any]) -> tuple[Vehicle, list[Stop], list[str]]:
+    """Return the vehicle, the stops under the diagnosed law, from the call of the brake on, and their names."""
     runs = {name: RunScore("tune", mu_cd, True, ()) for name, mu_cd in model["mu_cd"].items()}
     tuned = Tuning(model["tau_m_per_J"], (0.0, math.inf), runs)  # the diagnosed law; its interval and errors play no part
-    vehicle, stops, names = braked(campaign, conditions(campaign, tuned))
+    return braked(campaign, conditions(campaign, tuned))
+
+
+def _driven(protection: Controller, vehicle: Vehicle, stops: Sequence[Stop], chosen: Sequence[Choice]) -> float:
+    """Return the mean relative change of the distances [-] to standstill by the mechanisms that each stop meets."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         without = run(protection, vehicle, stops).position[-1]
-        if "adhesion_patch" in chosen:
-            found = [
-                _distance(protection, vehicle, stop, _moved(chosen, _begin(campaign, name)))
-                for stop, name in zip(stops, names, strict=True)
-            ]
+        if all(one == chosen[0] for one in chosen):  # all side by side
+            found = list(run(protection, vehicle, stops, Conduct(mechanisms=chosen[0])).position[-1])
         else:
-            found = list(run(protection, vehicle, stops, Conduct(mechanisms=chosen)).position[-1])
+            found = [_distance(protection, vehicle, stop, one) for stop, one in zip(stops, chosen, strict=True)]
     return float(np.mean(np.array(found) / without - 1.0))
 
 
 def _distance(protection: Controller, vehicle: Vehicle, stop: Stop, chosen: Choice) -> float:
     return float(run(protection, vehicle, [stop], Conduct(mechanisms=chosen)).position[-1, 0])
+
+
+def _met(chosen: Choice, campaign: Campaign, name: str) -> Choice:
+    """Return the mechanisms as a stop meets them: a patch lies where it lies behind the call of the brake."""
+    if "adhesion_patch" not in chosen:
+        return chosen
+    patch = chosen["adhesion_patch"]
+    return {**chosen, "adhesion_patch": {**patch, "start_m": patch["start_m"] - _begin(campaign, name)}}
 
 
 def _begin(campaign: Campaign, name: str) -> float:
@@ -72,11 +83,6 @@ def _begin(campaign: Campaign, name: str) -> float:
     derived = derive(campaign, recording, rolling_radii(campaign, smoothing), smoothing)
     start, _ = braking(recording, campaign.sample_time_s, smoothing)
     return recording.start_position_m + float(np.trapezoid(derived.speed_mps[: start + 1], derived.time_s[: start + 1]))
-
-
-def _moved(chosen: Choice, begin: float) -> Choice:
-    patch = chosen["adhesion_patch"]
-    return {**chosen, "adhesion_patch": {**patch, "start_m": patch["start_m"] - begin}}
 
 
 def _parameter_share(campaign: Campaign, answer: Mapping[str, Any], chosen: Choice) -> float:
