@@ -107,17 +107,31 @@ def test_a_mechanism_on_what_is_a_parameter_in_c_is_refused() -> None:
 
 @pytest.mark.parametrize("name", ["rule-based", "slip"])
 def test_a_controller_by_rules_in_c_decides_as_pythons(name: str, tmp_path: Path) -> None:
-    """With sensors that fail, wheels of other diameters and changed thresholds."""
+    """With sensors that fail, wheels of other diameters, changed thresholds and a long slide."""
     unit = make_unit(name, VEHICLES["coach"])
-    assert {"slip_base_mps", "cut_out_mps"} & {variable.name for variable in unit.parameters} or name == "slip"
+    if name == "rule-based":
+        assert {"slip_base_mps", "cut_out_mps", "long_slide"} <= {variable.name for variable in unit.parameters}
+    check_vectors(unit, tmp_path)
+
+
+@pytest.mark.slow
+def test_the_adaptive_controller_in_c_decides_as_pythons(tmp_path: Path) -> None:
+    """Bit for bit with its guard and observer: sensors that fail, changed prices and gains."""
+    unit = make_unit("adaptive", VEHICLES["bogie"])
+    assert unit.tolerance == 0.0
+    assert {"slide_price", "safety_timer_s"} <= {variable.name for variable in unit.parameters}
     check_vectors(unit, tmp_path)
 
 
 @pytest.mark.slow
 def test_a_policy_in_c_decides_as_pythons(tmp_path: Path) -> None:
-    """Observer bit for bit, commands equal; only sums of floats in the network have another order."""
+    """Guard and observer bit for bit, commands equal; only sums of floats in the network have another order."""
     pytest.importorskip("onnx")
-    check_vectors(make_unit(str(TRAINED / "bogie"), VEHICLES["bogie"]), tmp_path)
+    unit = make_unit(str(TRAINED / "bogie"), VEHICLES["bogie"])
+    given = [made for what, _, made in unit.reference() if what == "step"]
+    failed = [name for variable in unit.outputs for name, _ in variable.elements()].index("failed[0]")
+    assert any(row[failed] for row in given)  # the guard has something to do
+    check_vectors(unit, tmp_path)
 
 
 @pytest.mark.slow

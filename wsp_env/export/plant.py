@@ -11,7 +11,7 @@ from wsp_env.compiled import generated
 from wsp_env.contact import port
 from wsp_env.export import kinds
 from wsp_env.export.translator import Direct, Translator
-from wsp_env.export.unit import Unit, Variable, flat
+from wsp_env.export.unit import Unit, Variable, assigned, flat
 from wsp_env.export.writer import Writer
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
@@ -183,33 +183,6 @@ def _replaced(vehicle: Vehicle, cards: Sequence[Card]) -> dict[Any, Any]:
         **{kernel: slots.slot_kernel(name, cards) for name, kernel in slots.FROM_CARDS.items()},
         **{kernel: slots.acts_kernel(name, cards) for name, kernel in slots.ACTING.items()},
     }
-
-
-def assigned(place: str, value: Any, t: kinds.Type) -> list[str]:
-    """Return the assignments that give a record the values of an example, of the first vehicle of its batch; zeros left out."""
-    if isinstance(t, kinds.Record):
-        return [
-            line
-            for name, own in t.fields
-            if not kinds.erased(own)
-            for line in assigned(f"{place}.{kinds.safe(name)}", getattr(value, name), own)
-        ]
-    if isinstance(t, kinds.Array):
-        first = np.asarray(value)[(0,) if kinds.BATCH in t.shape else ()]
-        return [
-            f"{place}{''.join(f'[{i}]' for i in at)} = {_text(one, t.kind)};" for at, one in np.ndenumerate(first) if one != 0
-        ]
-    if isinstance(t, kinds.Scalar):
-        return [f"{place} = {_text(value, t)};"] if value != 0 else []
-    return []
-
-
-def _text(value: Any, kind: kinds.Scalar) -> str:
-    if kind is kinds.BOOL:
-        return "true" if value else "false"
-    if kind is kinds.WORD:
-        return f"UINT64_C({int(value)})"
-    return str(int(value)) if kind is kinds.INT else kinds.literal(float(value))
 
 
 def _parameters(vehicle: Vehicle, o: PlantOptions) -> tuple[Variable, ...]:
