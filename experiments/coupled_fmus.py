@@ -125,7 +125,7 @@ def in_python(vehicle: Vehicle, stop: Stop, controller: str, interval_s: float) 
     plant.start(0, stop)
     wsp = load(controller)
     wsp.reset(1, vehicle)
-    rows = []
+    rows: list[list[float]] = []
     while plant.moving[0] and len(rows) < round(LIMIT_S / interval_s):
         # The clock of a coupled simulation counts intervals, the plant adds up its substeps: the last digit of a time decides
         # when a pulse ends.

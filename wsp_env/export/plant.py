@@ -250,7 +250,7 @@ def random_stop(vehicle: Vehicle, nodes: int, rng: np.random.Generator) -> Stop:
         demand=1.0,
         gradient=float(rng.uniform(-0.005, 0.005)),
         noise=float(rng.choice([0.0, 0.05])),
-        key=int(rng.integers(2**53)),
+        key=int(rng.integers(2**24)),  # whole in a float too
         radius=vehicle.wheel_radius_m * rng.uniform(0.99, 1.0, vehicle.axles),
         profile=rng.uniform(0.7, 1.3, nodes),
         coverage=rng.uniform(0.5, 1.0, nodes),
