@@ -1,9 +1,10 @@
 """Size and cost of the exported C beside the Python that it is made from, for `experiments/benchmark.py`."""
 
 import ctypes
+import dataclasses
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
@@ -15,7 +16,7 @@ from wsp_env.export.files import FLAGS, write_unit
 from wsp_env.export.inputs import random_drive
 from wsp_env.export.law import evaluate_many, law_unit, random_states
 from wsp_env.export.make import make_unit
-from wsp_env.export.plant import plant_unit, random_stop
+from wsp_env.export.plant import plant_unit, random_stop, stop_parameters
 from wsp_env.export.unit import Unit
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
@@ -39,9 +40,9 @@ DECIDED = (
 
 #: A library that begins a unit and takes many steps of it: with rows of inputs (rows, width), or the same ones.
 _MANY = """#include "{name}.h"
-void many(const double *rows, long width, long n);
+void many(const double *given, long parameters, const double *rows, long width, long n);
 long remembered(void);
-void many(const double *rows, long width, long n)
+void many(const double *given, long parameters, const double *rows, long width, long n)
 {{
     static {name} self;
     {name}_parameters p;
@@ -49,6 +50,9 @@ void many(const double *rows, long width, long n)
     {name}_output y;
     long i, j;
     {name}_defaults(&p);
+    for (j = 0; j < parameters; j++) {{
+        ((double *)&p)[j] = given[j];
+    }}
     {name}_start(&self, &p);
     for (i = 0; i < n; i++) {{
         for (j = 0; j < width; j++) {{
@@ -80,7 +84,9 @@ def compiler() -> str | None:
     return shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
 
 
-def _built(unit: Unit, folder: Path, rows: np.ndarray) -> tuple[int, int, int, Callable[[], int]]:
+def _built(
+    unit: Unit, folder: Path, rows: np.ndarray, parameters: Sequence[float] = ()
+) -> tuple[int, int, int, Callable[[], int]]:
     """Return lines, bytes of the object, bytes of an instance and what takes the steps."""
     write_unit(unit, folder)
     (folder / "many.c").write_text(_MANY.format(name=unit.name))
@@ -89,8 +95,11 @@ def _built(unit: Unit, folder: Path, rows: np.ndarray) -> tuple[int, int, int, C
     subprocess.run([*flags, "-shared", "-o", "many.so", "many.c", f"{unit.name}.o", "-lm"], cwd=folder, check=True)
     library = ctypes.CDLL(str(folder / "many.so"))
     library.remembered.restype = ctypes.c_long
-    given = np.ascontiguousarray(rows)
-    arguments = (ctypes.c_void_p(given.ctypes.data), ctypes.c_long(given.shape[1]), ctypes.c_long(len(given)))
+    given, set_ = np.ascontiguousarray(rows), np.array(parameters, dtype=np.float64)
+    arguments = (
+        ctypes.c_void_p(set_.ctypes.data), ctypes.c_long(len(set_)), ctypes.c_void_p(given.ctypes.data),
+        ctypes.c_long(given.shape[1]), ctypes.c_long(len(given)),
+    )  # fmt: skip
 
     def run() -> int:
         library.many(*arguments)
@@ -130,7 +139,9 @@ def exported(folder: Path) -> list[Exported]:
 
     coach = VEHICLES["coach"]
     plant = LongitudinalPlant(coach, 1, Setup())
-    stop = random_stop(coach, 1, np.random.default_rng(0))
+    stop = dataclasses.replace(
+        random_stop(coach, 1, np.random.default_rng(0)), initial_speed=40.0, mu_cd=0.04, tau=1e-4
+    )  # slides
     command = np.ones((1, coach.axles))
 
     def step() -> int:
@@ -146,5 +157,6 @@ def exported(folder: Path) -> list[Exported]:
     ]
     found = []
     for number, (what, unit, rows, own) in enumerate(units):
-        found.append(Exported(what, *_built(unit, folder / str(number), rows), own))
+        parameters = stop_parameters(stop) if unit.name == "wsp_plant" else ()  # the same stop
+        found.append(Exported(what, *_built(unit, folder / str(number), rows, parameters), own))
     return found
