@@ -12,7 +12,7 @@ from wsp_env.export.unit import Unit
 
 #: By how much floats may differ, relative from 1 on, and which share of the numbers may differ by more: a threshold is crossed
 #: an interval earlier or later, and what a controller does changes what it believes. Two to five times what the vectors show,
-#: see docs/export.md.
+#: see docs/export.md; a policy's was not measured (assumption: as the adaptive controller's).
 TOLERANCES = {"wsp_law": (2e-6, 0.0), "wsp_plant": (1e-3, 0.0), "wsp_adaptive": (5e-3, 0.1), "wsp_policy": (5e-3, 0.1)}
 OF_RULES = (1e-3, 2e-3)
 
