@@ -106,7 +106,7 @@ class RuleBasedWSP:
         self._calm = np.full(n, np.inf)  # all axles applied for so long [s]
         self._command = np.ones(shape)
         self._blind = np.zeros(shape, dtype=bool)  # released, as its sensor failed and the rail is slippery
-        self._long = LongSlide(self.parameters, n) if np.any(self.parameters.long_slide) else None
+        self._long = LongSlide(self.parameters, n)
 
     def act(self, measurement: Measurement) -> np.ndarray:
         """Return the commands (N, A): -1 vent, 0 hold, +1 apply."""
@@ -121,10 +121,10 @@ class RuleBasedWSP:
         state, acceleration = self._state, self.wheels.acceleration
         reference = self.wheels.reference[:, None]
         slip = reference - self.wheels.speed
-        per_speed: float | np.ndarray = p.slip_per_speed
-        if self._long is not None:
-            per_speed = self._long.creepage(step, self.wheels.reference, self._calm <= p.calm_s)[:, None]
-        threshold = p.slip_base_mps + per_speed * reference
+        threshold = p.slip_base_mps + p.slip_per_speed * reference
+        if np.any(p.long_slide):
+            held = self._long.creepage(step, self.wheels.reference, self._calm <= p.calm_s)[:, None]
+            threshold = p.slip_base_mps + held * reference
         slides = (slip > threshold) & (acceleration < -p.deceleration_mps2)
         slides |= (slip > p.slip_large_factor * threshold) & (acceleration < p.recovered_mps2)
         slides |= (slip > p.slip_small_factor * threshold) & (acceleration < -p.deceleration_large_mps2)

@@ -1,6 +1,6 @@
 """How fast the law, the plant and the environments are, as ratios measured in one run.
 
-    python experiments/benchmark.py [--quick] [--json]
+    python experiments/benchmark.py [--quick] [--exported] [--json]
 
 The machine may be busy with other work: times are the process's own, what is compared runs in turns, every figure is the
 median of the rounds and a ratio the median of the rounds' ratios. Everything runs on one core. CartPole is Gymnasium's
@@ -8,7 +8,6 @@ median of the rounds and a ratio the median of the rounds' ratios. Everything ru
 control interval of 20 ms with all its substeps. By `gym.make`, both are single environments in Gymnasium's wrappers.
 """
 
-import copy
 import dataclasses
 import json
 import math
@@ -17,40 +16,23 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
-import gymnasium as gym
 import numpy as np
 import tyro
 from rich.console import Console
 from rich.table import Table
-from scipy.optimize import brentq
 
+from experiments.benchmark_runs import IN_SPACE, contact_runs, decision_run, single_runs, step_runs
 from experiments.exported import compiler, exported
-from wsp_env.contact.degraded import adhesion_recovered, adhesion_without_recovery, degraded_adhesion
-from wsp_env.contact.fastsim import fastsim_force
-from wsp_env.contact.kalker import Patch, kalker_coefficients
-from wsp_env.contact.polach import polach_adhesion
-from wsp_env.envs import IDS
-from wsp_env.envs.vector import BrakingVectorEnv
-from wsp_env.evaluation.policy import load_policy
-from wsp_env.parameters.uic_z1 import VEHICLES
-from wsp_env.parameters.velim import CONTACT
-from wsp_env.plant import make_plant
-from wsp_env.plant.longitudinal.plant import LongitudinalPlant
 from wsp_env.plant.longitudinal.state import SUBSTEP_S
-from wsp_env.plant.port import Plant, Setup
-from wsp_env.scenario import Scenario, draw
+from wsp_env.plant.port import Setup
 
 SIZES = (1, 64, 1024, 8192)
 QUICK_SIZES = (1, 64)
-CONTACTS = 8192
-BY_ROOT_FINDER = 200
-TRACK_NODES = 801
+ROUNDS, QUICK_ROUNDS = (15, 0.05), (5, 0.02)  # how many, and how long each run is repeated in one [s]
 AT_MOST = (("Bogie-v0 by gym.make", 1, 12.0), ("Bogie-v0", 1, 4.0), ("Bogie-v0", 1024, 0.12))  # times CartPole, by batch size
-MOST_IN_SPACE, IN_SPACE = 64, "coach, multibody"  # batches of more take minutes
 FASTEST = {1: 10.0, 64: 15.0}  # times real time that the multibody coach is to reach, by batch size, on one core
-WARM_UP_S = 3.0  # of the stops before they are timed: brakes on, wheels sliding
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,156 +77,6 @@ def ratio(of: np.ndarray, to: np.ndarray) -> float:
     return float(np.median(of / to))
 
 
-# --- the law ----------------------------------------------------------------------------------------------------------
-
-
-def contact_runs() -> dict[str, Callable[[], int]]:
-    """Evaluate contacts drawn over the whole range of use by the closed form, a root-finder, Polach and FASTSIM."""
-    rng = np.random.default_rng(1)
-    creepage, speed = rng.uniform(0.0, 1.0, CONTACTS), rng.uniform(0.1, 60.0, CONTACTS)
-    load, mu_cd, tau = rng.uniform(20e3, 120e3, CONTACTS), rng.uniform(0.01, 0.15, CONTACTS), rng.uniform(0.0, 1e-3, CONTACTS)
-    slip, law = creepage * speed, CONTACT.law
-    states = (slip, speed, load, mu_cd, tau, law)
-    samples = np.stack([creepage, slip, load, mu_cd, tau], axis=1)[:BY_ROOT_FINDER].tolist()
-    limits = adhesion_without_recovery(*states), adhesion_recovered(*states)
-    given = np.stack([*limits, tau * load * creepage], axis=1)[:BY_ROOT_FINDER].tolist()
-    coefficients = (float(c) for c in kalker_coefficients(CONTACT.semi_axis_a_m / CONTACT.semi_axis_b_m, 0.25))
-    patch = Patch(CONTACT.semi_axis_a_m, CONTACT.semi_axis_b_m, CONTACT.shear_modulus_pa, *coefficients)
-
-    def root(f_d: float, f_r: float, a: float) -> float:
-        gap = f_r - f_d
-        return brentq(lambda f: f - f_r + gap * math.exp(-a * f), f_d - 1e-9, f_r + 1e-9)
-
-    def closed_form() -> int:
-        degraded_adhesion(*states)
-        return CONTACTS
-
-    def root_finder() -> int:
-        for f_d, f_r, a in given:
-            root(f_d, f_r, a)
-        return BY_ROOT_FINDER
-
-    def root_finder_and_limits() -> int:
-        for e, s, n, mu, t in samples:
-            f_d = float(polach_adhesion(e, s, n, law.stiffness, mu, law.ratio_d, law.gamma_d, law.k_ad, law.k_sd))
-            f_r = float(polach_adhesion(e, s, n, law.stiffness, law.mu_cr, law.ratio_r, law.gamma_r, law.k_ar, law.k_sr))
-            root(f_d, f_r, t * n * e)
-        return BY_ROOT_FINDER
-
-    def polach() -> int:
-        polach_adhesion(creepage, slip, load, law.stiffness, mu_cd, law.ratio_d, law.gamma_d, law.k_ad, law.k_sd)
-        return CONTACTS
-
-    def fastsim() -> int:
-        few = slice(BY_ROOT_FINDER)
-        fastsim_force(creepage[few], 0.0, 0.0, load[few], mu_cd[few], patch)
-        return BY_ROOT_FINDER
-
-    return {
-        "closed form": closed_form,
-        "brentq and the limits": root_finder_and_limits,
-        "brentq alone": root_finder,
-        "Polach": polach,
-        "FASTSIM": fastsim,
-    }
-
-
-# --- plant and environments -------------------------------------------------------------------------------------------
-
-
-def changing(plant: Plant) -> list[np.ndarray]:
-    """Return the arrays of a plant that a step changes."""
-
-    def arrays(state: Any) -> list[np.ndarray]:
-        return [array for part in state for array in (arrays(part) if isinstance(part, tuple) else [part])]
-
-    return [*arrays(cast(LongitudinalPlant, plant).state), *getattr(plant, "bodies", ()), plant.moving]
-
-
-def plant_run(name: str, n: int, steps: int, kind: str = "longitudinal") -> Callable[[], int]:
-    """Step a batch of sliding stops under changing valve commands, from the same state every time."""
-    vehicle = VEHICLES[name]
-    rng = np.random.default_rng(1)
-    plant = make_plant(vehicle, n, Setup(track_nodes=TRACK_NODES), kind)
-    scenario = Scenario(mu_cd=(0.02, 0.06), demand=(0.7, 1.0), initial_speed=(25.0, 44.5))
-    stops = [draw(scenario, vehicle, rng, TRACK_NODES) for _ in range(min(n, 64))]
-    for i in range(n):
-        plant.start(i, stops[i % len(stops)])
-    for _ in range(round(WARM_UP_S / plant.setup.control_interval_s)):
-        plant.step(np.ones((n, vehicle.axles)))
-    whole = copy.deepcopy(plant)
-    commands = [rng.choice([-1.0, 0.0, 1.0, 1.0], size=(n, vehicle.axles)) for _ in range(10)]
-
-    def run() -> int:
-        for array, first in zip(changing(plant), changing(whole), strict=True):
-            array[...] = first
-        for step in range(steps):
-            plant.step(commands[step // 10 % 10])
-        return steps
-
-    return run
-
-
-def env_run(env: gym.vector.VectorEnv[Any, Any, Any], steps: int) -> Callable[[], int]:
-    """Step a vector environment under one batch of random actions."""
-    env.reset(seed=1)
-    env.action_space.seed(1)
-    actions = [env.action_space.sample() for _ in range(8)]
-
-    def run() -> int:
-        for step in range(steps):
-            env.step(actions[step % 8])
-        return steps
-
-    return run
-
-
-def single_run(env_id: str, steps: int) -> Callable[[], int]:
-    """Step an environment of `gym.make` under random actions, through the ends of its episodes."""
-    env = gym.make(env_id)
-    env.reset(seed=1)
-    env.action_space.seed(1)
-    actions = [env.action_space.sample() for _ in range(8)]
-
-    def run() -> int:
-        for step in range(steps):
-            _, _, terminated, truncated, _ = env.step(actions[step % 8])
-            if terminated or truncated:
-                env.reset()
-        return steps
-
-    return run
-
-
-def step_runs(n: int) -> dict[str, Callable[[], int]]:
-    """Return steps of a batch of n: the plant of each vehicle, the bogie's environment, CartPole."""
-    steps = max(3, min(50, 20_000 // n))
-    runs: dict[str, Callable[[], int]] = {name: plant_run(name, n, steps) for name in VEHICLES}
-    if n <= MOST_IN_SPACE:
-        runs[IN_SPACE] = plant_run("coach", n, steps, "multibody")
-    runs["Bogie-v0"] = env_run(BrakingVectorEnv(n, IDS["wsp_env/Bogie-v0"]), steps)
-    runs["CartPole"] = env_run(gym.make_vec("CartPole-v1", num_envs=n, vectorization_mode="sync"), steps)
-    return runs
-
-
-def single_runs() -> dict[str, Callable[[], int]]:
-    """Return steps of single environments as `gym.make` makes them."""
-    return {"Bogie-v0 by gym.make": single_run("wsp_env/Bogie-v0", 50), "CartPole": single_run("CartPole-v1", 50)}
-
-
-def decision_run() -> Callable[[], int]:
-    """Ask the shipped bogie policy's network for the command of one vehicle."""
-    policy = load_policy(Path(__file__).parents[1] / "agents" / "trained" / "bogie")
-    observation, memory = np.zeros((1, len(policy.contract.observation)), dtype=np.float32), np.zeros((1, 0), dtype=np.float32)
-
-    def run() -> int:
-        for _ in range(100):
-            policy.infer(observation, memory)
-        return 100
-
-    return run
-
-
 # --- C beside numba ---------------------------------------------------------------------------------------------------
 
 
@@ -255,7 +87,7 @@ def exported_rows(rounds: int, seconds: float) -> list[dict[str, Any]]:
     with tempfile.TemporaryDirectory() as folder:
         rows = []
         for one in exported(Path(folder)):
-            times = in_turns({"C": one.in_c, "Python": one.by_numba}, rounds, seconds)
+            times = in_turns({"C": one.in_c, "Python": one.in_python}, rounds, seconds)
             c_s, python_s = (statistics.median(times[name].tolist()) for name in ("C", "Python"))
             sizes = {name: getattr(one, name) for name in ("lines", "object_bytes", "remembered_bytes")}
             rows.append({"what": one.what, "c_s": c_s, "python_s": python_s, **sizes})
@@ -267,7 +99,7 @@ def exported_rows(rounds: int, seconds: float) -> list[dict[str, Any]]:
 
 def measure(quick: bool) -> dict[str, Any]:
     """Return all figures: seconds per contact and per step, ratios and goals."""
-    rounds, seconds = (5, 0.02) if quick else (15, 0.05)
+    rounds, seconds = QUICK_ROUNDS if quick else ROUNDS
     contact = in_turns(contact_runs(), rounds, seconds)
     law = contact["closed form"]
     goals = [
@@ -328,15 +160,7 @@ def print_tables(result: Mapping[str, Any]) -> None:
         figures = f"{1e6 * row['step_s']:.1f}", f"{row['steps_per_s']:.3g}", f"{row['to_cartpole']:.3f}"
         table.add_row(str(row["n"]), row["what"], *figures, end_section=last)
     console.print(table)
-    if result["exported"]:
-        table = Table(title="Exported C beside the Python it is made from (numba; the rules: numpy)", title_justify="left")
-        table.add_column("unit")
-        for heading in ("C [us]", "Python [us]", "lines of C", "object [kB]", "instance [B]"):
-            table.add_column(heading, justify="right")
-        for row in result["exported"]:
-            sizes = f"{row['lines']}", f"{row['object_bytes'] / 1000:.0f}", f"{row['remembered_bytes']}"
-            table.add_row(row["what"], f"{1e6 * row['c_s']:.3g}", f"{1e6 * row['python_s']:.3g}", *sizes)
-        console.print(table)
+    print_exported(console, result["exported"])
     table = Table(title="Goals", title_justify="left")
     table.add_column("figure")
     for heading in ("measured", "goal", "met"):
@@ -347,8 +171,21 @@ def print_tables(result: Mapping[str, Any]) -> None:
     console.print(table)
 
 
+def print_exported(console: Console, rows: list[dict[str, Any]]) -> None:
+    """Print what C takes and costs."""
+    table = Table(title="Exported C beside the Python it is made from", title_justify="left")
+    table.add_column("unit, and what runs in Python")
+    for heading in ("C [us]", "Python [us]", "lines of C", "object [kB]", "instance [B]"):
+        table.add_column(heading, justify="right")
+    for row in rows:
+        sizes = f"{row['lines']}", f"{row['object_bytes'] / 1000:.0f}", f"{row['remembered_bytes']}"
+        table.add_row(row["what"], f"{1e6 * row['c_s']:.3g}", f"{1e6 * row['python_s']:.3g}", *sizes)
+    console.print(table)
+
+
 def main(
     quick: tyro.conf.FlagCreatePairsOff[bool] = False,
+    only_exported: Annotated[bool, tyro.conf.arg(name="exported"), tyro.conf.FlagCreatePairsOff] = False,
     as_json: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
 ) -> None:
     """Print the benchmarks.
@@ -357,13 +194,18 @@ def main(
     ----------
     quick
         Fewer and shorter rounds, batches of 1 and 64 only.
+    only_exported
+        Only the C beside the Python that it is made from.
     as_json
         Print JSON instead of tables.
 
     """
-    result = measure(quick)
+    rounds = QUICK_ROUNDS if quick else ROUNDS
+    result = {"exported": exported_rows(*rounds)} if only_exported else measure(quick)
     if as_json:
         print(json.dumps(result))
+    elif only_exported:
+        print_exported(Console(width=100, markup=False), result["exported"])
     else:
         print_tables(result)
 

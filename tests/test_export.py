@@ -2,6 +2,7 @@
 
 import ctypes
 import dataclasses
+import re
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -15,10 +16,12 @@ from wsp_env.contact.port import LAWS
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.runner import Conduct, run
 from wsp_env.export.files import FLAGS, write_unit
+from wsp_env.export.fmu import write_fmu
 from wsp_env.export.kinds import UntranslatableError
 from wsp_env.export.law import evaluate_many, law_unit, random_states
 from wsp_env.export.make import make_unit, write_c
 from wsp_env.export.plant import PlantOptions, plant_unit, random_stop
+from wsp_env.export.single import in_floats, single
 from wsp_env.export.translator import Translator
 from wsp_env.export.unit import Unit
 from wsp_env.parameters.quantity import ParameterError
@@ -40,10 +43,10 @@ def compiled(folder: Path, out: str, *files: str, flags: tuple[str, ...] = ()) -
     return folder / out
 
 
-def check_vectors(unit: Unit, folder: Path, sanitized: bool = True) -> None:
-    """Build a unit without a warning, and let its runner compare it with the Python."""
+def check_vectors(unit: Unit, folder: Path, *more: str) -> None:
+    """Build a unit without a warning and with sanitizers, and let its runner compare it with the Python."""
     write_unit(unit, folder)
-    flags = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all") if sanitized else ()
+    flags = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", *more)
     runner = compiled(folder, "runner", f"{unit.name}.c", "runner.c", flags=flags)
     done = subprocess.run([runner, folder / "vectors.txt"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -107,17 +110,51 @@ def test_a_mechanism_on_what_is_a_parameter_in_c_is_refused() -> None:
 
 @pytest.mark.parametrize("name", ["rule-based", "slip"])
 def test_a_controller_by_rules_in_c_decides_as_pythons(name: str, tmp_path: Path) -> None:
-    """With sensors that fail, wheels of other diameters and changed thresholds."""
+    """With sensors that fail, wheels of other diameters, changed thresholds and a long slide."""
     unit = make_unit(name, VEHICLES["coach"])
-    assert {"slip_base_mps", "cut_out_mps"} & {variable.name for variable in unit.parameters} or name == "slip"
+    if name == "rule-based":
+        assert {"slip_base_mps", "cut_out_mps", "long_slide"} <= {variable.name for variable in unit.parameters}
+    check_vectors(unit, tmp_path)
+
+
+@pytest.mark.slow
+def test_the_adaptive_controller_in_c_decides_as_pythons(tmp_path: Path) -> None:
+    """Bit for bit with its guard and observer: sensors that fail, changed prices and gains."""
+    unit = make_unit("adaptive", VEHICLES["bogie"])
+    assert unit.tolerance == 0.0
+    assert {"slide_price", "safety_timer_s"} <= {variable.name for variable in unit.parameters}
     check_vectors(unit, tmp_path)
 
 
 @pytest.mark.slow
 def test_a_policy_in_c_decides_as_pythons(tmp_path: Path) -> None:
-    """Observer bit for bit, commands equal; only sums of floats in the network have another order."""
+    """Guard and observer bit for bit, commands equal; only sums of floats in the network have another order."""
     pytest.importorskip("onnx")
-    check_vectors(make_unit(str(TRAINED / "bogie"), VEHICLES["bogie"]), tmp_path)
+    unit = make_unit(str(TRAINED / "bogie"), VEHICLES["bogie"])
+    given = [made for what, _, made in unit.reference() if what == "step"]
+    failed = [name for variable in unit.outputs for name, _ in variable.elements()].index("failed[0]")
+    assert any(row[failed] for row in given)  # the guard has something to do
+    check_vectors(unit, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "what", ["law", "slip", pytest.param("plant", marks=pytest.mark.slow), pytest.param("adaptive", marks=pytest.mark.slow)]
+)
+def test_in_single_precision_it_stays_within_the_tolerance_and_nothing_becomes_a_double(what: str, tmp_path: Path) -> None:
+    """As the compiler sees it, which is told to warn of every promotion and every loss."""
+    unit = single(make_unit(what, VEHICLES["bogie"]))
+    check_vectors(unit, tmp_path, "-Wdouble-promotion", "-Wfloat-conversion")
+    text = (tmp_path / f"{unit.name}.c").read_text() + (tmp_path / f"{unit.name}.h").read_text()
+    assert "double" not in re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    with pytest.raises(ParameterError, match="an FMU has doubles"):
+        write_fmu(unit, tmp_path / "one.fmu")
+
+
+def test_floats_leave_comments_and_whole_numbers_alone() -> None:
+    """And literals that are floats already."""
+    given = "/* 1.0 double */ double x = exp(2.0) + 1e-9 + (double)UINT64_C(3) * 0x1F + t[2] / 5.0f + fabs(y2.v1); DBL_MAX"
+    made = "/* 1.0 double */ float x = expf(2.0f) + 1e-9f + (float)UINT64_C(3) * 0x1F + t[2] / 5.0f + fabsf(y2.v1); FLT_MAX"
+    assert in_floats(given) == made
 
 
 @pytest.mark.slow

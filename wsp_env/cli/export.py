@@ -9,6 +9,8 @@ import tyro
 from wsp_env.export.fmu import write_fmu
 from wsp_env.export.make import make_unit, write_c, write_template
 from wsp_env.export.plant import PlantOptions
+from wsp_env.export.single import single
+from wsp_env.export.unit import Unit
 from wsp_env.parameters.vehicle_file import find_vehicle
 
 _What = Annotated[str, tyro.conf.arg(metavar="law|plant|rule-based|POLICY")]
@@ -29,12 +31,19 @@ class C:
     """Of `plant`: mechanisms that act in it, with their typical values."""
     plant: Annotated[PlantOptions, tyro.conf.arg(name="")] = dataclasses.field(default_factory=PlantOptions)
     """How the plant is run."""
+    single: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Floats in place of doubles."""
     out: Path = Path("out/export")
     """Folder of the files."""
 
+    def unit(self) -> Unit:
+        """Return what is written."""
+        made = make_unit(self.what, find_vehicle(self.vehicle), self.plant, self.mechanisms, self.law)
+        return single(made) if self.single else made
+
     def run(self) -> None:
         """Write the files."""
-        unit = make_unit(self.what, find_vehicle(self.vehicle), self.plant, self.mechanisms, self.law)
+        unit = self.unit()
         names = write_c(unit, self.out)
         print(f"{unit.title}\n{self.out}/: {', '.join(names)}")
         print(f"\ncd {self.out} && cmake -S . -B build && cmake --build build && ctest --test-dir build")
@@ -53,7 +62,7 @@ class Fmu(C):
 
     def run(self) -> None:
         """Write the file."""
-        unit = make_unit(self.what, find_vehicle(self.vehicle), self.plant, self.mechanisms, self.law)
+        unit = self.unit()
         built = write_fmu(unit, self.out, self.fmi, self.platforms)
         print(f"{unit.title}\n{self.out}: FMI {self.fmi}.0, source, {', '.join(built) or 'no binary (no C compiler here)'}")
 

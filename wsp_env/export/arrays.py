@@ -106,7 +106,7 @@ def subscript(body: Writer, value: Value, index: ast.expr) -> Value:
             continue
         if isinstance(at.type, Array):
             raise UntranslatableError(f"{value.code}[{ast.unparse(item)}]: arrays are no indices in C")
-        sources.append(at.code)
+        sources.append(str(at.type.value % int(size)) if isinstance(at.type, Known) else at.code)  # -1 is the last
     shape += rest
     sources += [None] * sum(size != BATCH for size in rest)
     element = value.element
@@ -131,7 +131,7 @@ def subscript(body: Writer, value: Value, index: ast.expr) -> Value:
 def method(body: Writer, array: Value, name: str, given: list[Value], named: dict[str, Value]) -> Value:
     """Return what a method of an array makes of it."""
     assert isinstance(array.type, Array)
-    if name == "copy":
+    if name == "copy" or (name == "reshape" and len(array.type.shape) == 1):
         return array
     if name == "astype":
         kind = {float: REAL, int: INT, bool: BOOL}[given[0].known]

@@ -96,6 +96,9 @@ class Body(Assignments):
 
     def _for(self, statement: ast.For) -> None:
         call = statement.iter
+        if not isinstance(call, ast.Call):
+            self._for_each(statement, self.expression(call))
+            return
         if not (isinstance(call, ast.Call) and ast.unparse(call.func) == "range" and isinstance(statement.target, ast.Name)):
             raise UntranslatableError(f"for ... in {ast.unparse(call)}: only range has a C")
         bounds = [self.expression(one) for one in call.args]
@@ -120,6 +123,21 @@ class Body(Assignments):
         )
         self.emit(f"for (int64_t {own} = {start}; {own} {compare} {stop}; {change}) {{")
         self.names[statement.target.id] = Value(INT, own)
+        self._block(statement.body, statement)
+        self.emit("}")
+
+    def _for_each(self, statement: ast.For, numbers: Value) -> None:
+        """Loop over a tuple of numbers, a table in C."""
+        held = numbers.type.value if isinstance(numbers.type, Known) else None
+        if not isinstance(held, tuple) or not isinstance(statement.target, ast.Name) or ":" not in numbers.code:
+            raise UntranslatableError(
+                f"for ... in {ast.unparse(statement.iter)}: only range and named tuples of numbers have a C"
+            )
+        module, _, name = numbers.code.partition(":")
+        index, own = self.fresh("n"), kinds.safe(statement.target.id)
+        self.emit(f"for (int64_t {index} = 0; {index} < {len(held)}; {index}++) {{")
+        self.emit(f"    const double {own} = {self.translator.constant(name, held, module)}[{index}];")
+        self.names[statement.target.id] = Value(REAL, own)
         self._block(statement.body, statement)
         self.emit("}")
 

@@ -9,9 +9,10 @@ import numpy as np
 
 from wsp_env.evaluation.controller import SHORT_NAMES, Controller, load
 from wsp_env.export import kinds
-from wsp_env.export.plant import assigned
+from wsp_env.export.inputs import changed, commanded, measured, parameter, random_drive
+from wsp_env.export.observed import is_observed, observed_unit
 from wsp_env.export.translator import Translator
-from wsp_env.export.unit import Unit, Variable, flat
+from wsp_env.export.unit import Unit, Variable, assigned, flat
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.port import Measurement
 
@@ -26,22 +27,14 @@ _RUNNING = {
 }
 
 
-def measured(axles: int, pressure: bool = False) -> tuple[Variable, ...]:
-    """Return the inputs of a controller."""
-    sensors = (Variable("pressure", "bar", "in the brake cylinders", size=axles),) if pressure else ()
-    return (
-        Variable("time", "s", "since the start of the stop"),
-        Variable("wheel_speed", "rad/s", "measured, axle by axle from the front", size=axles),
-        Variable("demand", "1", "brake demand, share of full pressure", (1.0,)),
-        *sensors,
-    )
-
-
 def controller_unit(name: str, vehicle: Vehicle, interval_s: float = 0.02) -> Unit:
     """Return the unit of a controller by rules, for one vehicle; `UntranslatableError` for one that is written otherwise."""
     controller: Any = load(name)
-    controller.reset(kinds.SENTINEL, vehicle)
     prefix = "wsp_" + (name if name in SHORT_NAMES else type(controller).__name__.lower()).replace("-", "_")
+    title = f"Controller {name!r} for the {vehicle.axles} axles of the {vehicle.name}"
+    if is_observed(controller):
+        return observed_unit(name, title, prefix, vehicle, interval_s)
+    controller.reset(kinds.SENTINEL, vehicle)
     t = Translator(prefix)
     own = t.type_of(controller)
     n, axles = kinds.SENTINEL, vehicle.axles
@@ -56,16 +49,14 @@ def controller_unit(name: str, vehicle: Vehicle, interval_s: float = 0.02) -> Un
     changeable = [field for field in free if field.name in _free_names(controller, vehicle)]
     return Unit(
         name=prefix,
-        title=f"Controller {name!r} for the {axles} axles of the {vehicle.name}",
+        title=title,
         translator=t,
         parameters=tuple(
-            Variable(field.name, _unit(field), f"{field.name.replace('_', ' ')}: {field.metadata['source']}",
-                     (float(getattr(controller.parameters, field.name)),))
-            for field in changeable
+            parameter(controller.parameters, field.name) for field in changeable
         ),
         inputs=measured(axles),
         outputs=(
-            Variable("command", "1", "-1 vents, 0 holds, +1 applies", (1.0,), axles),
+            commanded(axles),
             *(Variable(what, *said, size=None if what == "reference" else axles) for what, said in running.items()),
         ),
         state=(f"{own.name} controller;",),
@@ -99,10 +90,6 @@ def _told(what: str, axles: int) -> str:
     return f"for (int64_t k = 0; k < {axles}; k++) {{ y->{what}[k] = self->controller.wheels.{what}[k] ? 1.0 : 0.0; }}"
 
 
-def _unit(field: Any) -> str:
-    return {"-": "1"}.get(field.metadata["unit"], field.metadata["unit"])
-
-
 def _parameters(controller: Any, vehicle: Vehicle) -> list[Any]:
     held = getattr(controller, "parameters", None)
     return [f for f in dataclasses.fields(held) if "unit" in f.metadata] if dataclasses.is_dataclass(held) else []
@@ -114,9 +101,9 @@ def _free_names(controller: Any, vehicle: Vehicle) -> set[str]:
     made = type(controller)
     for field in _parameters(controller, vehicle):
         value = getattr(controller.parameters, field.name)
-        for changed in (1.01 * value + 1e-3, 0.99 * value - 1e-3):
+        for other_value in (1.01 * value + 1e-3, 0.99 * value - 1e-3):
             try:
-                other = made(dataclasses.replace(controller.parameters, **{field.name: changed}))
+                other = made(dataclasses.replace(controller.parameters, **{field.name: other_value}))
             except ValueError:
                 continue
             other.reset(1, vehicle)
@@ -150,30 +137,12 @@ def _places(value: Any, place: str) -> list[str]:
     return found
 
 
-def random_drive(vehicle: Vehicle, interval_s: float, steps: int, rng: np.random.Generator) -> Iterator[Measurement]:
-    """Yield what sensors might say in a stop: wheels that slide at random times, roll again, stand, and sensors that fail."""
-    axles = vehicle.axles
-    speed = float(rng.uniform(15.0, 45.0))
-    slip, rate = np.zeros(axles), np.zeros(axles)
-    radius = vehicle.wheel_radius_m * rng.uniform(0.985, 1.0, axles)
-    fails = np.where(rng.random(axles) < 0.15, rng.uniform(0.0, steps * interval_s, axles), np.inf)
-    for step in range(steps):
-        time = step * interval_s
-        if step > 40:
-            speed = max(speed - float(rng.uniform(0.0, 2.0)) * interval_s, 0.0)
-            rate = np.where(rng.random(axles) < 0.04, rng.normal(0.0, 8.0, axles), rate)
-            slip = np.clip(slip + rate * interval_s, 0.0, speed)
-        wheel = np.maximum((speed - slip) / radius + rng.normal(0.0, 0.01, axles), 0.0)
-        wheel[time >= fails] = rng.choice([0.0, np.nan])
-        yield Measurement(np.array([time]), wheel[None, :], np.array([float(rng.choice([1.0, 0.7]))]))
-
-
 def _reference(
-    name: str, vehicle: Vehicle, interval_s: float, parameters: Sequence[str], drives: int = 4, steps: int = 500
+    name: str, vehicle: Vehicle, interval_s: float, parameters: Sequence[str], drives: int = 6, steps: int = 500
 ) -> Iterator[tuple[str, list[float], list[float]]]:
     rng = np.random.default_rng(0)
-    controller: Any = load(name)
-    for _ in range(drives):
+    for drive in range(drives):
+        controller: Any = changed(name, parameters, rng if drive else None)
         controller.reset(1, vehicle)
         yield "start", [float(getattr(controller.parameters, one)) for one in parameters], []
         for seen in random_drive(vehicle, interval_s, steps, rng):

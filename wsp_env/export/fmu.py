@@ -76,6 +76,8 @@ def write_fmu(unit: Unit, file: Path, version: int = 2, platforms: Sequence[str]
     """
     if version not in (2, 3):
         raise ParameterError(f"FMI {version}: valid: 2, 3")
+    if unit.single:
+        raise ParameterError("an FMU has doubles: its variables are Real or Float64; floats are for wsp export c")
     texts = sources(unit, version)
     built: dict[str, bytes] = {}
     for name in dict.fromkeys((here(), *platforms)):
@@ -120,7 +122,7 @@ def sources(unit: Unit, version: int) -> dict[str, str]:
         "name": unit.name, "interval": repr(unit.interval_s or 0.0), "count": str(len(named)), "first_input": str(first_input),
         "first_output": str(first_output), "offsets": offsets, "starts": starts, "first_outputs": first,
         "set_time": "own->u.time = own->time;" if clock else "", "token": token(unit, version),
-        "known_derivatives": _known_derivatives(unit, named),
+        "known_derivatives": _known_derivatives(unit, named), "clock": str(len(named)) if version == 3 else "0xFFFFFFFFu",
     }  # fmt: skip
 
     def filled(name: str) -> str:

@@ -36,7 +36,8 @@ HELPERS = {
     "power_4": "static double wsp_power_4(double x)\n{\n    return (x * x) * (x * x);\n}",
 }
 
-_MATH = frozenset(
+#: Functions that C has under the same name; with an f behind it for floats.
+MATH = frozenset(
     {
         "exp", "expm1", "log", "log1p", "log10", "sqrt", "atan", "atan2", "asin", "acos", "sin", "cos", "tan", "tanh", "sinh",
         "cosh", "hypot", "copysign", "fabs", "pow", "fmod",
@@ -71,7 +72,7 @@ def _each(body: Writer, function: Callable[..., Value], given: list[Value]) -> V
 
 def _math(body: Writer, name: str, given: list[Value]) -> Value:
     texts = [body.converted(value, REAL).code for value in given]
-    if name in _MATH:
+    if name in MATH:
         return Value(REAL, f"{name}({', '.join(texts)})")
     if name in _TESTS:
         return Value(BOOL, f"{name}({texts[0]})")
@@ -114,6 +115,10 @@ def _array(body: Writer, name: str, given: list[Value], named: dict[str, Value])
         return arrays.made(value.type, _shape(given[0]), value.code)
     if name == "arange":
         return Value(Array(INT, (int(given[0].known),)), element=lambda at: Value(INT, at[0]))
+    if name == "asarray":  # of a parameter, which is a number in C
+        return given[0] if isinstance(given[0].type, Array) else Value(Array(REAL, (BATCH,)), element=lambda at: given[0])
+    if name == "any" and isinstance(given[0].type, Scalar):
+        return _bool(body, given)
     if name in ("argmax", "any", "all", "max", "min", "mean", "sum", "amax", "amin"):
         return arrays.method(body, given[0], name.removeprefix("a") if name in ("amax", "amin") else name, given[1:], named)
     raise UntranslatableError(f"np.{name} has no C here")

@@ -11,7 +11,7 @@ from wsp_env.compiled import generated
 from wsp_env.contact import port
 from wsp_env.export import kinds
 from wsp_env.export.translator import Direct, Translator
-from wsp_env.export.unit import Unit, Variable, flat
+from wsp_env.export.unit import Unit, Variable, assigned, flat
 from wsp_env.export.writer import Writer
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
@@ -185,33 +185,6 @@ def _replaced(vehicle: Vehicle, cards: Sequence[Card]) -> dict[Any, Any]:
     }
 
 
-def assigned(place: str, value: Any, t: kinds.Type) -> list[str]:
-    """Return the assignments that give a record the values of an example, of the first vehicle of its batch; zeros left out."""
-    if isinstance(t, kinds.Record):
-        return [
-            line
-            for name, own in t.fields
-            if not kinds.erased(own)
-            for line in assigned(f"{place}.{kinds.safe(name)}", getattr(value, name), own)
-        ]
-    if isinstance(t, kinds.Array):
-        first = np.asarray(value)[(0,) if kinds.BATCH in t.shape else ()]
-        return [
-            f"{place}{''.join(f'[{i}]' for i in at)} = {_text(one, t.kind)};" for at, one in np.ndenumerate(first) if one != 0
-        ]
-    if isinstance(t, kinds.Scalar):
-        return [f"{place} = {_text(value, t)};"] if value != 0 else []
-    return []
-
-
-def _text(value: Any, kind: kinds.Scalar) -> str:
-    if kind is kinds.BOOL:
-        return "true" if value else "false"
-    if kind is kinds.WORD:
-        return f"UINT64_C({int(value)})"
-    return str(int(value)) if kind is kinds.INT else kinds.literal(float(value))
-
-
 def _parameters(vehicle: Vehicle, o: PlantOptions) -> tuple[Variable, ...]:
     def limits(name: str) -> str:
         low, high, _ = LIMITS[name]
@@ -277,7 +250,7 @@ def random_stop(vehicle: Vehicle, nodes: int, rng: np.random.Generator) -> Stop:
         demand=1.0,
         gradient=float(rng.uniform(-0.005, 0.005)),
         noise=float(rng.choice([0.0, 0.05])),
-        key=int(rng.integers(2**53)),
+        key=int(rng.integers(2**24)),  # whole in a float too
         radius=vehicle.wheel_radius_m * rng.uniform(0.99, 1.0, vehicle.axles),
         profile=rng.uniform(0.7, 1.3, nodes),
         coverage=rng.uniform(0.5, 1.0, nodes),

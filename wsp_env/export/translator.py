@@ -7,7 +7,6 @@ so that a compiler without fast-math and contraction computes the same bits.
 
 import ast
 import dataclasses
-import inspect
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +15,8 @@ from typing import Any, get_type_hints
 from wsp_env.export import kinds
 from wsp_env.export.body import Body
 from wsp_env.export.kinds import BOOL, INT, REAL, Array, Known, Record, Scalar, Several, Type, UntranslatableError, Value, known
-from wsp_env.export.source import constants_said, fits, members, plain_function, read
+from wsp_env.export.source import constants_said, fits, plain_function, read
+from wsp_env.export.texts import first_paragraphs, listed, snake
 from wsp_env.export.writer import Writer
 
 
@@ -52,7 +52,7 @@ class Translator:
         self.structs: dict[str, Record] = {}
         self.constants: dict[str, str] = {}
         self.helpers: set[str] = set()
-        self._several: dict[tuple[Type, ...], str] = {}
+        self.several_structs: dict[tuple[Type, ...], str] = {}
         self._signatures: dict[Any, Signature] = {}
         self._taken: dict[str, Any] = dict.fromkeys((f"{prefix}_{group}" for group in ("parameters", "input", "output")), self)
         self._replaced = {id(plain_function(key)): value for key, value in (replaced or {}).items()}
@@ -62,9 +62,9 @@ class Translator:
 
     def struct_name(self, python: type) -> str:
         """Return the name of a class's struct."""
-        name = f"{self.prefix}_{_snake(python.__name__)}"
+        name = f"{self.prefix}_{snake(python.__name__)}"
         if self._taken.setdefault(name, python) is not python:
-            name = f"{self.prefix}_{python.__module__.rpartition('.')[2]}_{_snake(python.__name__)}"
+            name = f"{self.prefix}_{python.__module__.rpartition('.')[2]}_{snake(python.__name__)}"
             self._taken.setdefault(name, python)
         return name
 
@@ -93,10 +93,10 @@ class Translator:
 
     def several(self, items: tuple[Type, ...]) -> str:
         """Return the struct of a function's several values."""
-        if items not in self._several:
+        if items not in self.several_structs:
             words = "_".join(item.name.lower() if isinstance(item, Scalar) else "record" for item in items)
-            self._several[items] = f"{self.prefix}_{words}"
-        return self._several[items]
+            self.several_structs[items] = f"{self.prefix}_{words}"
+        return self.several_structs[items]
 
     def c_type(self, t: Type) -> str:
         """Return the C type of a value that is passed by value."""
@@ -201,9 +201,9 @@ class Translator:
         unused = [f"    (void){own};" for own, _ in parameters if not re.search(rf"\b{re.escape(own)}\b", text)]
         by_value = returns is None or (isinstance(returns, Array) and returns.sizes) or isinstance(returns, Known)
         head = f"static {'void' if by_value else self.c_type(returns)} {name}("  # type: ignore[arg-type]
-        said = fits(_first_paragraphs(source.docstring), "") if source.docstring else []
-        listed = _wrapped(head, [declared for _, declared in parameters] or ["void"], ")")
-        self.functions.append("\n".join([*said, listed, "{", *unused, *body.lines, "}"]))
+        said = fits(first_paragraphs(source.docstring), "") if source.docstring else []
+        declared = listed(head, [one for _, one in parameters] or ["void"], ")")
+        self.functions.append("\n".join([*said, declared, "{", *unused, *body.lines, "}"]))
         return Signature(name, returns, by_pointer)
 
     def _called(self, found: Signature, names: Sequence[str], given: Sequence[Value], body: Writer | None) -> Value:
@@ -239,39 +239,6 @@ class Translator:
             count += 1
             free = f"{name}_{count}"
         return free
-
-    # --- text ----------------------------------------------------------------------------------------------------------
-
-    def struct_text(self, record: Record) -> str:
-        """Return the typedef of a record, with what the class says of its members."""
-        said = members(record.python)
-        lines = [*(fits(_first_sentence(record.python), "")), "typedef struct {"]
-        for name, t in record.fields:
-            if kinds.erased(t):
-                continue
-            own = kinds.safe(name)
-            if isinstance(t, Array):
-                if record.view:
-                    rest = "".join(f"[{size}]" for size in t.sizes[1:])
-                    declared = f"{t.kind.value} (*{own}){rest}" if rest else f"{t.kind.value} *{own}"
-                    declared = f"const {declared}" if t.const and len(t.sizes) < 2 else declared
-                else:
-                    declared = t.declared(own)
-            elif record.view and kinds.stored(t):
-                declared = f"{'const ' if getattr(t, 'const', False) else ''}{self.c_type(t)} *{own}"
-            else:
-                declared = f"{self.c_type(t)} {own}"
-            comment = f"  /* {said[name]} */" if name in said else ""
-            lines.append(f"    {declared};{comment}")
-        return "\n".join([*lines, f"}} {record.name};"])
-
-    def several_texts(self) -> list[str]:
-        """Return the typedefs of what functions with several values return."""
-        texts = []
-        for items, name in self._several.items():
-            listed = [f"    {self.c_type(t)} v{n};" for n, t in enumerate(items) if not kinds.erased(t)]
-            texts.append("\n".join(["typedef struct {", *listed, f"}} {name};"]))
-        return texts
 
 
 def argument(value: Value, by_pointer: bool = False) -> str:
@@ -318,32 +285,3 @@ def _subscripted(tree: ast.FunctionDef) -> set[str]:
         for node in ast.walk(tree)
         if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store) and isinstance(node.value, ast.Name)
     }
-
-
-def _snake(name: str) -> str:
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower().strip("_")
-
-
-def _first_sentence(python: Any) -> str:
-    text = inspect.getdoc(python) or ""
-    return (
-        "" if text.startswith(("Parameters(", "Mechanisms(")) else text.split("\n\n")[0].replace("\n", " ") or python.__name__
-    )
-
-
-def _first_paragraphs(docstring: str) -> str:
-    """Return a docstring without the underlined headings of numpy's style."""
-    lines = docstring.splitlines()
-    return "\n".join(line for line in lines if not re.fullmatch(r"-+", line.strip()) or not line.strip()).strip()
-
-
-def _wrapped(head: str, parts: Sequence[str], tail: str, width: int = 128) -> str:
-    """Return a head with its arguments, in as many lines as they take."""
-    lines, line = [], head
-    for n, part in enumerate(parts):
-        piece = part + (", " if n + 1 < len(parts) else tail)
-        if len(line) + len(piece.rstrip()) > width:
-            lines.append(line.rstrip())
-            line = "    "
-        line += piece
-    return "\n".join([*lines, line])

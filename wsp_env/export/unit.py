@@ -2,12 +2,14 @@
 
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from wsp_env.export import kinds
 from wsp_env.export.library import HELPERS
 from wsp_env.export.source import fits
+from wsp_env.export.texts import several_texts, struct_text
 from wsp_env.export.translator import Translator
 
 WIDTH = 128
@@ -59,10 +61,17 @@ class Unit:
     read: tuple[str, ...] = ()  # C that fills in `y` without a step; none: outputs come of steps
     interval_s: float | None = None  # between two steps; None: it has no time
     tolerance: float = 0.0  # by which C and Python may differ, relative from 1 on
+    allowed_share: float = 0.0  # of the numbers that may differ by more
     why_tolerance: str = ""
     tables: str = ""  # C before the functions
     controller: bool = False  # takes time, wheel_speed and demand, gives command
     axles: int = 0
+    single: bool = False  # floats for doubles, see `wsp_env.export.single`
+
+    @property
+    def real(self) -> str:
+        """The type of its numbers."""
+        return "float" if self.single else "double"
 
     @property
     def groups(self) -> dict[str, tuple[Variable, ...]]:
@@ -77,6 +86,33 @@ def flat(values: object) -> list[float]:
     return [float(one) for one in np.asarray(values, dtype=np.float64).reshape(-1)]
 
 
+def assigned(place: str, value: Any, t: kinds.Type) -> list[str]:
+    """Return the assignments that give a record the values of an example, of the first vehicle of its batch; zeros left out."""
+    if isinstance(t, kinds.Record):
+        return [
+            line
+            for name, own in t.fields
+            if not kinds.erased(own)
+            for line in assigned(f"{place}.{kinds.safe(name)}", getattr(value, name), own)
+        ]
+    if isinstance(t, kinds.Array):
+        first = np.asarray(value)[(0,) if kinds.BATCH in t.shape else ()]
+        return [
+            f"{place}{''.join(f'[{i}]' for i in at)} = {_text(one, t.kind)};" for at, one in np.ndenumerate(first) if one != 0
+        ]
+    if isinstance(t, kinds.Scalar):
+        return [f"{place} = {_text(value, t)};"] if value != 0 else []
+    return []
+
+
+def _text(value: Any, kind: kinds.Scalar) -> str:
+    if kind is kinds.BOOL:
+        return "true" if value else "false"
+    if kind is kinds.WORD:
+        return f"UINT64_C({int(value)})"
+    return str(int(value)) if kind is kinds.INT else kinds.literal(float(value))
+
+
 def header(unit: Unit) -> str:
     """Return the header of a unit."""
     guard, name = f"{unit.name.upper()}_H", unit.name
@@ -84,7 +120,7 @@ def header(unit: Unit) -> str:
         "\n".join(fits(unit.title, "")),
         f"#ifndef {guard}\n#define {guard}\n\n#include <stdbool.h>\n#include <stdint.h>\n\n"
         '#ifdef __cplusplus\nextern "C" {\n#endif',
-        *(unit.translator.struct_text(record) for record in unit.translator.structs.values() if not record.view),
+        *(struct_text(record, unit.translator.c_type) for record in unit.translator.structs.values() if not record.view),
         *(_struct(f"{name}_{group}", variables) for group, variables in unit.groups.items()),
         "\n".join(
             [
@@ -140,8 +176,8 @@ def source(unit: Unit) -> str:
         ),
         f'#include "{name}.h"\n\n#include <float.h>\n#include <math.h>\n#include <string.h>',
         "\n".join(t.constants.values()),
-        *(t.struct_text(record) for record in t.structs.values() if record.view),
-        *t.several_texts(),
+        *(struct_text(record, t.c_type) for record in t.structs.values() if record.view),
+        *several_texts(t.several_structs, t.c_type),
         unit.tables,
         *helpers,
         *t.functions,

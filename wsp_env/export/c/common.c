@@ -1,4 +1,4 @@
-/* An instance of @name@ for FMI: memory, variables by number, steps. */
+/* An instance of @name@ for FMI, the same for every version: memory, variables by number, states, steps. */
 #include <math.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -17,6 +17,7 @@
 #define COUNT @count@       /* variables */
 #define FIRST_INPUT @first_input@
 #define FIRST_OUTPUT @first_output@
+#define CLOCK @clock@ /* number of the time, where it is a variable */
 
 typedef struct {
     @name@ self;
@@ -42,6 +43,16 @@ static void begin(instance *own)
     memset(own, 0, sizeof *own);
     @name@_defaults(&own->p);
     @starts@
+}
+
+/* A new instance; NULL where the description belongs to another binary. */
+static instance *make(const char *token, const char *own_token)
+{
+    instance *own = token != NULL && strcmp(token, own_token) == 0 ? malloc(sizeof *own) : NULL;
+    if (own != NULL) {
+        begin(own);
+    }
+    return own;
 }
 
 static void evaluate(instance *own)
@@ -71,6 +82,10 @@ static int set(instance *own, unsigned number, double value)
 
 static int get(instance *own, unsigned number, double *value)
 {
+    if (number == CLOCK) {
+        *value = own->time;
+        return 1;
+    }
     if (number >= COUNT) {
         return 0;
     }
@@ -79,6 +94,65 @@ static int get(instance *own, unsigned number, double *value)
     }
     *value = *variable(own, number);
     return 1;
+}
+
+/* FMI's status: OK, or error. */
+static int said(int done)
+{
+    return done ? 0 : 3;
+}
+
+static int set_all(instance *own, const unsigned number[], size_t n, const double value[])
+{
+    size_t i;
+    for (i = 0; i < n; i++) {
+        if (!set(own, number[i], value[i])) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+static int get_all(instance *own, const unsigned number[], size_t n, double value[])
+{
+    size_t i;
+    for (i = 0; i < n; i++) {
+        if (!get(own, number[i], &value[i])) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* Copy an instance, or the bytes of one, into a state, which is made where there is none yet. */
+static int keep(const void *bytes, size_t size, void **state)
+{
+    if (size != sizeof(instance)) {
+        return 0;
+    }
+    if (*state == NULL) {
+        *state = malloc(sizeof(instance));
+    }
+    if (*state == NULL) {
+        return 0;
+    }
+    memcpy(*state, bytes, sizeof(instance));
+    return 1;
+}
+
+static int serialise(const void *state, void *bytes, size_t size)
+{
+    if (size < sizeof(instance)) {
+        return 0;
+    }
+    memcpy(bytes, state, sizeof(instance));
+    return 1;
+}
+
+static void forget(void **state)
+{
+    free(*state);
+    *state = NULL;
 }
 
 /* Take steps from `time` on for so long; 0 where that is no whole number of intervals. */

@@ -27,16 +27,8 @@ EXPORT fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n,
 EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String place,
     const void *callbacks, fmi2Boolean visible, fmi2Boolean logging)
 {
-    instance *own;
     (void)name; (void)place; (void)callbacks; (void)visible; (void)logging;
-    if (type != fmi2CoSimulation || guid == NULL || strcmp(guid, GUID) != 0) {
-        return NULL;
-    }
-    own = malloc(sizeof *own);
-    if (own != NULL) {
-        begin(own);
-    }
-    return own;
+    return type == fmi2CoSimulation ? make(guid, GUID) : NULL;
 }
 
 EXPORT void fmi2FreeInstance(fmi2Component c) { free(c); }
@@ -67,24 +59,12 @@ EXPORT fmi2Status fmi2Reset(fmi2Component c)
 
 EXPORT fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[])
 {
-    size_t i;
-    for (i = 0; i < n; i++) {
-        if (!get(c, vr[i], &value[i])) {
-            return fmi2Error;
-        }
-    }
-    return fmi2OK;
+    return said(get_all(c, vr, n, value));
 }
 
 EXPORT fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Real value[])
 {
-    size_t i;
-    for (i = 0; i < n; i++) {
-        if (!set(c, vr[i], value[i])) {
-            return fmi2Error;
-        }
-    }
-    return fmi2OK;
+    return said(set_all(c, vr, n, value));
 }
 
 /* There are no variables of other types. */
@@ -103,17 +83,7 @@ NONE(Integer)
 NONE(Boolean)
 NONE(String)
 
-EXPORT fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
-{
-    if (*state == NULL) {
-        *state = malloc(sizeof(instance));
-    }
-    if (*state == NULL) {
-        return fmi2Error;
-    }
-    memcpy(*state, c, sizeof(instance));
-    return fmi2OK;
-}
+EXPORT fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) { return said(keep(c, sizeof(instance), state)); }
 
 EXPORT fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
 {
@@ -124,8 +94,7 @@ EXPORT fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
 EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
 {
     (void)c;
-    free(*state);
-    *state = NULL;
+    forget(state);
     return fmi2OK;
 }
 
@@ -139,33 +108,19 @@ EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state
 EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
 {
     (void)c;
-    if (size < sizeof(instance)) {
-        return fmi2Error;
-    }
-    memcpy(bytes, state, sizeof(instance));
-    return fmi2OK;
+    return said(serialise(state, bytes, size));
 }
 
 EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
 {
     (void)c;
-    if (size != sizeof(instance)) {
-        return fmi2Error;
-    }
-    if (*state == NULL) {
-        *state = malloc(sizeof(instance));
-    }
-    if (*state == NULL) {
-        return fmi2Error;
-    }
-    memcpy(*state, bytes, sizeof(instance));
-    return fmi2OK;
+    return said(keep(bytes, size, state));
 }
 
 EXPORT fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference of[], size_t outputs,
     const fmi2ValueReference by[], size_t inputs, const fmi2Real seed[], fmi2Real result[])
 {
-    return sensitivity(c, of, outputs, by, inputs, seed, result) ? fmi2OK : fmi2Error;
+    return said(sensitivity(c, of, outputs, by, inputs, seed, result));
 }
 
 EXPORT fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t n,
@@ -185,7 +140,7 @@ EXPORT fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueR
 EXPORT fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real duration, fmi2Boolean keeps)
 {
     (void)keeps;
-    return advance(c, time, duration) ? fmi2OK : fmi2Error;
+    return said(advance(c, time, duration));
 }
 
 EXPORT fmi2Status fmi2CancelStep(fmi2Component c) { (void)c; return fmi2Error; }

@@ -26,17 +26,9 @@ EXPORT fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String toke
     bool logging, bool events, bool early, const fmi3ValueReference between[], size_t count, void *environment,
     void (*log)(void *, fmi3Status, fmi3String, fmi3String), void (*update)(void))
 {
-    instance *own;
     (void)name; (void)place; (void)visible; (void)logging; (void)early; (void)between; (void)count; (void)environment;
     (void)log; (void)update;
-    if (events || token == NULL || strcmp(token, TOKEN) != 0) {
-        return NULL;
-    }
-    own = malloc(sizeof *own);
-    if (own != NULL) {
-        begin(own);
-    }
-    return own;
+    return events ? NULL : make(token, TOKEN);
 }
 
 EXPORT fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String place, bool visible,
@@ -80,33 +72,12 @@ EXPORT fmi3Status fmi3Reset(fmi3Instance c)
 
 EXPORT fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, double value[], size_t values)
 {
-    instance *own = c;
-    size_t i;
-    if (n != values) {
-        return fmi3Error;
-    }
-    for (i = 0; i < n; i++) {
-        if (vr[i] == COUNT) {
-            value[i] = own->time;
-        } else if (!get(own, vr[i], &value[i])) {
-            return fmi3Error;
-        }
-    }
-    return fmi3OK;
+    return said(n == values && get_all(c, vr, n, value));
 }
 
 EXPORT fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const double value[], size_t values)
 {
-    size_t i;
-    if (n != values) {
-        return fmi3Error;
-    }
-    for (i = 0; i < n; i++) {
-        if (!set(c, vr[i], value[i])) {
-            return fmi3Error;
-        }
-    }
-    return fmi3OK;
+    return said(n == values && set_all(c, vr, n, value));
 }
 
 /* There are no variables of other types. */
@@ -147,17 +118,7 @@ EXPORT fmi3Status fmi3SetBinary(fmi3Instance c, const fmi3ValueReference vr[], s
     return n == 0 ? fmi3OK : fmi3Error;
 }
 
-EXPORT fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state)
-{
-    if (*state == NULL) {
-        *state = malloc(sizeof(instance));
-    }
-    if (*state == NULL) {
-        return fmi3Error;
-    }
-    memcpy(*state, c, sizeof(instance));
-    return fmi3OK;
-}
+EXPORT fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state) { return said(keep(c, sizeof(instance), state)); }
 
 EXPORT fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state)
 {
@@ -168,8 +129,7 @@ EXPORT fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state)
 EXPORT fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state)
 {
     (void)c;
-    free(*state);
-    *state = NULL;
+    forget(state);
     return fmi3OK;
 }
 
@@ -183,33 +143,19 @@ EXPORT fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState state,
 EXPORT fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size)
 {
     (void)c;
-    if (size < sizeof(instance)) {
-        return fmi3Error;
-    }
-    memcpy(bytes, state, sizeof(instance));
-    return fmi3OK;
+    return said(serialise(state, bytes, size));
 }
 
 EXPORT fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
 {
     (void)c;
-    if (size != sizeof(instance)) {
-        return fmi3Error;
-    }
-    if (*state == NULL) {
-        *state = malloc(sizeof(instance));
-    }
-    if (*state == NULL) {
-        return fmi3Error;
-    }
-    memcpy(*state, bytes, sizeof(instance));
-    return fmi3OK;
+    return said(keep(bytes, size, state));
 }
 
 EXPORT fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference of[], size_t outputs,
     const fmi3ValueReference by[], size_t inputs, const double seed[], size_t seeds, double result[], size_t results)
 {
-    return seeds == inputs && results == outputs && sensitivity(c, of, outputs, by, inputs, seed, result) ? fmi3OK : fmi3Error;
+    return said(seeds == inputs && results == outputs && sensitivity(c, of, outputs, by, inputs, seed, result));
 }
 
 EXPORT fmi3Status fmi3DoStep(fmi3Instance c, double time, double duration, bool keeps, bool *event, bool *terminate,
