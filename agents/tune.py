@@ -1,7 +1,8 @@
 """Optuna search of the training's arguments: `python -m agents.tune --vehicle bogie --trials 20`; again to go on.
 
 Each trial is a whole training and ends with the least score on the watched stops, see `agents.watch`. The price of sliding and
-the conditions decide what is wanted: they are not searched.
+the conditions decide what is wanted: they are not searched. With `--together 4` four trials are drawn at once and done side by
+side; what they find goes into the search in the order in which they were drawn: who is ready first does not matter.
 """
 
 import dataclasses
@@ -12,8 +13,9 @@ from typing import Any, Literal
 import numpy as np
 import tyro
 
-from agents import checkpoint
-from agents.train import Arguments, train
+from agents import spread
+from agents.train import THREADS, Arguments
+from wsp_env.executor import Executor, Workers
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,6 +28,8 @@ class HyperparameterSearch:
     seed: int = 1
     slide_price: float = Arguments.slide_price
     out: Path = Path("out/agents/tune")
+    together: int = 1  # trials drawn at once, and done side by side
+    workers: spread.WorkersOption = Workers()
 
 
 def suggest(trial: Any, search: HyperparameterSearch) -> Arguments:
@@ -47,14 +51,7 @@ def suggest(trial: Any, search: HyperparameterSearch) -> Arguments:
     )
 
 
-def score(arguments: Arguments) -> float:
-    """Train; return the best score on the watched stops."""
-    train(arguments)
-    with np.load(arguments.out / checkpoint.BEST) as best:
-        return float(best["curve/score"][-1])
-
-
-def main(search: HyperparameterSearch) -> None:
+def main(search: HyperparameterSearch, executor: Executor) -> None:
     """Search; the study is kept in the folder, the best arguments printed."""
     try:
         import optuna
@@ -68,9 +65,20 @@ def main(search: HyperparameterSearch) -> None:
     )
     drawn_by = np.random.SeedSequence([search.seed, len(study.trials)]).generate_state(1)[0]  # others when it goes on
     study.sampler = optuna.samplers.TPESampler(seed=int(drawn_by))
-    study.optimize(lambda trial: score(suggest(trial, search)), n_trials=search.trials)
+    for first in range(0, search.trials, search.together):
+        trials = [study.ask() for _ in range(min(search.together, search.trials - first))]
+        tasks = [spread.task_of(suggest(trial, search), executor) for trial in trials]
+        found = {run.out: (content, failure) for run, content, failure in spread.results(spread.score, tasks, executor)}
+        for trial, task in zip(trials, tasks, strict=True):
+            content, failure = found[task.arguments.out]
+            if failure:
+                print(f"{task} {failure}", flush=True)
+                study.tell(trial, state=optuna.trial.TrialState.FAIL)
+            else:
+                study.tell(trial, json.loads(content))
     print(json.dumps({"score": study.best_value} | study.best_params, indent=2))
 
 
 if __name__ == "__main__":
-    main(tyro.cli(HyperparameterSearch))
+    chosen = tyro.cli(HyperparameterSearch)
+    main(chosen, chosen.workers.make(THREADS))

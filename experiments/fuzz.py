@@ -16,13 +16,13 @@ from pathlib import Path
 from types import ModuleType
 
 from wsp_env import child
-from wsp_env.evaluation.processes import work_in_processes
+from wsp_env.executor import Processes
 
 TESTS = Path(__file__).parents[1] / "tests"
 _BATCH = 50  # files of one door that a worker tries before it reports
 
 
-def work(task: tuple[str, int, int]) -> str | None:
+def work(task: tuple[str, int, int]) -> bytes:
     """Try damaged files of a door with the seeds from one number to another; return what went wrong."""
     fuzzing, wrong = _fuzzing(), []
     name, first, last = task
@@ -42,7 +42,7 @@ def work(task: tuple[str, int, int]) -> str | None:
                 at = traceback.extract_tb(error.__traceback__)[-1]
                 where = f"{Path(at.filename).name}:{at.lineno}"
                 wrong.append(f"{type(error).__name__}: {str(error)[:200]} ({where}); kept as {kept.name}")
-    return "; ".join(wrong) or None
+    return "; ".join(wrong).encode()
 
 
 def _fuzzing() -> ModuleType:
@@ -62,8 +62,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     starts = range(given.seed, given.seed + each, _BATCH)
     tasks = [(name, start, min(start + _BATCH, given.seed + each)) for start, name in itertools.product(starts, names)]
     began, wrong, tried = time.monotonic(), 0, 0
-    for (name, first, last), complaint in work_in_processes(work, tasks, given.jobs):
+    for (name, first, last), found, failure in Processes(given.jobs).run(work, tasks):
         tried += last - first
+        complaint = failure or found.decode()
         if complaint:
             wrong += 1
             print(f"{name}, seeds {first} to {last}: {complaint}", flush=True)

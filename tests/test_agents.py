@@ -4,6 +4,7 @@ import copy
 import csv
 import dataclasses
 import json
+import pickle
 import re
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,7 +18,7 @@ from stable_baselines3 import PPO
 
 import agents.imitation
 import agents.watch
-from agents import checkpoint
+from agents import checkpoint, spread, tune
 from agents.export import AGREEMENT, Actor, disagreement, export
 from agents.measure import HELD_OUT, WATCHED, Yardstick, low_adhesion
 from agents.train import LOOKS, Arguments, actor, begin_from, make_world, segment_seed, task_options, train
@@ -26,6 +27,7 @@ from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.runner import Conduct, measure, start_plant
+from wsp_env.executor import Outcome, ThisProcess
 from wsp_env.observer.observation import Observer
 from wsp_env.parameters.uic_z1 import BOGIE, VEHICLES
 
@@ -57,6 +59,57 @@ def die_half_way(file, **_):
 def trained(tmp_path_factory):
     arguments = dataclasses.replace(TINY, out=tmp_path_factory.mktemp("run"))
     return arguments, *train(arguments)
+
+
+class Elsewhere(ThisProcess):
+    """Does as another machine does: it gets what is sent, and works in a folder of its own."""
+
+    far = True
+
+    def run(self, work, tasks, report=None):
+        for task in tasks:
+            there = pickle.loads(pickle.dumps(task))
+            yield Outcome(task, work(there))
+
+
+def test_a_training_on_another_machine_ends_with_the_same_weights(trained, tmp_path):
+    here, _, _ = trained
+    there = dataclasses.replace(TINY, out=tmp_path / "run")
+    spread.main(spread.Arguments((TINY.seed,), there), Elsewhere())
+    (run,) = (tmp_path / "run").iterdir()
+    assert run.name == f"{TINY.vehicle}-{TINY.seed}"
+    assert (run / "policy").is_dir()
+    expected = arrays(here.out)
+    assert arrays(run).keys() == expected.keys()
+    for name, values in arrays(run).items():
+        assert_array_equal(values, expected[name], err_msg=name)
+    before = (run / checkpoint.CHECKPOINT).stat().st_mtime_ns
+    spread.main(spread.Arguments((TINY.seed,), there), Elsewhere())  # it is ready
+    assert (run / checkpoint.CHECKPOINT).stat().st_mtime_ns == before
+
+
+class Backwards(ThisProcess):
+    """Is ready with the last task first."""
+
+    def run(self, work, tasks, report=None):
+        return super().run(work, list(reversed(tasks)), report)
+
+
+def test_trials_do_not_depend_on_who_is_ready_first(tmp_path, monkeypatch):
+    monkeypatch.setattr(spread, "score", lambda task: json.dumps(task.arguments.learning_rate).encode())
+    found = []
+    for name, executor in (("one", ThisProcess()), ("two", Backwards())):
+        search = tune.HyperparameterSearch(trials=5, together=3, out=tmp_path / name)
+        tune.main(search, executor)
+        found.append((tmp_path / name / "study.db").exists() and best_of(search))
+    assert found[0] == found[1]
+
+
+def best_of(search):
+    import optuna
+
+    study = optuna.load_study(storage=f"sqlite:///{search.out / 'study.db'}", study_name=search.vehicle)
+    return [(trial.params, trial.value) for trial in study.trials]
 
 
 @pytest.mark.parametrize("killed", ["while learning", "while writing"])

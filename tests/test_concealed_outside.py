@@ -11,6 +11,7 @@ from experiments.concealed.promised import by_group, not_there, placed, promised
 from experiments.concealed.rates import plain, restored
 from experiments.concealed.required import common
 from experiments.concealed.truths import Truth, of_bank, of_label
+from wsp_env.executor import ThisProcess
 
 
 def named(*names, sets=(), confidence=0.9, verdict="named", removed_validate=0.8, seconds=10.0, **parameters):
@@ -211,10 +212,9 @@ def campaigns(tmp_path):
 def test_goes_on_where_it_was_broken_off(campaigns, tmp_path, monkeypatch):
     asked = []
 
-    def here(work, tasks, jobs, title):
-        asked.append([campaign.relative_to(campaigns).as_posix() for campaign, _ in tasks])
-        for task in tasks:
-            work(task)
+    def here(work, tasks, executor, title):
+        asked.append([task.name for task in tasks])
+        return ThisProcess().run(work, tasks)
 
     monkeypatch.setattr(outside, "each", here)
     monkeypatch.setattr(outside, "answer", lambda folder: (nothing(), None))
@@ -239,16 +239,16 @@ def test_goes_on_where_it_was_broken_off(campaigns, tmp_path, monkeypatch):
 def test_labels_are_frozen_before_the_first_answer(campaigns, tmp_path, monkeypatch):
     out = tmp_path / "out"
 
-    def stop(work, tasks, jobs, title):
+    def stop(work, tasks, executor, title):
         assert (out / "labels.sha256").is_file()
         raise KeyboardInterrupt
 
     monkeypatch.setattr(outside, "each", stop)
     with pytest.raises(KeyboardInterrupt):
-        outside.run(campaigns, out, 1)
+        outside.run(campaigns, out, ThisProcess())
     (campaigns / "A" / "one" / "label.json").write_text('{"effects": ["load_transfer"]}', encoding="utf-8")
     with pytest.raises(BankError, match="labels have changed"):
-        outside.run(campaigns, out, 1)
+        outside.run(campaigns, out, ThisProcess())
     with pytest.raises(BankError, match="labels have changed"):
         outside.score(campaigns, out, "")
 
@@ -259,10 +259,9 @@ def test_breaking_down_on_one_campaign_leaves_the_others(campaigns, tmp_path, mo
             raise ZeroDivisionError
         return nothing(), None
 
-    monkeypatch.setattr(outside, "each", lambda work, tasks, jobs, title: [work(task) for task in tasks])
     monkeypatch.setattr(outside, "answer", break_down)
     with pytest.raises(BankError, match=r"broke down on 1 of 3 campaigns, see .*B.one.failed\.txt"):
-        outside.run(campaigns, tmp_path / "out", 1)
+        outside.run(campaigns, tmp_path / "out", ThisProcess())
     assert set(answers.read_answers(tmp_path / "out" / "answers")) == {"A/one", "A/two"}
     assert "ZeroDivisionError" in (tmp_path / "out" / "answers" / "B" / "one" / "failed.txt").read_text(encoding="utf-8")
 
@@ -270,7 +269,7 @@ def test_breaking_down_on_one_campaign_leaves_the_others(campaigns, tmp_path, mo
 def test_two_versions_of_the_code_are_not_mixed(campaigns, tmp_path):
     workers.write_whole(tmp_path / "out" / "answers" / "version.json", {"sha256": "another"})
     with pytest.raises(BankError, match="another version"):
-        outside.run(campaigns, tmp_path / "out", 1)
+        outside.run(campaigns, tmp_path / "out", ThisProcess())
 
 
 def test_what_is_missing_is_told(campaigns, tmp_path):

@@ -22,6 +22,7 @@ from experiments.concealed.required import DISTANCES, checks
 from experiments.concealed.score import score
 from experiments.concealed.truths import true_value
 from wsp_env.diagnosis.candidates import Variant, parameter_of, step
+from wsp_env.executor import Processes, ThisProcess, Workers
 from wsp_env.plant import mechanisms
 from wsp_env.plant.mechanisms import clock_offset
 from wsp_env.recordings import CampaignError, demo_campaign, read_campaign
@@ -34,7 +35,7 @@ def small_bank(tmp_path_factory):
     """Return the folder of the small bank and its digest."""
     out = tmp_path_factory.mktemp("bank")
     with few_stops():
-        yield out, bank.make(out, len(SHARES), 11, 1)  # within: a test makes a part of the bank anew
+        yield out, bank.make(out, len(SHARES), 11, ThisProcess())  # within: a test makes a part of the bank anew
 
 
 @pytest.mark.slow
@@ -59,7 +60,7 @@ def test_bank_is_readable_concealed_labelled_and_reproducible(small_bank):
     for file in (out / "campaigns" / parts[0].stem).iterdir():
         file.unlink()
     parts[0].unlink()
-    assert bank.make(out, len(SHARES), 11, 1) == digest  # goes on, and makes the same again
+    assert bank.make(out, len(SHARES), 11, ThisProcess()) == digest  # goes on, and makes the same again
     assert parts[0].read_text(encoding="utf-8") == before
 
 
@@ -67,7 +68,7 @@ def test_bank_is_readable_concealed_labelled_and_reproducible(small_bank):
 def test_bank_refuses_other_numbers_and_changed_labels(small_bank):
     out, _ = small_bank
     with pytest.raises(BankError, match="another bank"):
-        bank.make(out, len(SHARES) + 1, 11, 1)
+        bank.make(out, len(SHARES) + 1, 11, ThisProcess())
     kept = (out / "labels.json").read_bytes()
     (out / "labels.json").write_bytes(kept.replace(b"null", b"none"))
     with pytest.raises(BankError, match="changed since its hash"):
@@ -266,16 +267,15 @@ def test_bic_wants_more_than_chance_and_held_out_does_not():
     assert named["held_out"] > 10  # every other candidate improves held-out runs by chance
 
 
-def test_black_box_learns_from_the_other_folds(tmp_path):
-    rng, targets = np.random.default_rng(0), {}
+def test_black_box_learns_from_the_other_folds():
+    rng, targets, seen = np.random.default_rng(0), {}, {}
     for i in range(40):
         targets[f"case{i:03d}"] = (black_box.NOTHING, black_box.UNKNOWN, "wheel_radius", "track_gradient")[i % 4]
-        seen = {"noise": rng.standard_normal(), "gain": i % 4 + 0.1 * rng.standard_normal()}
-        workers.write_whole(tmp_path / "features" / f"case{i:03d}.json", seen)
+        seen[f"case{i:03d}"] = {"noise": rng.standard_normal(), "gain": i % 4 + 0.1 * rng.standard_normal()}
     dealt = black_box.folds([targets[name] for name in sorted(targets)])
     assert np.bincount(dealt).tolist() == [8] * 5
-    workers.each(black_box.answer_fold, [black_box.Fold(tmp_path, targets, 0)], 1, "fold")  # in a process of one thread
-    said = {name.parent.name: json.loads(name.read_text()) for name in tmp_path.glob("black_box/*/diagnosis.json")}
+    ((_, content),) = workers.results(black_box.answer_fold, [black_box.Fold(seen, targets, 0)], Processes(1), "fold")
+    said = json.loads(content)  # of a process of one thread
     assert sorted(said) == [name for name, fold in zip(sorted(targets), dealt, strict=True) if fold == 0]
     first = {name: one["mechanisms"][0]["name"] if one["mechanisms"] else one["verdict"] for name, one in said.items()}
     words = {black_box.NOTHING: "adequate"}
@@ -295,13 +295,13 @@ def test_every_step_on_a_small_bank(small_bank, tmp_path):
         if name != fresh:
             workers.write_whole(files[name], answer("adequate"))
     before = {name: file.stat().st_mtime_ns for name, file in files.items() if name != fresh}
-    Diagnose(out, 1).run()
+    Diagnose(out, Workers(jobs=1)).run()
     assert {name: file.stat().st_mtime_ns for name, file in files.items() if name != fresh} == before
     said = json.loads(files[fresh].read_text(encoding="utf-8"))
     assert said["verdict"] in ("adequate", "named", "ambiguous", "discovered", "unknown", "insufficient")
     assert {"mechanisms", "location", "fit", "detectable", "next_test"} <= set(said)
     assert ("distance_change" in said) == bool(said["mechanisms"])
-    Rivals(out, 1).run()
+    Rivals(out, Workers(jobs=1)).run()
     Score(out).run()
     figures = restored(json.loads((out / "score.json").read_text(encoding="utf-8")))
     assert figures["cases"] == dict.fromkeys(SHARES, 1)
@@ -313,7 +313,7 @@ def test_every_step_on_a_small_bank(small_bank, tmp_path):
             assert {one["name"] for one in told["mechanisms"]} <= set(mechanisms.ALL)
     workers.write_whole(out / "diagnoses" / "version.json", {"sha256": "another"})
     with pytest.raises(BankError, match="another version"):
-        Diagnose(out, 1).run()
+        Diagnose(out, Workers(jobs=1)).run()
 
 
 def said_of(name, **values):

@@ -1,12 +1,19 @@
 """The command `wsp diagnose` around the work: what it refuses before, and how it tells how far it is."""
 
+import dataclasses
+import json
+import shutil
+import warnings
+
 import pytest
 from synthetic_stops import stop, write_campaign
 
 from wsp_env.cli import diagnose, main
 from wsp_env.diagnosis import diagnose as engine
+from wsp_env.diagnosis import many
 from wsp_env.diagnosis.decide import MOST
-from wsp_env.recordings import demo_campaign, read_campaign
+from wsp_env.executor import ThisProcess
+from wsp_env.recordings import CampaignError, CampaignWarning, demo_campaign, read_campaign
 
 
 @pytest.mark.parametrize(
@@ -76,3 +83,43 @@ def test_a_log_gets_lines_and_few_of_them(capsys):
     assert lines[0] == "wsp: 0%: checking the data"
     assert 4 <= len(lines) <= 10
     assert not any("\x1b" in line for line in lines)
+
+
+@pytest.fixture
+def done(monkeypatch, found):
+    """Let `wsp diagnose` answer at once, in this process; returns what was diagnosed."""
+    asked = []
+
+    def answer(folder, how, report, workers):
+        asked.append(folder.name)
+        if folder.name == "bad":
+            raise CampaignError(f"{folder} is bad")
+        if folder.name == "odd":
+            warnings.warn(f"{folder}: a channel is odd", CampaignWarning, stacklevel=1)
+        return dataclasses.replace(found, campaign=folder.name)
+
+    monkeypatch.setattr(many, "diagnose_folder", answer)
+    monkeypatch.setattr(diagnose, "executor_of", lambda workers: ThisProcess())
+    return asked
+
+
+def test_several_campaigns_each_get_a_folder_and_are_not_diagnosed_again(tmp_path, done, capsys):
+    for name in ("good", "bad", "odd"):
+        shutil.copytree(demo_campaign(), tmp_path / name)
+    command = ["diagnose", *(str(tmp_path / name) for name in ("good", "bad", "odd")), "--out", str(tmp_path / "out"), "--json"]
+    with pytest.raises(SystemExit, match="1"):
+        main(command)
+    printed = capsys.readouterr()
+    assert list(json.loads(printed.out)) == ["good", "odd"]
+    assert f"wsp: {tmp_path / 'bad'}: {tmp_path / 'bad'} is bad" in printed.err
+    assert f"warning: {tmp_path / 'odd'}: a channel is odd" in printed.err
+    assert "wsp: campaign 3 of 3" in printed.err
+    for name in ("good", "odd"):
+        assert json.loads((tmp_path / "out" / name / "diagnosis.json").read_text())["campaign"] == name
+    assert done == ["good", "bad", "odd"]
+    with (tmp_path / "odd" / "campaign.toml").open("a") as file:
+        file.write("# changed\n")
+    with pytest.raises(SystemExit, match="1"):
+        main(command)
+    assert done[3:] == ["bad", "odd"]  # the good one is kept
+    assert list(json.loads(capsys.readouterr().out)) == ["good", "odd"]

@@ -35,6 +35,7 @@ from wsp_env.evaluation.programme_report import write_report
 from wsp_env.evaluation.runner import Conduct, StopRecords, run
 from wsp_env.evaluation.sources import code_digest, imported_beside
 from wsp_env.evaluation.summary import interval, judge, summarise
+from wsp_env.executor import Processes
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import BOGIE, COACH, WHEELSET
 from wsp_env.scenario import Scenario
@@ -273,7 +274,7 @@ def test_what_is_there_is_not_computed_again_and_nothing_half_written_counts(tmp
     original = module.work
 
     def counted(task):
-        worked.append((task.controller, task.case.name))
+        worked.append((task.task.controller, task.task.case.name))
         if len(worked) == 4:
             raise KeyboardInterrupt  # the user's
         return original(task)
@@ -340,8 +341,8 @@ def test_a_result_is_written_whole_or_not_at_all(tmp_path):
 
 @pytest.mark.slow
 def test_results_do_not_depend_on_the_number_of_processes(tmp_path, own):
-    one = run_small({"none": {}, own: {}}, tmp_path / "one", jobs=1)
-    two = run_small({"none": {}, own: {}}, tmp_path / "two", jobs=2)
+    one = run_small({"none": {}, own: {}}, tmp_path / "one", executor=Processes(1))
+    two = run_small({"none": {}, own: {}}, tmp_path / "two", executor=Processes(2))
     assert one.stops.equals(two.stops)
 
 
@@ -366,9 +367,9 @@ def test_bad_controllers_are_reported_and_the_others_evaluated(tmp_path, own):
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_controller_that_ends_its_process_is_reported_and_the_others_evaluated(tmp_path, own, jobs):
     bad = write_controller(tmp_path, "ends", "__import__('os')._exit(3)")
-    result = run_small({bad: {}, own: {}}, tmp_path / "cases", jobs=jobs)
+    result = run_small({bad: {}, own: {}}, tmp_path / "cases", executor=Processes(jobs))
     assert [(f.controller, f.case, f.message) for f in result.failures] == [
-        (bad, case.name, "ended the process it ran in") for case in SMALL.cases
+        (bad, case.name, "ended the process it ran in, twice") for case in SMALL.cases
     ]
     assert set(result.stops["controller"]) == {BOUND, REFERENCE, own}
     assert result.stops.filter(polars.col("controller") == own).height == 6

@@ -19,8 +19,8 @@ from wsp_env.child import TookTooLongError, limited
 from wsp_env.evaluation import runner
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.network import check_network
-from wsp_env.evaluation.processes import work_in_processes
 from wsp_env.evaluation.runner import ControllerFailure
+from wsp_env.executor import Processes, TaskFailedError
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import BOGIE
 
@@ -97,31 +97,37 @@ def task(what):
         child._GRACE_S = 0.3
         with limited(0.2):
             deque(itertools.repeat(0), maxlen=0)
-    return None if what == "works" else f"{what} failed"
+    if what == "fails":
+        raise TaskFailedError("failed")
+    return what.encode()
 
 
 @posix
 def test_workers_die_alone():
     tasks = ["works", "dies", "swallows", "fails", "native"]
-    found = dict(work_in_processes(task, tasks, 2))
-    assert found["works"] is None
-    assert found["fails"] == "fails failed"
-    assert found["dies"] == "ended the process it ran in"
-    assert found["swallows"] == found["native"] == "took too long and was ended"
+    reported = []
+    found = {done.task: done for done in Processes(2).run(task, tasks, reported.append)}
+    assert set(found) == set(tasks)
+    assert found["works"].result == b"works"
+    assert not found["works"].failure
+    assert found["fails"].failure == "failed"
+    assert found["dies"].failure == "ended the process it ran in, twice"
+    assert found["swallows"].failure == found["native"].failure == "took too long and was ended"
+    assert reported == ["dies: ended the process it ran in; it is tried once more"]  # a limit of time would end it again
 
 
 def test_what_a_worker_raises_is_raised():
     with pytest.raises(ParameterError, match="no"):
-        list(work_in_processes(task, ["raises"], 1))
+        list(Processes(1).run(task, ["raises"]))
 
 
 PARENT = """
 import sys, time
 sys.path.insert(0, {tests!r})
 import test_limits
-from wsp_env.evaluation.processes import work_in_processes
+from wsp_env.executor import Processes
 if __name__ == "__main__":
-    for _ in work_in_processes(test_limits.lingers, ["{file}"], 1):
+    for _ in Processes(1).run(test_limits.lingers, ["{file}"]):
         pass
 """
 

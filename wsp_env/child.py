@@ -26,6 +26,9 @@ CLOCK_PER_CPU = 30.0
 _GRACE_S = 5.0  # of the processor, for code that swallows the exception; then its process is ended, if it is a worker
 _PR_SET_PDEATHSIG = 1  # prctl(2)
 
+#: How a process may end, as the end of a sentence.
+TOO_LONG, ENDED = "took too long and was ended", "ended the process it ran in"
+
 
 class TookTooLongError(BaseException):
     """What is raised in code whose time is over; no `Exception`, which third-party code may well swallow."""
@@ -37,12 +40,17 @@ class _Process:
 
 def become_worker() -> None:
     """Say that this process may be ended; it ends with its parent, and leaves Ctrl-C to it."""
-    _Process.expendable = True
+    become_expendable()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent()
     parent = parent_process()
     if parent is not None:  # of `multiprocessing`; also where the system does not see to it
         threading.Thread(target=lambda: (connection.wait([parent.sentinel]), os._exit(1)), daemon=True).start()
+
+
+def become_expendable() -> None:
+    """Say that this process may be ended where a limit of time is not kept."""
+    _Process.expendable = True
 
 
 def end_with_parent() -> None:
@@ -116,5 +124,5 @@ def ended_by(exit_code: int | None) -> str:
     """Say how a process ended."""
     over = {-getattr(signal, name) for name in ("SIGPROF", "SIGXCPU", "SIGALRM") if hasattr(signal, name)}
     if exit_code in over:
-        return "took too long and was ended"
-    return "ended the process it ran in"
+        return TOO_LONG
+    return ENDED

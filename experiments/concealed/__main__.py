@@ -5,7 +5,6 @@ Without a subcommand the first four, one after the other.
 
 import dataclasses
 import json
-import multiprocessing
 import sys
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,8 @@ from experiments.concealed.plan import SHARES
 from experiments.concealed.rates import plain
 from experiments.concealed.required import Check, checks, common
 from experiments.concealed.score import score
+from experiments.concealed.workers import WorkersOption, results
+from wsp_env.executor import Workers
 
 #: Cases of the small version: enough for every class.
 SMALL = len(SHARES)
@@ -33,13 +34,13 @@ class Bank:
     out: Path = Path("out/concealed")  # folder of the bank, its answers and its figures
     cases: int = 240  # campaigns to make, of all classes; the figures count from 200 on
     seed: int = 4  # of the bank; 1 to 3 were looked at while the diagnosis was made
-    jobs: int = multiprocessing.cpu_count()  # cases worked on side by side, a process each
+    workers: WorkersOption = Workers()
     small: bool = False  # make a few cases only
 
     def run(self) -> None:
         """Run."""
         cases = SMALL if self.small else self.cases
-        digest = bank.make(self.out, cases, self.seed, self.jobs)
+        digest = bank.make(self.out, cases, self.seed, self.workers.make())
         labels = bank.read_labels(self.out).values()
         kinds = ", ".join(f"{sum(one['class'] == kind for one in labels)} {kind}" for kind in SHARES)
         first = sum(one["concealed_at_first"] for one in labels)
@@ -52,13 +53,13 @@ class Diagnose:
     """Diagnose every case of the bank."""
 
     out: Path = Path("out/concealed")  # folder of the bank, its answers and its figures
-    jobs: int = multiprocessing.cpu_count()  # cases worked on side by side, a process each
+    workers: WorkersOption = Workers()
 
     def run(self) -> None:
         """Run."""
         from experiments.concealed import diagnoses  # looks inside the diagnosis, which the other steps do not need
 
-        diagnoses.run(self.out, self.jobs)
+        diagnoses.run(self.out, self.workers.make())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,13 +67,13 @@ class Rivals:
     """Let the rivals answer every case of the bank, into OUT/rivals/NAME."""
 
     out: Path = Path("out/concealed")  # folder of the bank, its answers and its figures
-    jobs: int = multiprocessing.cpu_count()  # cases worked on side by side, a process each
+    workers: WorkersOption = Workers()
 
     def run(self) -> None:
         """Run."""
         from experiments.concealed import rivals  # the same
 
-        rivals.run(self.out, self.jobs)
+        rivals.run(self.out, self.workers.make())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,12 +101,12 @@ class Outside:
     folder: tyro.conf.Positional[Path]  # holds the campaigns
     out: Path | None = None  # folder of answers and figures; out/concealed/outside/NAME of the folder, where `page` looks
     title: str = ""  # of the tables; the folder's name where left out
-    jobs: int = 2  # campaigns worked on side by side, a process of one thread each
+    workers: WorkersOption = Workers()
 
     def run(self) -> None:
         """Run."""
         out = self.out or Path("out/concealed") / page.OUTSIDE / self.folder.resolve().name
-        outside.run(self.folder, out, self.jobs)
+        outside.run(self.folder, out, self.workers.make())
         found = outside.score(self.folder, out, self.title or self.folder.resolve().name)
         _told(common(found["promised"]))
         (out / "page.md").write_text(page.others(found), encoding="utf-8")
@@ -128,14 +129,13 @@ class Page:
 class Interest:
     """Compute the smallest effects of interest anew, into smallest.json beside this file (some minutes)."""
 
-    jobs: int = multiprocessing.cpu_count()  # cases worked on side by side, a process each
+    workers: WorkersOption = Workers()
 
     def run(self) -> None:
         """Run."""
         which = [(name, variant) for name, effect in ALL.items() for variant in range(len(effect.variants))]
-        with multiprocessing.get_context("spawn").Pool(self.jobs) as pool:
-            found = pool.starmap(interest.smallest, which, chunksize=1)
-        table = {interest.key(*one): size for one, size in zip(which, found, strict=True)}
+        found = {one: json.loads(size) for one, size in results(interest.smallest_size, which, self.workers.make(), "sizes")}
+        table = {interest.key(*one): found[one] for one in which}
         interest.TABLE.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
 
 
@@ -146,8 +146,8 @@ class Everything(Bank):
     def run(self) -> None:
         """Run."""
         super().run()
-        Diagnose(self.out, self.jobs).run()
-        Rivals(self.out, self.jobs).run()
+        Diagnose(self.out, self.workers).run()
+        Rivals(self.out, self.workers).run()
         Score(self.out).run()
 
 

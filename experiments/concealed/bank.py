@@ -4,12 +4,11 @@ import dataclasses
 import hashlib
 import itertools
 import json
-import multiprocessing
+import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.progress import track
 
 from experiments.concealed.campaign import build, label, write
 from experiments.concealed.concealment import passes, worst_error
@@ -17,6 +16,8 @@ from experiments.concealed.errors import BankError
 from experiments.concealed.faults import inject
 from experiments.concealed.interest import drive, sizes
 from experiments.concealed.plan import Case, plan
+from experiments.concealed.workers import results
+from wsp_env.executor import Executor, pack, unpack
 
 #: An effect that the paper's validation would see is made smaller by this factor, at most so often; then all is drawn anew, and
 #: when no draw helped, from the first draw on it is made smaller still.
@@ -29,32 +30,38 @@ class Job:
     """One case to generate; picklable."""
 
     case: Case
-    out: Path
     seed: int
 
+    def __str__(self) -> str:
+        """Return what a line may call it."""
+        return self.case.name
 
-def generate(job: Job) -> str:
-    """Generate one case until it is concealed; return its name. Left alone where its label already stands."""
+
+def _label(out: Path, case: Case) -> Path:
+    """Return the file of a case's label; when it is there, all of the case is."""
+    return out / "labels" / f"{case.name}.json"
+
+
+def generate(job: Job) -> bytes:
+    """Generate one case until it is concealed; return its campaign and its label, packed, the label last."""
     case = job.case
-    part = job.out / "labels" / f"{case.name}.json"
-    if not part.is_file():
-        truth = _concealed(job)
+    with tempfile.TemporaryDirectory(prefix="wsp-") as place:
+        out = Path(place)
+        truth = _concealed(job, out)
         if case.fault:  # after the paper's validation: it asks what is missing in the law, and not in a channel
-            truth |= {"fault_axles": inject(job.out / "campaigns" / case.name, case.fault, case.repeat, job.seed + case.index)}
-        part.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = part.with_suffix(".tmp")
-        unfinished.write_text(json.dumps(truth), encoding="utf-8")
-        unfinished.rename(part)  # a part that is there is whole
-    return case.name
+            truth |= {"fault_axles": inject(out / "campaigns" / case.name, case.fault, case.repeat, job.seed + case.index)}
+        _label(out, case).parent.mkdir()
+        _label(out, case).write_text(json.dumps(truth), encoding="utf-8")
+        return pack(out)
 
 
-def _concealed(job: Job) -> dict[str, Any]:
+def _concealed(job: Job, out: Path) -> dict[str, Any]:
     table, case, first = sizes(), job.case, True
     for smaller, attempt in itertools.product(range(ROUNDS), range(DRAWS)):
         for turn in range(smaller * SHRINKS, (smaller + 1) * SHRINKS if case.effects else smaller * SHRINKS + 1):
             setup, concealed = build(case, job.seed, attempt, table, SHRINK**turn)
-            distances = write(job.out / "campaigns" / case.name, case, setup, job.seed, attempt)
-            error = worst_error(job.out / "campaigns" / case.name)
+            distances = write(out / "campaigns" / case.name, case, setup, job.seed, attempt)
+            error = worst_error(out / "campaigns" / case.name)
             if passes(error):
                 plain, _ = build(case, job.seed, attempt, table, 0.0)
                 without = {name: distance for name, (_, distance) in drive(plain, np.random.default_rng(0)).items()}
@@ -67,7 +74,7 @@ def _concealed(job: Job) -> dict[str, Any]:
     raise BankError(f"{case.name} ({', '.join(case.effects) or 'null'}): none of {DRAWS} draws passes the paper's validation")
 
 
-def make(out: Path, cases: int, seed: int, jobs: int) -> str:
+def make(out: Path, cases: int, seed: int, executor: Executor) -> str:
     """Generate what is not there yet and publish the hash of the labels, which is returned.
 
     Raises
@@ -82,13 +89,12 @@ def make(out: Path, cases: int, seed: int, jobs: int) -> str:
     if head.is_file() and (there := json.loads(head.read_text(encoding="utf-8"))) != described:
         raise BankError(f"{out} holds another bank, {there}, not {described}: choose another folder or the same numbers")
     head.write_text(json.dumps(described), encoding="utf-8")
-    todo = [Job(case, out, seed) for case in plan(cases)]
-    if jobs == 1:
-        names = [generate(job) for job in track(todo, "bank")]
-    else:
-        with multiprocessing.get_context("spawn").Pool(jobs) as pool:
-            names = list(track(pool.imap_unordered(generate, todo), "bank", total=len(todo)))
-    labels = {name: json.loads((out / "labels" / f"{name}.json").read_text(encoding="utf-8")) for name in sorted(names)}
+    planned = plan(cases)
+    todo = [Job(case, seed) for case in planned if not _label(out, case).is_file()]
+    for _, content in results(generate, todo, executor, "bank"):
+        unpack(content, out)
+    ordered = sorted(planned, key=lambda case: case.name)
+    labels = {case.name: json.loads(_label(out, case).read_text(encoding="utf-8")) for case in ordered}
     text = json.dumps(labels, indent=1) + "\n"
     (out / "labels.json").write_text(text, encoding="utf-8")
     digest = hashlib.sha256(text.encode()).hexdigest()

@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from experiments.concealed.workers import each, write_whole
+from experiments.concealed.workers import dumped, results, write_whole
 from wsp_env.diagnosis.balances import ADHESION, BALANCES, VEHICLE
 from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.replica import Replica
+from wsp_env.executor import Executor
 
 FOLDS = 5
 #: Names with at least this share of the best one's probability are in its set: assumption.
@@ -81,19 +82,23 @@ def folds(targets: list[str]) -> np.ndarray:
 class Fold(NamedTuple):
     """What one process does: train on all cases but those of one fold, answer these."""
 
-    folder: Path  # holds features/CASE.json; the answers go to black_box/CASE
+    features: dict[str, dict[str, float]]  # of every case
     targets: dict[str, str]  # of every case
     held: int
 
+    def __str__(self) -> str:
+        """Return what a line may call it."""
+        return f"fold {self.held}"
 
-def answer_fold(task: Fold) -> None:
-    """Answer the cases of one fold by trees trained on the others."""
+
+def answer_fold(task: Fold) -> bytes:
+    """Answer the cases of one fold by trees trained on the others; JSON, by case."""
     try:
         from sklearn.ensemble import HistGradientBoostingClassifier
     except ImportError:
         raise ModuleNotFoundError('the black box needs scikit-learn: pip install "wsp-env[dev]"') from None
     names = sorted(task.targets)
-    read = [json.loads((task.folder / "features" / f"{name}.json").read_text(encoding="utf-8")) for name in names]
+    read = [task.features[name] for name in names]
     keys = sorted(set().union(*read))
     x = np.array([[one.get(key, np.nan) for key in keys] for one in read])
     y = np.array([task.targets[name] for name in names])
@@ -101,15 +106,20 @@ def answer_fold(task: Fold) -> None:
     # Some targets have five cases: leaves of two, and few leaves.
     trees = HistGradientBoostingClassifier(max_iter=60, max_leaf_nodes=8, min_samples_leaf=2, random_state=0)
     trees.fit(x[~mine], y[~mine])
+    said = {}
     for i, probabilities in zip(np.flatnonzero(mine), trees.predict_proba(x[mine]), strict=True):
-        belief = dict(zip(map(str, trees.classes_), map(float, probabilities), strict=True))
-        write_whole(task.folder / "black_box" / names[i] / "diagnosis.json", _answer(belief))
+        said[names[i]] = _answer(dict(zip(map(str, trees.classes_), map(float, probabilities), strict=True)))
+    return dumped(said)
 
 
-def run(labels: dict[str, dict[str, Any]], folder: Path, jobs: int) -> None:
-    """Answer all cases of a bank."""
+def run(labels: dict[str, dict[str, Any]], folder: Path, executor: Executor) -> None:
+    """Answer all cases of a bank from FOLDER/features/CASE.json, in FOLDER/black_box/CASE."""
     targets = {name: target(label) for name, label in labels.items()}
-    each(answer_fold, [Fold(folder, targets, held) for held in range(min(FOLDS, len(targets)))], jobs, "black box")
+    seen = {name: json.loads((folder / "features" / f"{name}.json").read_text(encoding="utf-8")) for name in targets}
+    tasks = [Fold(seen, targets, held) for held in range(min(FOLDS, len(targets)))]
+    for _, content in results(answer_fold, tasks, executor, "black box"):
+        for name, answer in json.loads(content).items():
+            write_whole(folder / "black_box" / name / "diagnosis.json", answer)
 
 
 def _answer(belief: dict[str, float]) -> dict[str, Any]:

@@ -1,12 +1,13 @@
 """Runs the released diagnosis over a bank: DIR/diagnoses/CASE/diagnosis.json; goes on where it was broken off."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from experiments.concealed import answers
 from experiments.concealed.bank import read_labels
 from experiments.concealed.distances import distance_change
-from experiments.concealed.workers import each, write_whole
+from experiments.concealed.workers import dumped, keep, results
+from wsp_env.executor import Executor, Sent, send
 
 
 def answer(folder: Path) -> dict[str, Any]:
@@ -17,12 +18,23 @@ def answer(folder: Path) -> dict[str, Any]:
     return said | {"distance_change": distance_change(campaign, said)}
 
 
-def _one(folders: tuple[Path, Path]) -> None:
-    campaign, out = folders
-    write_whole(out / "diagnosis.json", answer(campaign))
+class Task(NamedTuple):
+    """A case to diagnose."""
+
+    name: str
+    campaign: Sent
+
+    def __str__(self) -> str:
+        """Return what a line may call it."""
+        return self.name
 
 
-def run(out: Path, jobs: int) -> None:
+def _one(task: Task) -> bytes:
+    with task.campaign.here() as folder:
+        return dumped(answer(folder))
+
+
+def run(out: Path, executor: Executor) -> None:
     """Diagnose every case of the bank that has no answer yet.
 
     Raises
@@ -31,7 +43,8 @@ def run(out: Path, jobs: int) -> None:
         when the answers that are there are another version's: they would be mixed
 
     """
-    names, folder = list(read_labels(out)), out / "diagnoses"
-    answers.hold_version(folder)
-    todo = [(out / "campaigns" / name, folder / name) for name in names if not (folder / name / "diagnosis.json").is_file()]
-    each(_one, todo, jobs, "diagnoses")
+    files = {name: out / "diagnoses" / name / "diagnosis.json" for name in read_labels(out)}
+    answers.hold_version(out / "diagnoses")
+    todo = [Task(name, send(out / "campaigns" / name, executor.far)) for name, file in files.items() if not file.is_file()]
+    for task, content in results(_one, todo, executor, "diagnoses"):
+        keep(files[task.name], content)

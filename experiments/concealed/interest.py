@@ -98,6 +98,11 @@ def smallest(name: str, variant: int = 0) -> float:
     return float(f"{np.sqrt(low * high):.3g}")
 
 
+def smallest_size(one: tuple[str, int]) -> bytes:
+    """Return the smallest size of interest of an effect's variant, as JSON."""
+    return json.dumps(smallest(*one)).encode()
+
+
 def sizes() -> dict[str, float]:
     """Return the table of smallest sizes of interest, by `key`, in the effects' units."""
     table: dict[str, float] = json.loads(TABLE.read_text(encoding="utf-8"))

@@ -14,7 +14,8 @@ from experiments.concealed.errors import BankError
 from experiments.concealed.promised import by_group, promised
 from experiments.concealed.rates import plain
 from experiments.concealed.truths import Truth, of_label
-from experiments.concealed.workers import each, write_whole
+from experiments.concealed.workers import dumped, each, keep, write_whole
+from wsp_env.executor import Executor, Sent, TaskFailedError, send
 
 LABEL, HASH, ANSWERS, SCORE, FAILED = "label.json", "labels.sha256", "answers", "score.json", "failed.txt"
 
@@ -67,16 +68,26 @@ def freeze(labels: Labels, out: Path) -> None:
     file.write_text(f"{labels.sha256}  all {LABEL}\n", encoding="utf-8")
 
 
-def _one(folders: tuple[Path, Path]) -> None:
-    campaign, out = folders
-    try:
-        write_whole(out / "diagnosis.json", answer(campaign)[0])
-    except Exception:  # other people's data may break the diagnosis: the rest is answered, and `run` tells
-        out.mkdir(parents=True, exist_ok=True)
-        (out / FAILED).write_text(traceback.format_exc(), encoding="utf-8")
+class Task(NamedTuple):
+    """A campaign to diagnose."""
+
+    name: str
+    campaign: Sent
+
+    def __str__(self) -> str:
+        """Return what a line may call it."""
+        return self.name
 
 
-def run(folder: Path, out: Path, jobs: int) -> None:
+def _one(task: Task) -> bytes:
+    with task.campaign.here() as folder:
+        try:
+            return dumped(answer(folder)[0])
+        except Exception:  # other people's data may break the diagnosis: the rest is answered, and `run` tells
+            raise TaskFailedError(traceback.format_exc()) from None
+
+
+def run(folder: Path, out: Path, executor: Executor) -> None:
     """Diagnose every campaign that has no answer yet.
 
     Raises
@@ -88,11 +99,16 @@ def run(folder: Path, out: Path, jobs: int) -> None:
     labels = read_labels(folder)
     freeze(labels, out)
     hold_version(out / ANSWERS)
-    todo = [(folder / name, out / ANSWERS / name) for name in labels.truths]
-    missing = [one for one in todo if not (one[1] / "diagnosis.json").is_file()]
-    each(_one, missing, jobs, "diagnoses")
-    if broken := [out for _, out in missing if not (out / "diagnosis.json").is_file()]:
-        raise BankError(f"the diagnosis broke down on {len(broken)} of {len(todo)} campaigns, see {broken[0] / FAILED}")
+    answered = {name: out / ANSWERS / name / "diagnosis.json" for name in labels.truths}
+    missing = [Task(name, send(folder / name, executor.far)) for name, file in answered.items() if not file.is_file()]
+    broken = []
+    for task, content, failure in each(_one, missing, executor, "diagnoses"):
+        file = answered[task.name]
+        if failure:
+            broken.append(file.with_name(FAILED))
+        keep(file.with_name(FAILED) if failure else file, failure.encode() or content)
+    if broken:
+        raise BankError(f"the diagnosis broke down on {len(broken)} of {len(answered)} campaigns, see {sorted(broken)[0]}")
 
 
 def score(folder: Path, out: Path, title: str) -> dict[str, Any]:

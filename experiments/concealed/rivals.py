@@ -9,6 +9,7 @@ it knows of normal variation. None is given what the recordings' disagreement sa
 interest.
 """
 
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,7 +18,7 @@ import numpy as np
 
 from experiments.concealed import black_box
 from experiments.concealed.bank import read_labels
-from experiments.concealed.workers import each, quietly_read, write_whole
+from experiments.concealed.workers import dumped, quietly_read, results, write_whole
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import Variant, columns, parameter_of, variants
 from wsp_env.diagnosis.fitting import Weights, baseline, weigh
@@ -26,6 +27,7 @@ from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import held_out_rows
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.diagnosis.variation import nuisances
+from wsp_env.executor import Executor, Sent, send
 from wsp_env.plant.mechanisms import LIBRARY
 from wsp_env.recordings import CampaignError
 
@@ -205,20 +207,34 @@ def examine(campaign: Path) -> tuple[dict[str, dict[str, Any]], dict[str, float]
     return answers, black_box.features(replica, weights(None), gains)
 
 
-def _one(task: tuple[Path, Path, str]) -> None:
-    campaign, out, name = task
-    try:
-        answers, features = examine(campaign)
-    except CampaignError:  # faulty channels may leave nothing to compare
-        answers, features = {rule: {"verdict": "insufficient", "mechanisms": []} for rule in RULES}, {}
-    for rule, answer in answers.items():
-        write_whole(out / rule / name / "diagnosis.json", answer)
-    write_whole(out / "features" / f"{name}.json", features)  # last: when it is there, all is
+class Task(NamedTuple):
+    """A case to answer."""
+
+    name: str
+    campaign: Sent
+
+    def __str__(self) -> str:
+        """Return what a line may call it."""
+        return self.name
 
 
-def run(out: Path, jobs: int) -> None:
+def _one(task: Task) -> bytes:
+    with task.campaign.here() as campaign:
+        try:
+            answers, features = examine(campaign)
+        except CampaignError:  # faulty channels may leave nothing to compare
+            answers, features = {rule: {"verdict": "insufficient", "mechanisms": []} for rule in RULES}, {}
+    return dumped({"answers": answers, "features": features})
+
+
+def run(out: Path, executor: Executor) -> None:
     """Let all rivals answer every case of the bank that they have not answered yet."""
     labels, folder = read_labels(out), out / "rivals"
-    missing = [name for name in labels if not (folder / "features" / f"{name}.json").is_file()]
-    each(_one, [(out / "campaigns" / name, folder, name) for name in missing], jobs, "rivals")
-    black_box.run(labels, folder, jobs)
+    done = {name: folder / "features" / f"{name}.json" for name in labels}
+    todo = [Task(name, send(out / "campaigns" / name, executor.far)) for name, file in done.items() if not file.is_file()]
+    for task, content in results(_one, todo, executor, "rivals"):
+        said = json.loads(content)
+        for rule, answer in said["answers"].items():
+            write_whole(folder / rule / task.name / "diagnosis.json", answer)
+        write_whole(done[task.name], said["features"])  # last: when it is there, all is
+    black_box.run(labels, folder, executor)

@@ -1,43 +1,47 @@
-"""Work on the cases of a bank in several processes of one thread each; answers are written whole or not at all."""
+"""Work on the cases of a bank by an executor; answers are written whole or not at all."""
 
 import json
-import multiprocessing
-import os
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeAlias, TypeVar
 
+import tyro
 from rich.progress import track
 
+from experiments.concealed.errors import BankError
+from wsp_env.executor import Executor, Outcome, Workers
+from wsp_env.output import write_whole as write_file
 from wsp_env.recordings import Campaign, CampaignWarning, read_campaign
 
 T = TypeVar("T")
 
-_ONE_THREAD = dict.fromkeys(
-    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "POLARS_MAX_THREADS"), "1"
-)
+#: Who works on the cases of a bank: the processes of this machine, or a Ray cluster.
+WorkersOption: TypeAlias = Annotated[Workers, tyro.conf.arg(name="")]
 
 
-def each(work: Callable[[T], None], tasks: Sequence[T], jobs: int, title: str) -> None:
-    """Do all tasks, which may be done in any order.
+def each(work: Callable[[T], bytes], tasks: Sequence[T], executor: Executor, title: str) -> Iterator[Outcome[T]]:
+    """Yield all tasks with what became of them, as they become ready, and show how many are."""
+    yield from track(executor.run(work, tasks), title, total=len(tasks))
 
-    The libraries read their number of threads when they are loaded: the processes are fresh ones, which inherit it.
+
+def results(work: Callable[[T], bytes], tasks: Sequence[T], executor: Executor, title: str) -> Iterator[tuple[T, bytes]]:
+    """Yield all tasks with their results, as they become ready.
+
+    Raises
+    ------
+    BankError
+        at the end, where a task failed
+
     """
-    if not tasks:
-        return
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(_ONE_THREAD)
-    try:
-        with multiprocessing.get_context("spawn").Pool(min(jobs, len(tasks))) as pool:
-            for _ in track(pool.imap_unordered(work, tasks), title, total=len(tasks)):
-                pass
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+    failed = []
+    for task, result, failure in each(work, tasks, executor, title):
+        if failure:
+            failed.append(f"{task} {failure}")
+        else:
+            yield task, result
+    if failed:
+        raise BankError(f"{title}: {len(failed)} of {len(tasks)} failed, the first: {failed[0]}")
 
 
 def quietly_read(folder: Path) -> Campaign:
@@ -47,9 +51,16 @@ def quietly_read(folder: Path) -> Campaign:
         return read_campaign(folder)
 
 
+def dumped(content: Any) -> bytes:
+    """Return content as JSON."""
+    return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
+
+
+def keep(file: Path, content: bytes) -> None:
+    """Write a file under a temporary name first: a file that is there is whole."""
+    write_file(file, lambda stream: stream.write(content))
+
+
 def write_whole(file: Path, content: Any) -> None:
-    """Write JSON under a temporary name first: a file that is there is whole."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = file.with_suffix(".tmp")
-    unfinished.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    unfinished.replace(file)
+    """Write content as JSON, whole or not at all."""
+    keep(file, dumped(content))

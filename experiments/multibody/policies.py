@@ -6,8 +6,8 @@ The same stops of the test programme, with the longitudinal and with the multibo
 Interrupted, it goes on where it stopped.
 """
 
-import os
 from pathlib import Path
+from typing import Annotated
 
 import polars as pl
 import tyro
@@ -16,6 +16,7 @@ from rich.console import Console
 from wsp_env.evaluation.evaluate import REFERENCE, evaluate
 from wsp_env.evaluation.programme import STANDARD, Draws, read_programme, select_cases
 from wsp_env.evaluation.runner import Conduct
+from wsp_env.executor import Workers
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.report import Table, terminal_table
 
@@ -24,14 +25,14 @@ POLICY = "agents/trained/coach"
 FIGURES = ("distance_m", "mean_slip_mps", "slip_deviation_mps", "beyond_limit_s", "locked_s", "air_nl")
 
 
-def drive(cases: tuple[str, ...], controllers: tuple[str, ...], draws: int, out: Path, jobs: int) -> pl.DataFrame:
+def drive(cases: tuple[str, ...], controllers: tuple[str, ...], draws: int, out: Path, workers: Workers) -> pl.DataFrame:
     """Return one row per controller, case and plant: means of `FIGURES`."""
     programme = read_programme(STANDARD)
     tables = []
     for label, plant in PLANTS.items():
         result = evaluate(
             {name: {} for name in controllers}, programme, select_cases(programme, COACH, cases), COACH, out / label,
-            draws=Draws(draws), jobs=jobs, conduct=Conduct(plant=plant),
+            draws=Draws(draws), executor=workers.make(), conduct=Conduct(plant=plant),
         )  # fmt: skip
         for failure in result.failures:
             raise RuntimeError(f"{failure.controller} in {failure.case}: {failure.message}")
@@ -46,7 +47,7 @@ def main(
     cases: tuple[str, ...] = ("low-120", "low-160", "extremely-low-120"),
     controllers: tuple[str, ...] = ("none", "rule-based", POLICY),
     draws: int = 2,
-    jobs: int = os.cpu_count() or 1,
+    workers: Annotated[Workers, tyro.conf.arg(name="")] = Workers(),
     out: Path = Path("out/multibody_policies"),
 ) -> None:
     """Print the table.
@@ -59,13 +60,13 @@ def main(
         As for `wsp evaluate`.
     draws
         Stops of each case under each law.
-    jobs
-        Processes.
+    workers
+        Who does the work.
     out
         Folder that keeps what was computed, and table.csv.
 
     """
-    found = drive(cases, controllers, draws, out, jobs)
+    found = drive(cases, controllers, draws, out, workers)
     found.write_csv(out / "table.csv")
     rows = []
     for case in cases:

@@ -42,6 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
         return _failed(f"unknown command {name!r}; valid: {', '.join(COMMANDS)}")
     import tyro
 
+    from wsp_env.executor import ClusterError
     from wsp_env.output import OutputError
     from wsp_env.parameters.quantity import ParameterError
     from wsp_env.recordings.errors import CampaignError, CampaignWarning
@@ -52,7 +53,7 @@ def main(arguments: list[str] | None = None) -> int:
             warnings.simplefilter("always", CampaignWarning)
             warnings.showwarning = _warned
             tyro.cli(command, prog=f"wsp {name}", args=rest)
-    except (ParameterError, CampaignError, OutputError, ModuleNotFoundError) as error:  # the last: an extra is not installed
+    except (ParameterError, CampaignError, OutputError, ClusterError, ModuleNotFoundError) as error:  # the last: no extra
         return _failed(str(error))
     except BrokenPipeError:  # nobody reads on, as in `wsp ... | head`
         sys.stdout = None  # so that nothing is flushed into it at the end

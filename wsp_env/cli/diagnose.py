@@ -8,32 +8,35 @@ import math
 import os
 import re
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import tyro
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from wsp_env.cli.folder import make_campaign
 from wsp_env.cli.pages import Pages
-from wsp_env.diagnosis import diagnose
-from wsp_env.diagnosis.creep_curves import CreepDiagnosis, diagnose_creep_curves
+from wsp_env.cli.workers import WorkersOption, executor_of
+from wsp_env.diagnosis.creep_curves import CreepDiagnosis
 from wsp_env.diagnosis.creep_curves.report import write_creep_report
 from wsp_env.diagnosis.index import Found, summary, write_index
+from wsp_env.diagnosis.many import MADE_FROM, Many, diagnose_folder, diagnose_many, remember
 from wsp_env.diagnosis.report import write_report
 from wsp_env.diagnosis.report_facts import BALANCES, LEAST_SHARE
-from wsp_env.diagnosis.sources import signed
 from wsp_env.diagnosis.words import parameter_said
+from wsp_env.executor import Executor, Workers
 from wsp_env.output import all_of, ready, write_text
 from wsp_env.parameters.quantity import ParameterError
-from wsp_env.recordings import CampaignError, read_campaign
-from wsp_env.recordings.creep_curves import holds_creep_curves, read_creep_curves
+from wsp_env.recordings import CampaignError, CampaignWarning
 from wsp_env.recordings.origin import hashes
 from wsp_env.report import Origin, PageOptions
+
+T = TypeVar("T")
 
 #: Steps of a diagnosis of stops and the share of its time [-] after which each begins (measured on campaigns of three to five
 #: stops that took one round or two; of later rounds a guess; one that nothing is missing in ends before the rounds).
@@ -59,11 +62,13 @@ def main(
     workers: int = os.cpu_count() or 1,
     as_json: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
     vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "",
+    many: WorkersOption = Workers(),
     page: Pages = PageOptions(),
 ) -> None:
     """Locate where recorded stops, or measured creep curves, and the law differ, and name the missing physics.
 
-    Several campaigns are diagnosed one after the other, each into a folder of its own, with a page that lists them all.
+    Several campaigns are diagnosed side by side, each into a folder of its own, with a page that lists them all. Broken off,
+    the command goes on where it stopped: what the same files and the same code have given before is kept.
 
     Parameters
     ----------
@@ -78,11 +83,14 @@ def main(
     seed
         Of the null recordings of creep curves; 0 or more. The answer to stops does not depend on it.
     workers
-        Threads that evaluate and refit mechanisms of stops side by side; the answer does not depend on them.
+        Threads that evaluate and refit mechanisms of stops side by side; the answer does not depend on them. Of several
+        campaigns each has one.
     as_json
         Print the JSON instead of the verdict.
     vehicle
         Gives mass, inertia and radius where campaign.toml is written: a name (wsp vehicle list) or a vehicle file.
+    many
+        Who diagnoses several campaigns; the answers do not depend on it.
     page
         How the pages are written.
 
@@ -91,24 +99,20 @@ def main(
         raise ParameterError("name at least one folder")
     _check(effort, seed, workers)
     if len(campaigns) > 1:
-        _many(campaigns, out, lambda folder: _answer(folder, effort, seed, workers, vehicle), page, as_json)
+        _many(campaigns, out, Many(effort, seed), vehicle, executor_of(many), page, as_json)
         return
     _ready(out, page)
-    found = _answer(campaigns[0], effort, seed, workers, vehicle)
+    _complete(campaigns[0], vehicle)
+    with progress() as report:
+        found = diagnose_folder(campaigns[0], Many(effort, seed), report, workers)
     text = json.dumps(found.to_json(), indent=1, allow_nan=False)
     all_of(*_results(out, found, campaigns[0], page), lambda: print(text) if as_json else _print(found, out))
 
 
-def _answer(folder: Path, effort: float, seed: int, workers: int, vehicle: str) -> Found:
+def _complete(folder: Path, vehicle: str) -> None:
+    """Write campaign.toml where a folder holds recorded files only."""
     if folder.is_dir() and not (folder / "campaign.toml").exists():
         make_campaign(folder, vehicle, None, Console(stderr=True, highlight=False, soft_wrap=True))
-    if holds_creep_curves(folder):
-        curves = read_creep_curves(folder)
-        with progress() as report:
-            return diagnose_creep_curves(curves, effort, seed, report)
-    recorded = read_campaign(folder)
-    with progress() as report:
-        return signed(diagnose(recorded, report, workers), folder, recorded)
 
 
 def _results(out: Path, found: Found, folder: Path, options: PageOptions) -> list[Callable[[], None]]:
@@ -128,24 +132,42 @@ def _results(out: Path, found: Found, folder: Path, options: PageOptions) -> lis
     ]
 
 
-def _many(folders: Sequence[Path], out: Path, answer: Callable[[Path], Found], options: PageOptions, as_json: bool) -> None:
-    """Diagnose one campaign after the other; one that cannot be is reported, and the others are done."""
+def _many(
+    folders: Sequence[Path], out: Path, how: Many, vehicle: str, executor: Executor, options: PageOptions, as_json: bool
+) -> None:
+    """Diagnose campaigns side by side; one that cannot be is reported, and the others are done."""
     names = _apart(folders)
     ready(*options.files(out / "index.html"))
     for name in names.values():
         _ready(out / name, options)
+    ordered = list(names.values())
     found: dict[str, Found] = {}
     failed: dict[str, str] = {}
-    for folder, name in names.items():
+
+    def fail(folder: Path, why: str) -> None:
+        failed[names[folder]] = why
+        print(f"wsp: {folder}: {why}", file=sys.stderr)
+
+    for folder in names:
         try:
-            found[name] = answer(folder)
+            _complete(folder, vehicle)
         except (CampaignError, ParameterError) as error:
-            failed[name] = str(error)
-            print(f"wsp: {folder}: {error}", file=sys.stderr)
+            fail(folder, str(error))
+    wanted = {folder: out / name for folder, name in names.items() if name not in failed}
+    for folder, one, said in track(diagnose_many(wanted, how, executor), len(wanted)):
+        for warning in said:
+            warnings.warn(warning, CampaignWarning, stacklevel=2)
+        if isinstance(one, str):
+            fail(folder, one)
             continue
-        all_of(*_results(out / name, found[name], folder, options))
+        name = names[folder]
+        found[name] = one
+        (out / name / MADE_FROM).unlink(missing_ok=True)
+        all_of(*_results(out / name, one, folder, options))
+        remember(folder, out / name, how)
         if not as_json:
-            _print(found[name], out / name)
+            _print(one, out / name)
+        found = {name: found[name] for name in ordered if name in found}
         write_index(out / "index.html", found, failed, options)  # anew after each, so that what is done can be read
     if as_json:
         print(json.dumps({name: one.to_json() for name, one in found.items()}, allow_nan=False))
@@ -153,6 +175,19 @@ def _many(folders: Sequence[Path], out: Path, answer: Callable[[Path], Found], o
         print(f"{summary(list(found.values()))} All of them: {out / 'index.html'}")
     if failed:
         sys.exit(1)
+
+
+def track(doing: Iterator[T], total: int) -> Iterator[T]:
+    """Show how many of several campaigns are done: a bar on a terminal, lines in a log."""
+    console = Console(stderr=True)
+    with Progress(BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console, transient=True,
+                  disable=not console.is_terminal) as bar:  # fmt: skip
+        task = bar.add_task("diagnosing", total=total)
+        for done, one in enumerate(doing, 1):
+            bar.update(task, completed=done)
+            if not console.is_terminal:
+                print(f"wsp: campaign {done} of {total}", file=sys.stderr, flush=True)
+            yield one
 
 
 def _apart(folders: Sequence[Path]) -> dict[Path, str]:

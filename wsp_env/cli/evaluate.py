@@ -5,7 +5,6 @@ import functools
 import hashlib
 import json
 import math
-import os
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -20,12 +19,14 @@ from rich.table import Table
 
 from wsp_env.cli.pages import Pages
 from wsp_env.cli.plant_options import PlantOptions
+from wsp_env.cli.workers import WorkersOption, executor_of
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.evaluate import BOUND, Failure, ProgrammeResult, Trace, evaluate
 from wsp_env.evaluation.figures import FIGURES
 from wsp_env.evaluation.programme import STANDARD, Draws, read_programme, select_cases
 from wsp_env.evaluation.programme_report import LEFT_LIMIT, write_report
 from wsp_env.evaluation.summary import Verdict, judge, summarise
+from wsp_env.executor import Workers
 from wsp_env.output import all_of, ready, write_whole
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
@@ -86,7 +87,7 @@ def main(
     vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "coach",
     set: tuple[str, ...] = (),
     stops: Annotated[ProgrammeOptions, tyro.conf.arg(name="")] = ProgrammeOptions(),
-    jobs: int = 0,
+    workers: WorkersOption = Workers(),
     plant: Annotated[PlantOptions, tyro.conf.arg(name="")] = PlantOptions(),
     out: Path = Path("out/evaluate"),
     page: Pages = PageOptions(),
@@ -108,8 +109,8 @@ def main(
         Parameters of controllers, as rule-based.slip_base_mps=0.4.
     stops
         Which stops are braked.
-    jobs
-        Processes; 0: one per processor. The results do not depend on it.
+    workers
+        Who does the work; the results do not depend on it.
     plant
         What computes the vehicle's motion.
     out
@@ -123,8 +124,7 @@ def main(
     braked = find_vehicle(vehicle)
     plant.check(braked)
     draws = Draws(stops.draws, stops.seed)
-    if jobs < 0:
-        raise ParameterError(f"jobs = {jobs}: at least 0")
+    executor = executor_of(workers)
     if repeated := {name for name in controllers if controllers.count(name) > 1}:
         raise ParameterError(f"controller {', '.join(sorted(repeated))} is named twice")
     chosen = read_settings(controllers, set)
@@ -142,7 +142,7 @@ def main(
             braked,
             out / "cases",
             draws=draws,
-            jobs=jobs or os.cpu_count() or 1,
+            executor=executor,
             conduct=plant.conduct(pressure_sensors=stops.pressure_sensors),
             done=lambda what: progress.update(bar, advance=1, description=escape(what)),
         )

@@ -1,5 +1,6 @@
 """`wsp replay`: controllers under the conditions of recorded stops, beside the stops as recorded."""
 
+import dataclasses
 import json
 import sys
 from pathlib import Path
@@ -12,9 +13,11 @@ from rich.progress import Progress
 
 from wsp_env.cli.pages import Pages
 from wsp_env.cli.plant_options import PlantOptions
+from wsp_env.cli.workers import WorkersOption, executor_of
 from wsp_env.envs.model import read_model
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.replay import FIGURES, RECORDED, SIMULATED, Course, Replay, replay
+from wsp_env.executor import Workers
 from wsp_env.output import OutputError, ready
 from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.recordings import Campaign, read_campaign
@@ -33,15 +36,35 @@ _HEADS = {
 }
 
 
+@dataclasses.dataclass(frozen=True)
+class BrakedOptions:
+    """What the controllers brake, and where.
+
+    Parameters
+    ----------
+    track
+        Adhesion along the track: one mu_cd per stop, or as estimated from the recording.
+    model
+        A model.json of `wsp diagnose`, whose mechanisms are switched on.
+    vehicle
+        Gives what campaign.toml does not tell: valve times, sensors, which axles form a bogie. A name (wsp vehicle list) or a
+        vehicle file, with the campaign's number of axles; none: the coach's.
+
+    """
+
+    track: Annotated[str, tyro.conf.arg(metavar="constant|recorded")] = "constant"
+    model: Path | None = None
+    vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = ""
+
+
 def main(
     campaign: tyro.conf.Positional[Path],
     /,
     controllers: tuple[str, ...] = ("none", "rule-based"),
     set: tuple[str, ...] = (),
-    track: Annotated[str, tyro.conf.arg(metavar="constant|recorded")] = "constant",
-    model: Path | None = None,
+    braked: Annotated[BrakedOptions, tyro.conf.arg(name="")] = BrakedOptions(),
     plant: Annotated[PlantOptions, tyro.conf.arg(name="")] = PlantOptions(),
-    vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "",
+    workers: WorkersOption = Workers(),
     out: Path = Path("out/replay"),
     page: Pages = PageOptions(),
     json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
@@ -60,15 +83,12 @@ def main(
         such code is run.
     set
         Parameters of controllers, as rule-based.slip_base_mps=0.4.
-    track
-        Adhesion along the track: one mu_cd per stop, or as estimated from the recording.
-    model
-        A model.json of `wsp diagnose`, whose mechanisms are switched on.
+    braked
+        What the controllers brake, and where.
     plant
         What computes the vehicle's motion under the controllers.
-    vehicle
-        Gives what campaign.toml does not tell: valve times, sensors, which axles form a bogie. A name (wsp vehicle list) or a
-        vehicle file, with the campaign's number of axles; none: the coach's.
+    workers
+        Who does the work, a task for every controller; the results do not depend on it.
     out
         Folder of the page.
     page
@@ -79,11 +99,12 @@ def main(
     """
     from wsp_env.parameters.quantity import ParameterError
 
-    if track not in ("constant", "recorded"):
-        raise ParameterError(f"track {track!r} is unknown; valid: constant, recorded")
+    if braked.track not in ("constant", "recorded"):
+        raise ParameterError(f"track {braked.track!r} is unknown; valid: constant, recorded")
     chosen = read_settings(controllers, set)
-    mechanisms = read_model(str(model)).mechanisms if model else {}
-    base = find_vehicle(vehicle) if vehicle else None
+    mechanisms = read_model(str(braked.model)).mechanisms if braked.model else {}
+    base = find_vehicle(braked.vehicle) if braked.vehicle else None
+    executor = executor_of(workers)
     target = out / "replay.html"
     ready(*page.files(target))
     console = Console(stderr=json_, highlight=False)
@@ -96,9 +117,10 @@ def main(
         result = replay(
             recorded,
             chosen,
-            along_track=track == "recorded",
+            along_track=braked.track == "recorded",
             conduct=plant.conduct(mechanisms=mechanisms),
             base=base,
+            executor=executor,
             done=lambda what: progress.update(bar, advance=1, description=escape(what)),
         )
     for name, message in result.failures.items():

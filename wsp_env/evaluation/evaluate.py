@@ -1,30 +1,31 @@
 """Runs controllers through the programme, in processes if wanted, and gathers one table of stops."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars
 
 from wsp_env.evaluation import results
 from wsp_env.evaluation.bound import ceiling
+from wsp_env.evaluation.carried import Carried, carry
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.figures import CAUSES, FIGURES, figures, losses
 from wsp_env.evaluation.policy import Policy
-from wsp_env.evaluation.processes import work_in_processes
 from wsp_env.evaluation.programme import Case, CaseStops, Draws, Programme, draw_stops
 from wsp_env.evaluation.reference import clean_rail, perfect_knowledge
 from wsp_env.evaluation.results import CaseRun
 from wsp_env.evaluation.runner import Conduct, ControllerFailure, run
 from wsp_env.evaluation.sources import code_digest
+from wsp_env.executor import Executor, TaskFailedError, ThisProcess
 from wsp_env.parameters.vehicle import Vehicle
 
 #: Rows of the table that are no controllers: the shortest stop, and the controller that knows everything.
 BOUND, REFERENCE = "bound", "perfect-knowledge"
 
-_CONDUCT, _DRAWS = Conduct(), Draws()
+_CONDUCT, _DRAWS, _HERE = Conduct(), Draws(), ThisProcess()
 
 #: Columns that name a stop.
 KEYS = ("controller", "case", "law", "draw")
@@ -74,7 +75,7 @@ def evaluate(
     folder: Path,
     *,
     draws: Draws = _DRAWS,
-    jobs: int | None = None,
+    executor: Executor = _HERE,
     conduct: Conduct = _CONDUCT,
     done: Callable[[str], None] = lambda what: None,
 ) -> ProgrammeResult:
@@ -84,7 +85,8 @@ def evaluate(
     ----------
     controllers : names (see `wsp_env.evaluation.controller.load`) and the parameters to set
     folder : where the results of each controller in each case are kept
-    jobs : processes, and the results do not depend on how many; None: this one, which a controller may then end
+    executor : does the work, see `wsp_env.executor`; the results do not depend on it. In this process, as by default, a
+        controller may end it
     done : called with a line for every controller and case that is ready
 
     `ParameterError` for a controller that cannot be found or made, or a policy whose contract does not fit; one that fails
@@ -106,7 +108,11 @@ def evaluate(
     for task in tasks:
         if task.path in found:
             done(f"{task.controller or REFERENCE}: {task.case.name}")
-    for task, failure in _work_all([task for task in tasks if task.path not in found], jobs):
+    todo = [Job(task, carry(task.controller, executor.far) if task.controller else None)
+            for task in tasks if task.path not in found]  # fmt: skip
+    for (task, _), content, failure in executor.run(work, todo):
+        if not failure:
+            results.write(task.path, content)
         data = None if failure else results.read(task.path)
         if data is not None:
             found[task.path] = data
@@ -118,35 +124,38 @@ def evaluate(
     return _gather(tasks, found, tuple(failures[task.path] for task in tasks if task.path in failures))
 
 
-def _work_all(tasks: Sequence[CaseRun], jobs: int | None) -> Iterator[tuple[CaseRun, str | None]]:
-    if jobs is not None:
-        yield from work_in_processes(work, tasks, jobs)
-        return
-    for task in tasks:
-        yield task, work(task)
+class Job(NamedTuple):
+    """A controller in a case, as a task."""
+
+    task: CaseRun
+    controller: Carried | None
+
+    def __str__(self) -> str:
+        """Return what a line may call it."""
+        return f"{self.task.controller or REFERENCE}, {self.task.case.name}"
 
 
-def work(task: CaseRun) -> str | None:
-    """Compute and write the results of a task; return what went wrong with its controller."""
+def work(job: Job) -> bytes:
+    """Return the results of a task, the content of their file; `TaskFailedError` says what went wrong with its controller."""
+    task = job.task
     programme = Programme("", task.limit, task.scenario, (task.case,), ())
     drawn = draw_stops(task.case, programme, task.vehicle, task.draws)
     top = ceiling(task.vehicle, drawn.stops, task.limit)
     extra = {}
-    if task.controller is None:
+    if job.controller is None:
         extra["bound"] = top.shortest()[0]
         extra["dry"] = clean_rail(task.vehicle, drawn.stops, task.conduct).distance
         result = perfect_knowledge(task.vehicle, drawn.stops, top, task.conduct)
     else:
         try:
-            controller = load(task.controller, task.parameters)
-            result = run(controller, task.vehicle, drawn.stops, task.conduct, drawn.sensor_fails_s)
+            with job.controller.here() as name:
+                result = run(load(name, task.parameters), task.vehicle, drawn.stops, task.conduct, drawn.sensor_fails_s)
         except ControllerFailure as failure:
-            return str(failure)
+            raise TaskFailedError(str(failure)) from None
     arrays = {f"figure_{name}": values for name, values in figures(result, top).items()}
     arrays |= {f"loss_{name}": values for name, values in losses(result, top).items()}
     arrays |= results.traces(result) | _names(drawn) | extra
-    results.write(task.path, arrays | {"stopped": result.stopped, "energy": 0.5e-6 * result.contact_work})
-    return None
+    return results.content(arrays | {"stopped": result.stopped, "energy": 0.5e-6 * result.contact_work})
 
 
 def _names(drawn: CaseStops) -> dict[str, np.ndarray]:

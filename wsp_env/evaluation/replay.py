@@ -1,17 +1,20 @@
 """How would a controller have done in that test: controllers brake under the conditions of recorded stops."""
 
 import dataclasses
+import io
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wsp_env.envs.step import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
 from wsp_env.envs.task import Task
 from wsp_env.evaluation.bound import SlideLimit
+from wsp_env.evaluation.carried import Carried, carry
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.policy import Policy
 from wsp_env.evaluation.runner import Conduct, ControllerFailure, run
+from wsp_env.executor import Executor, TaskFailedError, ThisProcess
 from wsp_env.parameters.campaign_vehicle import plant_vehicle
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.parameters.vehicle_file import find_vehicle
@@ -34,6 +37,9 @@ FIGURES = {
     "beyond_limit_s": ("s", "time beyond the slide limit, worst axle"),
     "locked_s": ("s", "time locked above 5 km/h, worst axle"),
 }
+
+
+_HERE = ThisProcess()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,6 +84,7 @@ def replay(
     conduct: Conduct = Conduct(),
     smoothing: Smoothing = Smoothing(),
     base: Vehicle | None = None,
+    executor: Executor = _HERE,
     done: Callable[[str], None] = lambda what: None,
 ) -> Replay:
     """Tune the law on the campaign and let every controller brake under the conditions of each of its stops.
@@ -88,6 +95,7 @@ def replay(
     along_track : mu_cd varies along the track as estimated from the recordings
     conduct : how the controllers' stops are run: the plant, physics beyond the paper's model as a diagnosis found it
     base : gives what the campaign does not tell of its vehicle, see `plant_vehicle`
+    executor : does the work, a task for every controller, see `wsp_env.executor`; the results do not depend on it
     done : called with the name of what has been computed
 
     Raises
@@ -106,21 +114,56 @@ def replay(
     for controller in loaded.values():
         if isinstance(controller, Policy):
             controller.check(vehicle, conduct.control_interval_s, conduct.pressure_sensors)
-    failures = {}
-    for name, controller in loaded.items():
-        try:
-            result = run(controller, vehicle, stops, conduct)
-        except ControllerFailure as failure:
-            failures[name] = str(failure)
+    tasks = [Braking(name, carry(name, executor.far), set_to, vehicle, tuple(stops), conduct)
+             for name, set_to in controllers.items()]  # fmt: skip
+    failures, braked_by = {}, {}
+    for task, content, failure in executor.run(work, tasks):
+        if failure:
+            failures[task.name] = failure
             continue
+        braked_by[task.name] = _read(content)
+        done(task.name)
+    for name in (name for name in controllers if name in braked_by):
+        time, whole_speed, whole_position, whole_slip = braked_by[name]
         for index, stop in enumerate(names):
-            part = slice(0, int(np.argmax(result.speed[:, index] <= last[stop])) + 1 or None)
-            position = result.position[part, index]
-            speed, slip = result.speed[part, index], result.slip[part, index]
-            courses.append(_course(stop, name, result.time[part], speed, slip, float(position[-1])))
-        done(name)
+            part = slice(0, int(np.argmax(whole_speed[:, index] <= last[stop])) + 1 or None)
+            position = whole_position[part, index]
+            speed, slip = whole_speed[part, index], whole_slip[part, index]
+            courses.append(_course(stop, name, time[part], speed, slip, float(position[-1])))
     order = list(tuning.runs)
     return Replay(campaign.name, tuning.tau_m_per_J, tuple(sorted(courses, key=lambda c: order.index(c.stop))), failures)
+
+
+class Braking(NamedTuple):
+    """One controller on all stops, as a task."""
+
+    name: str
+    controller: Carried
+    parameters: Mapping[str, Any]
+    vehicle: Vehicle
+    stops: tuple[Stop, ...]
+    conduct: Conduct
+
+    def __str__(self) -> str:
+        """Return what a line may call it."""
+        return self.name
+
+
+def work(task: Braking) -> bytes:
+    """Return time, speed, position and slip of all stops; `TaskFailedError` says what went wrong with the controller."""
+    try:
+        with task.controller.here() as name:
+            result = run(load(name, task.parameters), task.vehicle, task.stops, task.conduct)
+    except ControllerFailure as failure:
+        raise TaskFailedError(str(failure)) from None
+    file = io.BytesIO()
+    np.savez(file, time=result.time, speed=result.speed, position=result.position, slip=result.slip)
+    return file.getvalue()
+
+
+def _read(content: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    with np.load(io.BytesIO(content), allow_pickle=False) as file:
+        return file["time"], file["speed"], file["position"], file["slip"]
 
 
 def braked(campaign: Campaign, replayed: Mapping[str, Any]) -> tuple[Vehicle, list[Stop], list[str]]:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import io
 import json
 import re
 import warnings
@@ -63,11 +64,19 @@ def _plain(value: object) -> object:
     return value if isinstance(value, str | int | float | bool | type(None)) else repr(value)
 
 
-def write(path: Path, arrays: Mapping[str, Any]) -> None:
-    """Write the results at once: an interrupted run leaves the file complete or absent."""
+def content(arrays: Mapping[str, Any]) -> bytes:
+    """Return the content of a result file."""
     kept = {name: np.asarray(values) for name, values in arrays.items()}
     kept[_DIGEST] = np.array(_digest(kept))
-    write_whole(path, lambda file: np.savez_compressed(file, **kept))  # type: ignore[arg-type]
+    file = io.BytesIO()
+    np.savez_compressed(file, **kept)  # type: ignore[arg-type]
+    return file.getvalue()
+
+
+def write(path: Path, arrays: Mapping[str, Any] | bytes) -> None:
+    """Write the results, or the content of their file, at once: an interrupted run leaves the file complete or absent."""
+    made = arrays if isinstance(arrays, bytes) else content(arrays)
+    write_whole(path, lambda file: file.write(made))
 
 
 def read(path: Path) -> dict[str, np.ndarray] | None:

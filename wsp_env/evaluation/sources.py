@@ -23,17 +23,20 @@ def code_digest(controller: str | None) -> str:
     a package. Not tracked: other installed packages, what is imported under a name computed at run time, files that are read.
     """
     place = SHORT_NAMES.get(controller or "", controller or "").partition(":")[0]
-    files: set[Path] = set()
-    if is_native(place) and Path(place).is_file():
-        beside = Path(place).with_suffix(".toml")  # the map of an FMU's variables
-        files = {Path(place), *([beside] if beside.is_file() else [])}
-    elif Path(place).suffix == ".py" and Path(place).is_file():
-        files = imported_beside(Path(place))
-    elif place and Path(place).is_dir():
-        files = {file for file in Path(place).rglob("*") if file.is_file()}
-    elif place:
-        files = _module_files(place)
-    return _digest(_package_digest(), files)
+    return _digest(_package_digest(), own_files(place) or (_module_files(place) if place else ()))
+
+
+def own_files(place: str) -> set[Path]:
+    """Return what a controller that is named by its file or folder is made of, absolute; nothing for any other."""
+    path = Path(place).resolve()
+    if is_native(place) and path.is_file():
+        beside = path.with_suffix(".toml")  # the map of an FMU's variables
+        return {path, *([beside] if beside.is_file() else [])}
+    if path.suffix == ".py" and path.is_file():
+        return imported_beside(path)
+    if place and path.is_dir():
+        return {file for file in path.rglob("*") if file.is_file()}
+    return set()
 
 
 def imported_beside(file: Path) -> set[Path]:
