@@ -8,8 +8,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from agents.drawn import DRAWS, FILL_S, REPORTED, WORN, against, world
 from agents.faults import Broken, longest_lock
+from agents.measure import low_adhesion
 from agents.rivals import at_slip, classical, envelope
 from agents.rules import KINDS, RANGES
+from agents.tolerances import TOLERANCES, _over_the_first
 from baselines.adaptive import AdaptiveParameters, Settings
 from baselines.rule_based import LongSlide, RuleBasedParameters
 from wsp_env.evaluation.runner import StopRecords
@@ -155,3 +157,17 @@ def test_every_classical_family_has_a_front(tmp_path):
     prices = [controller.parameters.slide_price for controller in families["adaptive"].values()]
     assert prices == sorted(prices)
     assert all(controller.parameters.long_slide > 0.0 for controller in classical("bogie")["rules, long slide"].values())
+
+
+def test_a_tolerance_changes_what_it_names_and_is_compared_with_the_stop_as_believed():
+    slow = TOLERANCES["venting x 1.4"].of(BOGIE)
+    assert slow.brake.vent_time_constant_s == 1.4 * BOGIE.brake.vent_time_constant_s
+    assert dataclasses.replace(slow, brake=BOGIE.brake) == BOGIE
+    assert TOLERANCES["as believed"].of(BOGIE) == BOGIE
+    stop = low_adhesion(BOGIE, "classic", 1, 1)[0]
+    assert TOLERANCES["first wheelset worn 2 %"].stop(stop).radius[0] == pytest.approx(0.98 * stop.radius[0])
+    rows = [
+        {"law": "classic", "controller": "a", "distances": np.array([100.0, 200.0])},
+        {"law": "classic", "controller": "a", "distances": np.array([110.0, 220.0])},
+    ]
+    assert [row["over"] for row in _over_the_first(rows)] == pytest.approx([1.0, 1.1])
