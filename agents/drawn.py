@@ -6,6 +6,7 @@ world, has at its own slip; by `--json` the means.
 """
 
 import dataclasses
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -72,8 +73,9 @@ class Arguments:
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
     stops: int = 40  # in each world and under each law
     worlds: tuple[str, ...] = ("nominal", "drawn brakes")  # see `world`
-    laws: tuple[str, ...] = ("recovering", "classic")
+    laws: tuple[str, ...] = ("recovering", "classic")  # "capped": recovering, but not beyond the creepages of the fit
     policies: tuple[Path, ...] = ()  # folders; none: agents/trained/VEHICLE
+    only: tuple[str, ...] = ()  # who is braked with, by the beginning of the name; none: all, and without rivals no ratios
     drawn_by: int = HELD_OUT  # seed of the stops and of what is drawn
     keep: Path | None = None  # file of what was measured; an interrupted run goes on with it
     json: bool = False
@@ -170,18 +172,34 @@ def compare(arguments: Arguments) -> list[dict[str, Any]]:
     policies = {f"policy {folder.name}": load_policy(folder) for folder in arguments.policies or shipped}
     for name in arguments.worlds:
         for law in arguments.laws:
-            yardstick = Drawn(vehicle, world(name, vehicle, law, arguments.stops, arguments.drawn_by))
+            yardstick = Drawn(vehicle, world(name, under(vehicle, law), law, arguments.stops, arguments.drawn_by))
             every = {(family, who): one for family, own in families.items() for who, one in own.items()}
             every |= {("", who): one for who, one in policies.items()}
+            if arguments.only:
+                every = {key: one for key, one in every.items() if " ".join(key).strip().startswith(arguments.only)}
             found = {}
             for key, controller in every.items():
-                label = f"{arguments.vehicle} {arguments.stops} {arguments.drawn_by} {name} {law} {' '.join(key)}"
+                what = f"{arguments.vehicle} {arguments.stops} {arguments.drawn_by} {name} {law}"
+                label = f"{what} {' '.join(key)} {_settings(controller)}"
                 found[key] = _kept(arguments.keep, label) or means_of(yardstick, controller)
                 _keep(arguments.keep, label, found[key])
             for (family, who), own in found.items():
                 rivals = [value for (other, _), value in found.items() if other not in ("", family)]
                 rows.append({"world": name, "law": law, "controller": f"{family} {who}".strip()} | own | against(own, rivals))
     return rows
+
+
+def under(vehicle: Vehicle, law: str) -> Vehicle:
+    """Return the vehicle on rail of that law; who brakes it is told nothing of a cap."""
+    if law != "capped":
+        return vehicle
+    return dataclasses.replace(vehicle, contact=dataclasses.replace(vehicle.contact, traction_law="capped"))
+
+
+def _settings(controller: Controller) -> str:
+    """Return a name for a controller's settings, or for the network of a policy."""
+    what = getattr(controller, "parameters", None) or getattr(controller, "contract", None)
+    return hashlib.sha256(repr(what).encode()).hexdigest()[:8]
 
 
 def _kept(path: Path | None, label: str) -> dict[str, float] | None:
