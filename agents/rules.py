@@ -183,7 +183,9 @@ def main(arguments: RuleSearch) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     left_out = ("out", "slide_prices", "show")
     own = {name: value for name, value in dataclasses.asdict(arguments).items() if name not in left_out}
-    file, found, trials = folder / KINDS[arguments.controller].file, dict[str, dict[str, float]](), None
+    file = folder / KINDS[arguments.controller].file
+    found: dict[str, dict[str, float]] = {}
+    trials: Trials | None = None
     if file.exists() and (before := json.loads(file.read_text(encoding="utf-8")))["search"] == own:
         found = before["thresholds"]  # an interrupted search goes on
     for price in arguments.slide_prices:

@@ -133,7 +133,8 @@ def work(task: CaseRun) -> str | None:
     conduct = dataclasses.replace(task.conduct, mechanisms={**task.conduct.mechanisms, **task.case.mechanisms})
     drawn = draw_stops(task.case, programme, vehicle, task.draws)
     top = ceiling(vehicle, drawn.stops, task.limit)
-    extra, protected = {}, None
+    extra: dict[str, np.ndarray] = {}
+    protected: np.ndarray | None = None
     if task.controller is None:
         extra["bound"] = top.shortest()[0]
         extra["dry"] = clean_rail(vehicle, drawn.stops, conduct).distance
