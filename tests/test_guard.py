@@ -94,6 +94,15 @@ def test_a_sensor_that_is_frozen_from_the_start_is_found_once_the_brake_acts():
     assert abs(stop.observer.estimate.speed[0] - stop.speed) < 0.5
 
 
+def test_readings_that_repeat_while_the_vehicle_coasts_are_no_fault():
+    stop = Stop(COACH, 40.0, noise=0.0, radius=COACH.wheel_radius_m * np.array([1.0, 0.97, 1.0, 1.0]))
+    for _ in range(100):  # without demand, drag and noise every reading is the one before
+        stop.time += INTERVAL_S
+        stop.guard.observe(stop.measure(lambda wheel: wheel)._replace(demand=np.zeros(1)), stop.command)
+    assert not stop.guard.failed.any()
+    assert abs(stop.observer.estimate.speed[0] - stop.speed) < 0.5
+
+
 def test_a_sensor_that_was_never_there_is_found_at_the_start():
     stop = Stop()
     stop.guard.begin(stop.measure(lambda wheel: np.array([0.0, wheel[1]])))

@@ -81,7 +81,16 @@ class Guard:
         _begin(raw, self._state)
         observation = self._observer.reset(measurement._replace(wheel_speed=self.doubts.clean))
         self._observer.estimate.trusted[:] = ~self.doubts.failed
+        self._note_speeds()
         return observation
+
+    def _note_speeds(self) -> None:
+        """Note against which speeds a reading that repeats from the first one on is compared."""
+        d = self.doubts
+        sound = np.where(d.failed, 0.0, d.raw)
+        count = (~d.failed).sum(axis=1, keepdims=True) - ~d.failed
+        d.held_at[:] = self._observer.estimate.speed[:, None]
+        d.others_at[:] = self._radius * (sound.sum(axis=1, keepdims=True) - sound) / np.maximum(count, 1)
 
     def observe(self, measurement: Measurement, command: np.ndarray) -> np.ndarray:
         """Take the next measurement and the command (N, A) given before it; return the observation (N, size)."""
