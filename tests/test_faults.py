@@ -8,9 +8,11 @@ import polars
 import pytest
 
 from wsp_env.cli.plant_options import PhysicsOptions
+from wsp_env.evaluation.bound import ceiling
 from wsp_env.evaluation.faults import Faults, standing_reported
-from wsp_env.evaluation.figures import FIGURES
+from wsp_env.evaluation.figures import FIGURES, figures
 from wsp_env.evaluation.programme import Case, Draws, Requirement, draw_stops, read_programme
+from wsp_env.evaluation.runner import Conduct, StopRecords, run
 from wsp_env.evaluation.summary import decided, judge
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import BOGIE, COACH
@@ -104,3 +106,57 @@ def test_mechanisms_and_the_cap_reach_the_stops():
     assert options.conduct().mechanisms == {"load_transfer": {}}
     assert options.on(BOGIE).contact.traction_law == "capped"
     assert math.isclose(options.on(BOGIE).contact.law.creepage, 0.3)
+
+
+class Vents:
+    """Vents all axles for good; says of no wheel that it stands."""
+
+    def reset(self, n, vehicle):
+        self.shape = (n, vehicle.axles)
+
+    def act(self, measurement):
+        return -np.ones(self.shape)
+
+
+def test_what_fails_acts_in_the_stop_and_is_not_held_against_the_controller():
+    """Without current a vehicle brakes whatever its controller wants; an axle whose valve vents no more keeps its pressure."""
+    low = Case("low", "", 30.0, (0.03, 0.031), power_lost_s=0.5)
+    stuck = dataclasses.replace(low, power_lost_s=np.inf, valve_applies_s=0.0, mechanisms={"leading_axle_cleaning": {}})
+    found = {}
+    for case in (low, stuck):
+        drawn = draw_stops(case, read_programme(), BOGIE, Draws(1))
+        conduct = Conduct(time_limit_s=8.0, mechanisms=case.mechanisms)
+        result = run(Vents(), BOGIE, drawn.stops[:1], conduct, faults=rows_of(drawn.faults, 1))
+        found[case.name if case is low else "stuck"] = (drawn, result)
+    drawn, result = found["low"]
+    assert (result.command[40:] == 1.0).all()
+    drawn, result = found["stuck"]
+    axle = int(np.argmin(drawn.faults.applies_s[0]))
+    assert (result.command[:, 0, axle] == 0.0).all()  # it cannot vent
+    assert (result.command[:, 0, 1 - axle] == -1.0).all()
+    assert result.reported is not None
+    assert not result.reported.any()
+
+
+def rows_of(faults, n):
+    """Return the first n stops' faults."""
+    return Faults(*(getattr(faults, field.name)[:n] for field in dataclasses.fields(Faults)))
+
+
+def test_a_wheel_that_locks_because_its_valve_failed_is_to_be_reported_all_the_same():
+    speed, slip = np.full((51, 1), 20.0), np.zeros((51, 1, 2))
+    slip[:, :, 0] = 20.0  # stands
+    zeros = np.zeros((51, 1, 2))
+    stop = draw_stops(Case("low", "", 72.0, (0.05, 0.06)), read_programme(), BOGIE, Draws(1)).stops[0]
+    records = StopRecords(
+        time=0.02 * np.arange(51), speed=speed, position=np.linspace(0.0, 20.0, 51)[:, None], slip=slip, pressure=zeros,
+        adhesion=zeros, command=zeros[1:], steps=np.array([50]), duration=np.ones(1), distance=np.full(1, 20.0),
+        stopped=np.ones(1, dtype=bool), air=np.full((1, 2), 100.0), contact_work=np.zeros((1, 2)),
+        reported=np.arange(50)[:, None, None] >= np.full((1, 2), 25),
+    )  # fmt: skip
+    equipped = dataclasses.replace(BOGIE, brake=dataclasses.replace(BOGIE.brake, reservoir_volume_l=100.0))
+    found = figures(records, ceiling(equipped, [stop]), np.array([[False, True]]))
+    assert found["locked_s"][0] == 0.0
+    assert found["unreported_s"][0] == pytest.approx(0.5)
+    assert found["reservoir_fall_bar"][0] == pytest.approx(200.0 * 1.01325 / 200.0)
+    assert figures(records, ceiling(BOGIE, [stop]))["locked_s"][0] == pytest.approx(1.0)

@@ -12,7 +12,7 @@ from agents.measure import low_adhesion
 from agents.rivals import at_slip, classical, envelope
 from agents.rules import KINDS, RANGES
 from agents.tolerances import TOLERANCES, _over_the_first
-from baselines.adaptive import AdaptiveParameters, Settings
+from baselines.adaptive import AdaptiveController, AdaptiveParameters, Settings
 from baselines.rule_based import LongSlide, RuleBasedParameters
 from wsp_env.evaluation.runner import StopRecords
 from wsp_env.observer import rail, worth
@@ -171,3 +171,12 @@ def test_a_tolerance_changes_what_it_names_and_is_compared_with_the_stop_as_beli
         {"law": "classic", "controller": "a", "distances": np.array([110.0, 220.0])},
     ]
     assert [row["over"] for row in _over_the_first(rows)] == pytest.approx([1.0, 1.1])
+
+
+def test_adaptive_control_asks_for_the_pressures_that_it_is_to_use():
+    controller = AdaptiveController(AdaptiveParameters(pressure_sensors=1.0))
+    controller.reset(1, BOGIE)
+    seen = Measurement(np.zeros(1), np.full((1, 2), 60.0), np.ones(1))
+    controller.act(seen)
+    with pytest.raises(ValueError, match="needs cylinder pressures"):
+        controller.act(seen._replace(time=np.array([0.02])))
