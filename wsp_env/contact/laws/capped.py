@@ -56,7 +56,9 @@ def evaluate(slip_speed: float, speed: float, normal_load: float, on: Surface, t
 
 
 def _make(contact: Any) -> CappedLaw:
-    return CappedLaw(*degraded.LAW.make(contact)[: DegradedLaw._fields.index("recovery_exponent")], FITTED_CREEPAGE)
+    paper = degraded.LAW.make(contact)
+    values: tuple[float, ...] = (*paper[: DegradedLaw._fields.index("recovery_exponent")], FITTED_CREEPAGE)
+    return CappedLaw(*values)
 
 
 LAW = TractionLaw("capped", "the seed paper's law, no further recovery beyond 30 % of creepage", CappedLaw, evaluate, _make)
