@@ -1,11 +1,12 @@
 """Controllers on vehicles that are not quite what they believe: `python -m agents.drawn --vehicle bogie`.
 
 Held-out stops with nominal brakes, and with brakes, radii, sensors and wear drawn. Controllers are told the nominal vehicle.
-Prints each one's figures over those that the front of the rules (their own best thresholds for several prices of sliding, in
-the same world) has at its own slip; by `--json` the means.
+Prints each one's figures over those that the lower envelope of the others' fronts (see `agents.rivals`), measured in the same
+world, has at its own slip; by `--json` the means.
 """
 
 import dataclasses
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,8 +16,8 @@ import numpy as np
 import tyro
 
 from agents.measure import HELD_OUT, Yardstick, low_adhesion, means
-from agents.rules import front
-from wsp_env.evaluation.controller import Controller, load
+from agents.rivals import at_slip, classical, envelope
+from wsp_env.evaluation.controller import Controller
 from wsp_env.evaluation.policy import load_policy
 from wsp_env.evaluation.runner import Conduct
 from wsp_env.parameters.uic_z1 import VEHICLES
@@ -36,7 +37,7 @@ DRAWS = 8
 WORN = (0.01, 0.02, 0.03, 0.04)
 NOISE = 0.3
 
-#: Figures that are reported as ratios to the rules' front.
+#: Figures that are reported as ratios to the envelope.
 REPORTED = ("distance_m", "slip_deviation_mps", "contact_energy_mj", "air_nl")
 
 World = list[tuple[Vehicle, dict[str, dict[str, float]], list[Stop]]]
@@ -72,10 +73,11 @@ class Arguments:
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
     stops: int = 40  # in each world and under each law
     worlds: tuple[str, ...] = ("nominal", "drawn brakes")  # see `world`
-    laws: tuple[str, ...] = ("recovering", "classic")
-    prices: tuple[str, ...] = ("2", "3")  # of the adaptive controller's settings
+    laws: tuple[str, ...] = ("recovering", "classic")  # "capped": recovering, but not beyond the creepages of the fit
     policies: tuple[Path, ...] = ()  # folders; none: agents/trained/VEHICLE
+    only: tuple[str, ...] = ()  # who is braked with, by the beginning of the name; none: all, and without rivals no ratios
     drawn_by: int = HELD_OUT  # seed of the stops and of what is drawn
+    keep: Path | None = None  # file of what was measured; an interrupted run goes on with it
     json: bool = False
 
 
@@ -138,44 +140,79 @@ class Drawn:
         return {name: np.concatenate([own[name] for own in found]) for name in found[0]}
 
 
-def at_slip(points: Sequence[Mapping[str, float]], slip: float) -> dict[str, float]:
-    """Return the figures of a front at a mean slip [m/s], linear between its points and level beyond them.
+def means_of(yardstick: Drawn, controller: Controller) -> dict[str, float]:
+    """Return the means of a controller's figures, and the longest lock of its stops, `worst_locked_s` [s]."""
+    found = yardstick.figures(controller)
+    return means(found) | {"worst_locked_s": float(found["locked_s"].max())}
 
-    A point that another one beats at no more slip is none of the front.
+
+def against(own: Mapping[str, float], rivals: Sequence[Mapping[str, float]]) -> dict[str, Any]:
+    """Return a controller's figures over those of the rivals' envelope at its slip; `beyond` says that none slides as much.
+
+    Rivals that lock a wheel do not count.
     """
-    ordered = sorted(points, key=lambda own: own["mean_slip_mps"])
-    kept = [own for i, own in enumerate(ordered) if all(own["distance_m"] < b["distance_m"] for b in ordered[:i])]
-    slips = [own["mean_slip_mps"] for own in kept]
-    return {name: float(np.interp(slip, slips, [own[name] for own in kept])) for name in kept[0]}
-
-
-def contestants(arguments: Arguments) -> dict[str, Controller]:
-    """Return who is compared with the rules' front."""
-    shipped = Path("agents/trained") / arguments.vehicle
-    own = front(shipped, "adaptive")
-    found = {f"adaptive, price {price}": own[price] for price in arguments.prices if price in own}
-    found = found or {"adaptive, default settings": load("adaptive")}
-    for folder in arguments.policies or (shipped,):
-        found[f"policy {folder.name}"] = load_policy(folder)
-    return found
+    sound = [rival for rival in rivals if rival["worst_locked_s"] == 0.0]
+    if not sound:
+        return {f"{figure}_ratio": float("nan") for figure in REPORTED} | {"beyond_front": False, "rivals": 0}
+    other = at_slip(sound, own["mean_slip_mps"])
+    ratios = {f"{figure}_ratio": own[figure] / other[figure] for figure in REPORTED}
+    most = max(point["mean_slip_mps"] for point in envelope(sound))
+    return ratios | {"beyond_front": most < own["mean_slip_mps"], "rivals": len(sound)}
 
 
 def compare(arguments: Arguments) -> list[dict[str, Any]]:
-    """Return a row for each world, law and controller: its means, and over those of the rules' front at its slip."""
+    """Return a row for each world, law and controller: its means, and over those of the others' envelope at its slip.
+
+    A policy is compared with all classical controllers, one of these with the families that are not its own. What was measured
+    before with the same arguments is read from `keep`.
+    """
     vehicle, rows = VEHICLES[arguments.vehicle], list[dict[str, Any]]()
+    families = classical(arguments.vehicle)
+    shipped = (Path("agents/trained") / arguments.vehicle,)
+    policies = {f"policy {folder.name}": load_policy(folder) for folder in arguments.policies or shipped}
     for name in arguments.worlds:
         for law in arguments.laws:
-            yardstick = Drawn(vehicle, world(name, vehicle, law, arguments.stops, arguments.drawn_by))
-            rules = [means(yardstick.figures(own)) for own in front(Path("agents/trained") / arguments.vehicle).values()]
-            for who, controller in contestants(arguments).items():
-                found = yardstick.figures(controller)
-                own, worst = means(found), float(found["locked_s"].max())
-                other = at_slip(rules, own["mean_slip_mps"])
-                ratios = {f"{figure}_ratio": own[figure] / other[figure] for figure in REPORTED}
-                beyond = max(point["mean_slip_mps"] for point in rules) < own["mean_slip_mps"]
-                rows.append({"world": name, "law": law, "controller": who, "worst_locked_s": worst, "beyond_front": beyond})
-                rows[-1] |= ratios | own
+            yardstick = Drawn(vehicle, world(name, under(vehicle, law), law, arguments.stops, arguments.drawn_by))
+            every = {(family, who): one for family, own in families.items() for who, one in own.items()}
+            every |= {("", who): one for who, one in policies.items()}
+            if arguments.only:
+                every = {key: one for key, one in every.items() if " ".join(key).strip().startswith(arguments.only)}
+            found = {}
+            for key, controller in every.items():
+                what = f"{arguments.vehicle} {arguments.stops} {arguments.drawn_by} {name} {law}"
+                label = f"{what} {' '.join(key)} {_settings(controller)}"
+                found[key] = _kept(arguments.keep, label) or means_of(yardstick, controller)
+                _keep(arguments.keep, label, found[key])
+            for (family, who), own in found.items():
+                rivals = [value for (other, _), value in found.items() if other not in ("", family)]
+                rows.append({"world": name, "law": law, "controller": f"{family} {who}".strip()} | own | against(own, rivals))
     return rows
+
+
+def under(vehicle: Vehicle, law: str) -> Vehicle:
+    """Return the vehicle on rail of that law; who brakes it is told nothing of a cap."""
+    if law != "capped":
+        return vehicle
+    return dataclasses.replace(vehicle, contact=dataclasses.replace(vehicle.contact, traction_law="capped"))
+
+
+def _settings(controller: Controller) -> str:
+    """Return a name for a controller's settings, or for the network of a policy."""
+    what = getattr(controller, "parameters", None) or getattr(controller, "contract", None)
+    return hashlib.sha256(repr(what).encode()).hexdigest()[:8]
+
+
+def _kept(path: Path | None, label: str) -> dict[str, float] | None:
+    """Return what was measured before under a label."""
+    found = json.loads(path.read_text(encoding="utf-8")) if path and path.exists() else {}
+    kept: dict[str, float] | None = found.get(label)
+    return kept
+
+
+def _keep(path: Path | None, label: str, measured: Mapping[str, float]) -> None:
+    if path:
+        found = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+        path.write_text(json.dumps(found | {label: dict(measured)}, indent=1) + "\n", encoding="utf-8")
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -181,13 +181,18 @@ def main(arguments: RuleSearch) -> None:
         print(show(folder, arguments.show))
         return
     folder.mkdir(parents=True, exist_ok=True)
-    trials = Trials(arguments)
-    found = {f"{price:g}": search(trials, arguments, price) for price in arguments.slide_prices}
     left_out = ("out", "slide_prices", "show")
     own = {name: value for name, value in dataclasses.asdict(arguments).items() if name not in left_out}
-    (folder / KINDS[arguments.controller].file).write_text(
-        json.dumps({"search": own, "thresholds": found}, indent=1) + "\n", encoding="utf-8"
-    )
+    file = folder / KINDS[arguments.controller].file
+    found: dict[str, dict[str, float]] = {}
+    trials: Trials | None = None
+    if file.exists() and (before := json.loads(file.read_text(encoding="utf-8")))["search"] == own:
+        found = before["thresholds"]  # an interrupted search goes on
+    for price in arguments.slide_prices:
+        if f"{price:g}" not in found:
+            trials = trials or Trials(arguments)
+            found[f"{price:g}"] = search(trials, arguments, price)
+            file.write_text(json.dumps({"search": own, "thresholds": found}, indent=1) + "\n", encoding="utf-8")
     print(json.dumps(found))
 
 

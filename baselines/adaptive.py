@@ -49,6 +49,7 @@ class AdaptiveParameters(SafetyParameters):
     dead_band: float = quantity(0.08, "-", _TUNED + "; share of the wanted brake within which the valve rests", 0.0, 1.0)
     reached_share: float = quantity(0.3, "-", _TUNED + "; share of the dead band at which a moving valve rests", 0.0, 1.0)
     smallest_slip_mps: float = quantity(0.05, "m/s", _TUNED + "; the least slip that is wanted", 0.0, 2.0)
+    pressure_sensors: float = quantity(0.0, "-", "1: the cylinder pressures are measured; 0: they are estimated", 0.0, 1.0)
 
 
 class Settings(NamedTuple):
@@ -110,7 +111,7 @@ class AdaptiveController:
 
     def _begin(self, first: Measurement, interval: float) -> None:
         p, self._begun = self.parameters, True
-        self._observer = Observer(self._vehicle, interval)
+        self._observer = Observer(self._vehicle, interval, pressure_sensors=bool(np.all(p.pressure_sensors)))
         self.wheels = Guard(self._vehicle, self._observer, len(first.time), p.safety_timer_s, p.safety_rest_s)
         self.wheels.begin(first)
 

@@ -11,8 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from plant_cases import DIRECT, a_plant, a_stop, arrays, plant_of, run
 
 from wsp_env.parameters.uic_z1 import BOGIE, WHEELSET
-from wsp_env.parameters.vehicle import Tachometer
-from wsp_env.plant.components.brake import ATMOSPHERE_BAR
+from wsp_env.parameters.vehicle import ATMOSPHERE_BAR, Tachometer
 from wsp_env.plant.components.tachometer import normal, uniform
 
 BRAKE = BOGIE.brake
@@ -201,3 +200,46 @@ def test_dead_time_longer_than_many_intervals():
     run(plant, 0.1, -1.0)
     since = plant.state.time[0] - start - 0.5
     assert_allclose(plant.state.brake.pressure[0, 0], before * math.exp(-since / slow.vent_time_constant_s), rtol=1e-3)
+
+
+def with_reservoirs(volume_l: float, **changes):
+    brake = dataclasses.replace(BRAKE, reservoir_volume_l=volume_l, **changes)
+    return a_plant("bogie", 0.02, 0.01, vehicle={"brake": brake}, mu_cd=0.28, initial_speed=80.0)
+
+
+def test_reservoirs_lose_what_the_cylinders_take_and_an_empty_device_has_no_brake():
+    plant = with_reservoirs(10.0)
+    brake = plant.state.brake
+    for _ in range(12):
+        run(plant, 1.0, 1.0)
+        taken = brake.air.sum() * ATMOSPHERE_BAR / (10.0 * 2)  # [bar], isothermal
+        assert_allclose(BRAKE.reservoir_pressure_bar - brake.reservoir, taken, rtol=1e-9)
+        run(plant, 1.0, -1.0)
+    assert 0.0 <= brake.reservoir[0] < 1.0
+    run(plant, 2.0, 1.0)
+    assert (brake.pressure < 1.0).all()  # of 3.8 bar that are asked for
+    assert (brake.pressure >= brake.reservoir - 1e-6).all()
+
+
+def test_cylinders_keep_their_air_when_the_reservoirs_are_lower_and_a_supply_fills_them_again():
+    plant = with_reservoirs(2.0, reservoir_supply_nlps=100.0)
+    brake = plant.state.brake
+    run(plant, 6.0, 1.0)
+    full = brake.pressure.copy()
+    brake.reservoir[:] = 1.0
+    plant.step([[1.0, 1.0]])
+    assert (brake.pressure >= full - 1e-9).all()
+    before = brake.reservoir[0]
+    run(plant, 0.1, 0.0)
+    assert_allclose(brake.reservoir[0] - before, 100.0 * 0.1 * ATMOSPHERE_BAR / (2.0 * 2), rtol=1e-6)
+    run(plant, 5.0, 0.0)
+    assert brake.reservoir[0] == BRAKE.reservoir_pressure_bar
+
+
+def test_a_supply_that_never_ends_changes_nothing():
+    plain, large = a_plant("bogie", 0.02, 0.01), with_reservoirs(1e4)
+    for plant in (plain, large):
+        run(plant, 3.0, 1.0)
+        run(plant, 0.2, -1.0)
+        run(plant, 1.0, 1.0)
+    assert_array_equal(plain.state.brake.pressure, large.state.brake.pressure)

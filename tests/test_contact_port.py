@@ -12,6 +12,7 @@ from plant_cases import a_plant, a_stop, run
 from wsp_env.contact.degraded import degraded_adhesion
 from wsp_env.contact.fastsim import fastsim
 from wsp_env.contact.kalker import Patch, saturated_force
+from wsp_env.contact.laws.capped import FITTED_CREEPAGE
 from wsp_env.contact.laws.fastsim import ELEMENTS, STRIPS
 from wsp_env.contact.polach import falling_friction, polach_adhesion
 from wsp_env.contact.port import LAWS, adhesion_under, traction
@@ -76,6 +77,7 @@ def test_laws_are_those_of_their_own_modules(slip, speed, mu_cd):
     patch = Patch(c.semi_axis_a_m, c.semi_axis_b_m, c.shear_modulus_pa, c11, 3.67, 1.47)
     expected = {
         "degraded": degraded_adhesion(slip, speed, LOAD, mu_cd, TAU, law_of("degraded")),
+        "capped": degraded_adhesion(slip, speed, LOAD, mu_cd, TAU * min(1.0, FITTED_CREEPAGE / e), law_of("degraded")),
         "classic": degraded_adhesion(slip, speed, LOAD, mu_cd, 0.0, law_of("degraded")),
         "polach": polach_adhesion(
             e, slip, LOAD, c.stiffness_n, mu_cd, c.friction_ratio_d, c.friction_decrease_d_spm, c.polach_k_ad, c.polach_k_sd

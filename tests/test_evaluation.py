@@ -104,7 +104,8 @@ def test_the_standard_programme_holds_what_the_standard_tests():
     assert all("EN 15595" in r.source or "assumption" in r.source for r in programme.requirements)
     assert select_cases(programme, COACH) == programme.cases
     slow = dataclasses.replace(COACH, max_speed_mps=36.0)
-    assert {case.initial_speed_kmh for case in select_cases(programme, slow)} == {120.0}
+    assert {case.initial_speed_kmh for case in select_cases(programme, slow)} == {80.0, 120.0}
+    assert {"spray-160", "air-160", "partial-160", "drag-80", "valve-open-160", "valve-shut-160", "dry-no-power-160"} <= names
 
 
 @pytest.mark.parametrize(("mu_cd", "adhesion"), [(0.03, 0.062), (0.06, 0.115)])

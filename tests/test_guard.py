@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from wsp_env.observer import estimator
-from wsp_env.observer.guard import CALM_S, DEAD_S, END_CREEPAGE, FROZEN_S, USUAL_NOISE, Guard
+from wsp_env.observer.doubts import DEAD_S, FROZEN_S, USUAL_NOISE
+from wsp_env.observer.guard import Guard
 from wsp_env.observer.observation import Observer
+from wsp_env.observer.overrule import CALM_S, END_CREEPAGE
 from wsp_env.parameters.uic_z1 import BOGIE, COACH
 from wsp_env.plant.port import Measurement
 
@@ -73,11 +75,31 @@ def test_a_faulty_sensor_is_found_in_time_and_left_out(name):
     assert abs(stop.observer.estimate.speed[0] - stop.speed) < 0.3
 
 
+def test_a_sensor_that_freezes_moves_the_estimated_speed_by_nothing_that_the_brake_depends_on():
+    stop = Stop()
+    stop.go_on(4.0)
+    stop.go_on(FROZEN_S + 3 * INTERVAL_S, frozen(stop))
+    assert stop.guard.failed.tolist() == [[True, False]]
+    estimate = stop.observer.estimate
+    assert abs(estimate.speed[0] - stop.speed) < 0.1
+    assert estimate.since_slide[0] == np.inf  # the sound wheel is not taken for one that slides
+    assert (stop.command == 1.0).all()
+
+
 def test_a_sensor_that_is_frozen_from_the_start_is_found_once_the_brake_acts():
     stop = Stop()  # its reading keeps the estimated speed up: the other wheel tells
     assert stop.go_on(3.0, frozen(stop)) < 2.0
     assert stop.guard.failed.tolist() == [[True, False]]
     stop.go_on(5.0)
+    assert abs(stop.observer.estimate.speed[0] - stop.speed) < 0.5
+
+
+def test_readings_that_repeat_while_the_vehicle_coasts_are_no_fault():
+    stop = Stop(COACH, 40.0, noise=0.0, radius=COACH.wheel_radius_m * np.array([1.0, 0.97, 1.0, 1.0]))
+    for _ in range(100):  # without demand, drag and noise every reading is the one before
+        stop.time += INTERVAL_S
+        stop.guard.observe(stop.measure(lambda wheel: wheel)._replace(demand=np.zeros(1)), stop.command)
+    assert not stop.guard.failed.any()
     assert abs(stop.observer.estimate.speed[0] - stop.speed) < 0.5
 
 

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from agents.drawn import DRAWS, FILL_S, WORN, at_slip, world
+from agents.drawn import DRAWS, FILL_S, REPORTED, WORN, against, world
 from agents.faults import Broken, longest_lock
+from agents.measure import low_adhesion
+from agents.rivals import at_slip, classical, envelope
 from agents.rules import KINDS, RANGES
-from baselines.adaptive import AdaptiveParameters, Settings
+from agents.tolerances import TOLERANCES, _over_the_first
+from baselines.adaptive import AdaptiveController, AdaptiveParameters, Settings
 from baselines.rule_based import LongSlide, RuleBasedParameters
 from wsp_env.evaluation.runner import StopRecords
 from wsp_env.observer import rail, worth
@@ -128,3 +131,52 @@ def test_the_longest_lock_counts_without_a_break_and_above_15_kmh():
     fields = dict.fromkeys((field.name for field in dataclasses.fields(StopRecords)), None)
     records = StopRecords(**fields | {"time": 0.02 * np.arange(7), "speed": speed, "slip": slip})
     assert_allclose(longest_lock(records), [0.04])
+
+
+def measured(slip, distance, locked=0.0):
+    rest = dict.fromkeys(REPORTED, distance)
+    return rest | {"mean_slip_mps": slip, "distance_m": distance, "worst_locked_s": locked}
+
+
+def test_who_is_compared_is_compared_with_the_best_of_all_fronts_that_lock_no_wheel():
+    first, second = [measured(0.2, 1000.0), measured(0.8, 900.0)], [measured(0.5, 850.0), measured(0.9, 880.0)]
+    locks = [measured(0.4, 500.0, locked=0.5)]
+    assert [own["distance_m"] for own in envelope(first + second)] == [1000.0, 850.0]  # the others are beaten at less slip
+    found = against(measured(0.5, 800.0), first + second + locks)
+    assert found["distance_m_ratio"] == pytest.approx(800.0 / 850.0)
+    assert found["rivals"] == 4
+    assert not found["beyond_front"]
+    assert against(measured(1.5, 800.0), first)["beyond_front"]
+    assert np.isnan(against(measured(0.5, 800.0), locks)["distance_m_ratio"])
+
+
+def test_every_classical_family_has_a_front(tmp_path):
+    families = classical("bogie", tmp_path)  # nothing was searched there
+    assert set(families) == {"rules", "rules, long slide", "slip", "adaptive"}
+    assert len(families["adaptive"]) >= 3
+    prices = [controller.parameters.slide_price for controller in families["adaptive"].values()]
+    assert prices == sorted(prices)
+    assert all(controller.parameters.long_slide > 0.0 for controller in classical("bogie")["rules, long slide"].values())
+
+
+def test_a_tolerance_changes_what_it_names_and_is_compared_with_the_stop_as_believed():
+    slow = TOLERANCES["venting x 1.4"].of(BOGIE)
+    assert slow.brake.vent_time_constant_s == 1.4 * BOGIE.brake.vent_time_constant_s
+    assert dataclasses.replace(slow, brake=BOGIE.brake) == BOGIE
+    assert TOLERANCES["as believed"].of(BOGIE) == BOGIE
+    stop = low_adhesion(BOGIE, "classic", 1, 1)[0]
+    assert TOLERANCES["first wheelset worn 2 %"].stop(stop).radius[0] == pytest.approx(0.98 * stop.radius[0])
+    rows = [
+        {"law": "classic", "controller": "a", "distances": np.array([100.0, 200.0])},
+        {"law": "classic", "controller": "a", "distances": np.array([110.0, 220.0])},
+    ]
+    assert [row["over"] for row in _over_the_first(rows)] == pytest.approx([1.0, 1.1])
+
+
+def test_adaptive_control_asks_for_the_pressures_that_it_is_to_use():
+    controller = AdaptiveController(AdaptiveParameters(pressure_sensors=1.0))
+    controller.reset(1, BOGIE)
+    seen = Measurement(np.zeros(1), np.full((1, 2), 60.0), np.ones(1))
+    controller.act(seen)
+    with pytest.raises(ValueError, match="needs cylinder pressures"):
+        controller.act(seen._replace(time=np.array([0.02])))

@@ -10,7 +10,7 @@ import tyro
 from rich.console import Console
 
 from wsp_env.cli.pages import Pages
-from wsp_env.cli.plant_options import PlantOptions
+from wsp_env.cli.plant_options import PhysicsOptions
 from wsp_env.evaluation.compare import PARTED_MPS, Comparison, compare
 from wsp_env.evaluation.controller import load as load_controller
 from wsp_env.evaluation.controller import read_settings
@@ -34,21 +34,29 @@ class StopOptions:
         Share of full brake pressure.
     load
         Share of the payload.
+    draws
+        Times that each is braked, with drawn noise of the sensors; 1: once without.
 
     """
 
     speed: float = TEST_SPEEDS_MPS["A1"]
     demand: float = 1.0
     load: float = 0.0
+    draws: int = 5
+
+    def __post_init__(self) -> None:
+        """Refuse less than one draw."""
+        if self.draws < 1:
+            raise ParameterError(f"draws = {self.draws}: at least 1")
 
 
 def main(
     controller: str = "rule-based",
     vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "coach",
-    mu_cd: tuple[float, ...] = (0.02, 0.03, 0.04, 0.06),
+    mu_cd: tuple[float, ...] = (0.015, 0.02, 0.03, 0.04),
     tau: tuple[float, ...] = (0.95e-4, TAU_M_PER_J, 3.8e-4),
     stop: Annotated[StopOptions, tyro.conf.arg(name="")] = StopOptions(),
-    plant: Annotated[PlantOptions, tyro.conf.arg(name="")] = PlantOptions(),
+    plant: Annotated[PhysicsOptions, tyro.conf.arg(name="")] = PhysicsOptions(),
     set: tuple[str, ...] = (),
     out: Path = Path("out/compare.html"),
     page: Pages = PageOptions(),
@@ -82,14 +90,15 @@ def main(
         Print the table as JSON.
 
     """
-    braked = find_vehicle(vehicle)
+    braked = plant.on(find_vehicle(vehicle))
     plant.check(braked)
     if not mu_cd or not tau or min(tau) <= 0.0:
         raise ParameterError("give at least one --mu-cd and one --tau, each tau above 0: the classic law is run anyway")
     chosen = load_controller(controller, read_settings((controller,), set)[controller])
     ready(*page.files(out))
     try:
-        result = compare(chosen, braked, mu_cd, tau, stop.speed, stop.demand, stop.load, conduct=plant.conduct())
+        conduct = plant.conduct()
+        result = compare(chosen, braked, mu_cd, tau, stop.speed, stop.demand, stop.load, conduct=conduct, draws=stop.draws)
     except ControllerFailure as failure:
         raise ParameterError(str(failure)) from None
     title = f"{controller} on the {braked.name} from {stop.speed:g} m/s, demand {stop.demand:g}"
@@ -119,10 +128,19 @@ def _table(result: Comparison) -> Table:
     )  # fmt: skip
     rows = []
     for pair in result.pairs:
-        percent = dataclasses.replace(pair, gained_share=100.0 * pair.gained_share)
-        numbers = dataclasses.astuple(percent)[2:]
-        rows.append((f"{pair.mu_cd:g}", f"{1e4 * pair.tau:.3g}", *map(_cell, numbers, (0, 0, 0, 1, 1, 1, 2, 2, 2))))
-    return Table(header, rows, f"parted: the speeds at the same time differ by more than {PARTED_MPS:g} m/s")
+        metres = [
+            _cell(getattr(pair, f"{name}_m"), 0) + _scatter(getattr(pair, f"{name}_ci_m"))
+            for name in ("classic", "recovering", "gained")
+        ]
+        parted = (pair.parted_mps, pair.parted_s, pair.largest_gap_mps, pair.classic_slip_mps, pair.recovering_slip_mps)
+        cells = map(_cell, (100.0 * pair.gained_share, *parted), (1, 1, 1, 2, 2, 2))
+        rows.append((f"{pair.mu_cd:g}", f"{1e4 * pair.tau:.3g}", *metres, *cells))
+    said = f"parted: the speeds at the same time differ by more than {PARTED_MPS:g} m/s"
+    return Table(header, rows, said + "; ±: 95 % interval of the mean over the draws, differences draw by draw")
+
+
+def _scatter(half: float) -> str:
+    return f" ±{half:.0f}" if math.isfinite(half) else ""
 
 
 def _cell(value: float, digits: int) -> str:

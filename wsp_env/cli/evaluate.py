@@ -18,14 +18,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from wsp_env.cli.pages import Pages
-from wsp_env.cli.plant_options import PlantOptions
+from wsp_env.cli.plant_options import PhysicsOptions
 from wsp_env.cli.workers import WorkersOption, executor_of
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.evaluate import BOUND, Failure, ProgrammeResult, Trace, evaluate
 from wsp_env.evaluation.figures import FIGURES
 from wsp_env.evaluation.programme import STANDARD, Draws, read_programme, select_cases
 from wsp_env.evaluation.programme_report import LEFT_LIMIT, write_report
-from wsp_env.evaluation.summary import Verdict, judge, summarise
+from wsp_env.evaluation.summary import Verdict, decided, judge, summarise
 from wsp_env.executor import Workers
 from wsp_env.output import all_of, ready, write_whole
 from wsp_env.parameters.quantity import ParameterError
@@ -88,7 +88,7 @@ def main(
     set: tuple[str, ...] = (),
     stops: Annotated[ProgrammeOptions, tyro.conf.arg(name="")] = ProgrammeOptions(),
     workers: WorkersOption = Workers(),
-    plant: Annotated[PlantOptions, tyro.conf.arg(name="")] = PlantOptions(),
+    plant: Annotated[PhysicsOptions, tyro.conf.arg(name="")] = PhysicsOptions(),
     out: Path = Path("out/evaluate"),
     page: Pages = PageOptions(),
     json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
@@ -121,7 +121,7 @@ def main(
         Print stops, summary, verdicts and failures as JSON.
 
     """
-    braked = find_vehicle(vehicle)
+    braked = plant.on(find_vehicle(vehicle))
     plant.check(braked)
     draws = Draws(stops.draws, stops.seed)
     executor = executor_of(workers)
@@ -219,6 +219,7 @@ def _plain(result: ProgrammeResult, summary: polars.DataFrame, verdicts: tuple[V
         "stops": result.stops.to_dicts(),
         "summary": summary.to_dicts(),
         "verdicts": [vars(verdict) for verdict in verdicts],
+        "decided": decided(verdicts),
         "failures": [vars(failure) for failure in result.failures],
     }
     return _finite(document)
@@ -243,6 +244,7 @@ def _print(summary: polars.DataFrame, verdicts: tuple[Verdict, ...], draws: int)
     console.print(table)
     if verdicts:
         console.print(_verdict_table(verdicts))
+        console.print("\n".join(decided(verdicts)), markup=False, soft_wrap=True)
 
 
 def _stops_table(summary: polars.DataFrame, draws: int, columns: int) -> Table:
@@ -279,13 +281,16 @@ def _cell(row: dict[str, Any], figure: str, digits: int) -> str:
 
 def _verdict_table(verdicts: tuple[Verdict, ...]) -> Table:
     table = Table(title="Requirements (worst stop)")
-    for heading in ("requirement", "controller", "", "worst", "at most", "where"):
+    for heading in ("requirement", "controller", "", "worst", "at most", "where", "mean"):
         table.add_column(heading, no_wrap=True, justify="right" if heading in ("worst", "at most") else "left")
     previous = ""
     for verdict in verdicts:
         mark = "[green]pass[/green]" if verdict.passed else "[red]FAIL[/red]"
+        mean = f"{verdict.mean:.4g} of {verdict.mean_at_most:.4g}" if math.isfinite(verdict.mean_at_most) else ""
         name = "" if verdict.requirement == previous else verdict.requirement
         worst = f"{verdict.worst:.4g}" if math.isfinite(verdict.worst) else "-"
-        table.add_row(escape(name), escape(verdict.controller), mark, worst, f"{verdict.at_most:.4g}", escape(verdict.where))
+        table.add_row(
+            escape(name), escape(verdict.controller), mark, worst, f"{verdict.at_most:.4g}", escape(verdict.where), mean
+        )
         previous = verdict.requirement
     return table

@@ -16,6 +16,7 @@ from wsp_env.contact.traction import Adhesion, Surface, TractionLaw
 
 _FILES = (
     "wsp_env.contact.degraded",
+    "wsp_env.contact.laws.capped",
     "wsp_env.contact.laws.classic",
     "wsp_env.contact.laws.polach",
     "wsp_env.contact.laws.kalker",

@@ -1,9 +1,11 @@
 """The same stop under the classic and under the recovering law: what the recovery of adhesion is worth (seed paper, Fig. 16).
 
-One stop without recovery for every mu_cd and one with recovery for every mu_cd and tau, all else equal.
+One stop without recovery for every mu_cd and one with recovery for every mu_cd and tau, all else equal. Drawn several times
+with the noise of the sensors each has a scatter: a closed loop of valves takes another course with every noise.
 """
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,6 +14,7 @@ import numpy as np
 from wsp_env.evaluation.controller import Controller
 from wsp_env.evaluation.programme import TRACK_LENGTH_M
 from wsp_env.evaluation.runner import Conduct, StopRecords, run
+from wsp_env.evaluation.summary import interval
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.port import TRACK_STEP_M, Stop
 from wsp_env.scenario import Scenario, draw
@@ -19,12 +22,18 @@ from wsp_env.scenario import Scenario, draw
 #: The two stops have parted once their speeds differ by this much [m/s] (assumption: visible in a diagram such as Fig. 16).
 PARTED_MPS = 0.5
 
+#: Noise of the wheel-speed sensors of drawn stops [rad/s], from none to this (assumption: as in the test programme).
+DRAWN_NOISE = 0.1
+
 _CONDUCT = Conduct()
 
 
 @dataclasses.dataclass(frozen=True)
 class ComparedStops:
-    """The stop under both laws at one point of the grid; a stop given up at the time limit has the distance inf."""
+    """The stop under both laws at one point of the grid, as a mean over its draws; one given up at the time limit has inf [m].
+
+    `_ci` are half the widths of the means' 95 % intervals over the draws, nan for one draw.
+    """
 
     mu_cd: float  # [-]
     tau: float  # [m/J]
@@ -37,11 +46,14 @@ class ComparedStops:
     largest_gap_mps: float  # largest difference of the speeds at the same time [m/s], as the paper's eq. (19)
     classic_slip_mps: float  # mean slip speed, eq. (21), mean of the axles [m/s]
     recovering_slip_mps: float  # [m/s]
+    classic_ci_m: float = math.nan  # [m]
+    recovering_ci_m: float = math.nan  # [m]
+    gained_ci_m: float = math.nan  # of the differences draw by draw [m]
 
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """All pairs, mu_cd by mu_cd, and the speeds (T,) [m/s] over time (T,) [s] to draw."""
+    """All pairs, mu_cd by mu_cd, and the speeds (T,) [m/s] of the first draw over time (T,) [s] to draw."""
 
     pairs: tuple[ComparedStops, ...]
     time: np.ndarray
@@ -59,16 +71,26 @@ def compare(
     load: float = 0.0,
     seed: int = 0,
     conduct: Conduct = _CONDUCT,
+    draws: int = 1,
 ) -> Comparison:
-    """Brake the same stop under both laws over the grid of mu_cd [-] and tau [m/J].
+    """Brake the same stop under both laws over the grid of mu_cd [-] and tau [m/J]; more than one of `draws` have noise.
 
     Raises `ParameterError` for conditions that cannot be and `ControllerFailure` for a controller that fails.
     """
     grid = [(friction, rate) for friction in mu_cd for rate in (0.0, *tau)]
-    stops = [_stop(vehicle, friction, rate, initial_speed_mps, demand, load, seed) for friction, rate in grid]
+    noises = [0.0] if draws == 1 else np.random.default_rng([seed, 1]).uniform(0.0, DRAWN_NOISE, draws).tolist()
+    stops = [
+        _stop(vehicle, friction, rate, initial_speed_mps, demand, load, seed + number, noise)
+        for friction, rate in grid
+        for number, noise in enumerate(noises)
+    ]
     result = run(controller, vehicle, stops, conduct)
-    row = {point: i for i, point in enumerate(grid)}
-    pairs = [_pair(result, friction, rate, row[friction, 0.0], row[friction, rate]) for friction in mu_cd for rate in tau]
+    row = {point: i * draws for i, point in enumerate(grid)}
+    pairs = [
+        _mean([_pair(result, friction, rate, row[friction, 0.0] + i, row[friction, rate] + i) for i in range(draws)])
+        for friction in mu_cd
+        for rate in tau
+    ]
     speed = result.speed.astype(np.float64)
     return Comparison(
         tuple(pairs),
@@ -78,10 +100,28 @@ def compare(
     )
 
 
-def _stop(vehicle: Vehicle, mu_cd: float, tau: float, speed: float, demand: float, load: float, seed: int) -> Stop:
+def _mean(pairs: Sequence[ComparedStops]) -> ComparedStops:
+    """Return the mean of a point's draws with its intervals; of those that parted, where they did."""
+    if len(pairs) == 1:
+        return pairs[0]
+    columns = {
+        field.name: np.array([getattr(pair, field.name) for pair in pairs]) for field in dataclasses.fields(ComparedStops)
+    }
+    means = {name: float(np.mean(values)) for name, values in columns.items()}
+    for name in ("parted_mps", "parted_s"):
+        parted = columns[name][np.isfinite(columns[name])]
+        means[name] = float(parted.mean()) if parted.size else math.nan
+    for name in ("classic", "recovering", "gained"):
+        means[f"{name}_ci_m"] = interval(columns[f"{name}_m"])[1]
+    return ComparedStops(**means)
+
+
+def _stop(
+    vehicle: Vehicle, mu_cd: float, tau: float, speed: float, demand: float, load: float, seed: int, noise: float
+) -> Stop:  # fmt: skip
     pins: dict[str, Any] = {
         "mu_cd": mu_cd, "tau": tau, "initial_speed": speed, "demand": demand, "load": load, "gradient": 0.0,
-        "sensor_noise": 0.0, "track": "constant",
+        "sensor_noise": noise, "track": "constant",
     }  # fmt: skip
     return draw(Scenario(), vehicle, np.random.default_rng(seed), int(TRACK_LENGTH_M / TRACK_STEP_M) + 1, pins)
 

@@ -139,20 +139,25 @@ def work(job: Job) -> bytes:
     """Return the results of a task, the content of their file; `TaskFailedError` says what went wrong with its controller."""
     task = job.task
     programme = Programme("", task.limit, task.scenario, (task.case,), ())
-    drawn = draw_stops(task.case, programme, task.vehicle, task.draws)
-    top = ceiling(task.vehicle, drawn.stops, task.limit)
-    extra = {}
+    vehicle = task.case.equipped(task.vehicle)
+    conduct = dataclasses.replace(task.conduct, mechanisms={**task.conduct.mechanisms, **task.case.mechanisms})
+    drawn = draw_stops(task.case, programme, vehicle, task.draws)
+    top = ceiling(vehicle, drawn.stops, task.limit)
+    extra: dict[str, np.ndarray] = {}
+    protected: np.ndarray | None = None
     if job.controller is None:
         extra["bound"] = top.shortest()[0]
-        extra["dry"] = clean_rail(task.vehicle, drawn.stops, task.conduct).distance
-        result = perfect_knowledge(task.vehicle, drawn.stops, top, task.conduct)
+        extra["dry"] = clean_rail(vehicle, drawn.stops, conduct).distance
+        result = perfect_knowledge(vehicle, drawn.stops, top, conduct)
     else:
         try:
             with job.controller.here() as name:
-                result = run(load(name, task.parameters), task.vehicle, drawn.stops, task.conduct, drawn.sensor_fails_s)
+                controller = load(name, task.parameters)
+                result = run(controller, vehicle, drawn.stops, conduct, faults=drawn.faults)
+            protected = drawn.faults.protected
         except ControllerFailure as failure:
             raise TaskFailedError(str(failure)) from None
-    arrays = {f"figure_{name}": values for name, values in figures(result, top).items()}
+    arrays = {f"figure_{name}": values for name, values in figures(result, top, protected).items()}
     arrays |= {f"loss_{name}": values for name, values in losses(result, top).items()}
     arrays |= results.traces(result) | _names(drawn) | extra
     return results.content(arrays | {"stopped": result.stopped, "energy": 0.5e-6 * result.contact_work})

@@ -6,6 +6,7 @@ from wsp_env.envs.step import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
 from wsp_env.evaluation.bound import Ceiling
 from wsp_env.evaluation.runner import StopRecords
 from wsp_env.parameters.resistance import running_resistance
+from wsp_env.parameters.vehicle import ATMOSPHERE_BAR, Vehicle
 
 #: Figure of a stop -> its unit and meaning. "Worst axle" because one flat wheel is enough. The ratios compare with other stops
 #: under the same conditions; a ratio's stop that was given up at the time limit is infinitely long.
@@ -25,6 +26,8 @@ FIGURES = {
     "valve_switchings": ("-", "changes of the valves' commands, all axles"),
     "longest_vent_s": ("s", "longest uninterrupted venting, any axle"),
     "contact_energy_mj": ("MJ", "heat in one contact, worst wheel"),
+    "reservoir_fall_bar": ("bar", "what the air used takes from reservoirs that nothing refills; 0 where they never end"),
+    "unreported_s": ("s", "longest time for which a wheel stood above 10 km/h without being reported, any axle"),
 }
 
 #: Why a stop is longer than the bound; the metres of the causes add up to the whole on uniform rail.
@@ -39,8 +42,16 @@ CAUSES = {
 _SLIP_MARGIN_MPS = 0.2
 
 
-def figures(result: StopRecords, ceiling: Ceiling) -> dict[str, np.ndarray]:
-    """Return the figures of N stops by name, (N,) each, but the ratios, which need other stops."""
+#: A wheel that stands while the vehicle runs faster [m/s] is to be reported (assumption: 10 km/h).
+MONITORED_MPS = 10.0 / 3.6
+
+
+def figures(result: StopRecords, ceiling: Ceiling, protected: np.ndarray | None = None) -> dict[str, np.ndarray]:
+    """Return the figures of N stops by name, (N,) each, but the ratios, which need other stops.
+
+    `protected` (N, A): axles whose valves obey; slides, locks and venting of the others are not the controller's. None: all.
+    """
+    obeys = np.ones(result.air.shape, dtype=bool) if protected is None else protected
     interval = result.time[1]
     braking = np.arange(len(result.time) - 1)[:, None] < result.steps  # (T, N)
     speed, slip = result.speed[1:].astype(np.float64), result.slip[1:].astype(np.float64)
@@ -49,11 +60,13 @@ def figures(result: StopRecords, ceiling: Ceiling) -> dict[str, np.ndarray]:
     variance = np.where(braking[..., None], (slip - mean) ** 2, 0.0).sum(axis=0) / counts
     creepage = slip / np.maximum(speed, 1e-3)[..., None]
     counted = (braking & (speed > ceiling.limit.above_mps))[..., None]
-    beyond = counted & (creepage > ceiling.limit.creepage)
+    beyond = counted & (creepage > ceiling.limit.creepage) & obeys
     standing = speed[..., None] - slip < LOCKED_WHEEL_MPS
-    locked = (braking & (speed > LOCKED_RUNNING_MPS))[..., None] & standing
+    locked = (braking & (speed > LOCKED_RUNNING_MPS))[..., None] & standing & obeys
+    monitored = (braking & (speed > MONITORED_MPS))[..., None] & standing
+    unreported = monitored if result.reported is None else monitored & ~result.reported
     changed = (np.diff(result.command, axis=0) != 0.0) & braking[1:, :, None]
-    vented = (result.command < -0.5) & braking[..., None]
+    vented = (result.command < -0.5) & braking[..., None] & obeys
     return {
         "distance_m": result.distance,
         "mean_slip_mps": mean.mean(axis=1),
@@ -67,7 +80,16 @@ def figures(result: StopRecords, ceiling: Ceiling) -> dict[str, np.ndarray]:
         "valve_switchings": changed.sum(axis=(0, 2)).astype(np.float64),
         "longest_vent_s": interval * longest_run(vented).max(axis=1),
         "contact_energy_mj": 0.5e-6 * result.contact_work.max(axis=1),
+        "reservoir_fall_bar": reservoir_fall(result, ceiling.vehicle),
+        "unreported_s": interval * longest_run(unreported).max(axis=1),
     }
+
+
+def reservoir_fall(result: StopRecords, vehicle: Vehicle) -> np.ndarray:
+    """Return by how much the pressure of reservoirs that nothing refills falls in N stops (N,) [bar]."""
+    volume = vehicle.brake.reservoir_volume_l * vehicle.axles
+    fall: np.ndarray = result.air.sum(axis=1) * (ATMOSPHERE_BAR / volume if volume > 0.0 else 0.0)
+    return fall
 
 
 def losses(result: StopRecords, ceiling: Ceiling) -> dict[str, np.ndarray]:

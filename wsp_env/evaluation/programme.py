@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -11,10 +11,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from wsp_env.evaluation.bound import SlideLimit, best_adhesion
+from wsp_env.evaluation.faults import Faults
 from wsp_env.evaluation.figures import FIGURES
 from wsp_env.parameters.document import DocumentError, read_toml
 from wsp_env.parameters.quantity import ParameterError, number, shown
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.mechanisms import make
 from wsp_env.plant.port import TRACK_STEP_M, Stop
 from wsp_env.scenario import Scenario, draw
 
@@ -47,6 +49,11 @@ class Case:
     contaminated_m: tuple[tuple[float, float], ...] = ((0.0, np.inf),)  # stretches of a constant track [m]
     worn_radius_m: float = 0.0  # one drawn axle has so much less [m]
     sensor_fails_s: float = np.inf  # the sensor of one drawn axle reads zero from then on [s]
+    valve_vents_s: float = np.inf  # the dump valve of one drawn axle is stuck open to the air from then on [s]
+    valve_applies_s: float = np.inf  # that of one drawn axle vents no more from then on [s]
+    power_lost_s: float = np.inf  # all valves are without current from then on [s]
+    reservoir_l: float = 0.0  # reservoirs of an axle whose supply is shut off [l]; 0: the vehicle's own
+    mechanisms: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)  # physics of this case
 
     def __post_init__(self) -> None:
         """Turn lists from a table into tuples; refuse what cannot be."""
@@ -61,6 +68,11 @@ class Case:
         if not all(len(one) == 2 and all(number(end) >= 0.0 or end == np.inf for end in one) for one in stretches):
             raise ParameterError(f"case {self.name}: contaminated_m = {shown(stretches)} must be pairs (from, to) [m]")
         object.__setattr__(self, "contaminated_m", stretches)
+        if not isinstance(self.mechanisms, Mapping):
+            raise ParameterError(f"case {self.name}: mechanisms = {shown(self.mechanisms)} must be a table of tables")
+        if not number(self.reservoir_l) >= 0.0:
+            raise ParameterError(f"case {self.name}: reservoir_l = {shown(self.reservoir_l)} must be at least 0")
+        make(self.mechanisms)  # refuses what is none
         if not self.initial_speed_kmh > 0.0:
             raise ParameterError(f"case {self.name}: initial_speed_kmh = {self.initial_speed_kmh} must be above zero")
 
@@ -69,10 +81,17 @@ class Case:
         """The laws it is run under: both, but one on clean rail, where they are the same."""
         return LAWS if self.initial_adhesion else LAWS[:1]
 
+    def equipped(self, vehicle: Vehicle) -> Vehicle:
+        """Return the vehicle as it brakes in this case: with reservoirs that nothing refills, if the case has them."""
+        if not self.reservoir_l:
+            return vehicle
+        brake = dataclasses.replace(vehicle.brake, reservoir_volume_l=self.reservoir_l, reservoir_supply_nlps=0.0)
+        return dataclasses.replace(vehicle, brake=brake)
+
 
 @dataclasses.dataclass(frozen=True)
 class Requirement:
-    """A figure that must not exceed a number in any stop."""
+    """A figure that must not exceed a number in any stop, nor another one as a mean over the stops."""
 
     name: str
     figure: str
@@ -80,7 +99,8 @@ class Requirement:
     source: str  # clause, or "assumption"
     cases: tuple[str, ...] = ()  # empty: all
     laws: tuple[str, ...] = ()  # empty: both
-    per_axle: bool = False  # `at_most` is for one axle
+    per_axle: bool = False  # the numbers are for one axle
+    mean_at_most: float = np.inf  # for the mean over the stops of all these cases
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,7 +116,11 @@ class Programme:
     def required_of(self, vehicle: Vehicle) -> tuple[Requirement, ...]:
         """Return the requirements with their numbers for a whole vehicle."""
         return tuple(
-            dataclasses.replace(one, at_most=one.at_most * vehicle.axles, per_axle=False) if one.per_axle else one
+            dataclasses.replace(
+                one, at_most=one.at_most * vehicle.axles, mean_at_most=one.mean_at_most * vehicle.axles, per_axle=False
+            )
+            if one.per_axle
+            else one
             for one in self.requirements
         )
 
@@ -121,7 +145,7 @@ class CaseStops:
     laws: tuple[str, ...]  # (N,)
     draws: tuple[int, ...]  # (N,)
     stops: tuple[Stop, ...]  # (N,)
-    sensor_fails_s: np.ndarray  # (N, A)
+    faults: Faults
 
 
 def read_programme(path: Path = STANDARD) -> Programme:
@@ -198,18 +222,26 @@ def select_cases(programme: Programme, vehicle: Vehicle, names: Sequence[str] = 
 
 def draw_stops(case: Case, programme: Programme, vehicle: Vehicle, draws: Draws) -> CaseStops:
     """Draw the stops of a case: the same under every law, and from the same numbers in every case."""
-    rows, stops, fails = [], [], []
+    rows, stops, axles = [], [], []
     for drawn in range(draws.number):
         rng = np.random.default_rng([draws.seed, drawn])
         share, axle = rng.uniform(), int(rng.integers(vehicle.axles))
-        fail = np.full(vehicle.axles, np.inf)
-        fail[axle] = case.sensor_fails_s
         for law in case.laws:
             rows.append((law, drawn))
             stops.append(_stop(case, programme, vehicle, law, share, axle, np.random.default_rng([draws.seed, drawn, 1])))
-            fails.append(fail)
+            axles.append(axle)
     laws, numbers = zip(*rows, strict=True)
-    return CaseStops(laws, numbers, tuple(stops), np.array(fails))
+    return CaseStops(laws, numbers, tuple(stops), _faults(case, np.array(axles), vehicle.axles))
+
+
+def _faults(case: Case, axle: np.ndarray, axles: int) -> Faults:
+    """Return what fails in the stops of a case, on the axle (N,) that was drawn for each."""
+
+    def of_one(time: float) -> np.ndarray:
+        return np.where(np.arange(axles) == axle[:, None], time, np.inf)
+
+    power = np.full(len(axle), case.power_lost_s)
+    return Faults(of_one(case.sensor_fails_s), of_one(case.valve_vents_s), of_one(case.valve_applies_s), power)
 
 
 def _stop(

@@ -12,11 +12,14 @@ from wsp_env.evaluation.evaluate import BOUND, ProgrammeResult
 from wsp_env.evaluation.figures import CAUSES, FIGURES
 from wsp_env.evaluation.programme_viewer import Viewer
 from wsp_env.evaluation.results import TRACE_SAMPLES
-from wsp_env.evaluation.summary import Verdict
+from wsp_env.evaluation.summary import Verdict, decided
 from wsp_env.report import COLOURS, Figure, Origin, PageOptions, Section, Table, axes, plotly, write_page
 
 #: What the mark beside a ratio to the bound says.
-LEFT_LIMIT = "* at least one draw left the slide limit: it violates it, and the bound does not hold for it"
+LEFT_LIMIT = (
+    "* at least one draw left the slide limit: it violates it, the bound does not hold for it, and the recovery there is "
+    "beyond what the law was fitted on (see --cap-recovery)"
+)
 
 _DIGITS = {"m": 0, "m/s": 2, "s": 1, "Nl": 0, "MJ": 3, "-": 3}
 _SLIP_TICKS = [digit * 10.0**power for power in range(-4, 3) for digit in (1, 2, 5)]
@@ -63,16 +66,7 @@ def _means(contaminated: polars.DataFrame) -> list[dict[str, Any]]:
 
 
 def _passed(verdicts: Sequence[Verdict]) -> list[str]:
-    said = []
-    for name in dict.fromkeys(verdict.controller for verdict in verdicts):
-        own = [verdict for verdict in verdicts if verdict.controller == name]
-        missed = [verdict.requirement for verdict in own if not verdict.passed]
-        said.append(
-            f"{name} misses {len(missed)} of {len(own)} requirements: {', '.join(missed)}."
-            if missed
-            else f"{name} meets all {len(own)} requirements."
-        )
-    return said
+    return [f"{line}." for line in decided(verdicts)]
 
 
 def _failed(result: ProgrammeResult) -> list[str]:
@@ -123,13 +117,18 @@ def _verdicts(verdicts: Sequence[Verdict]) -> Table:
         first = next(iter(own.values()))
         cells = [_verdict(own[name]) if name in own else "" for name in names]
         rows.append((requirement, f"{first.at_most:g}", *cells, first.source))
-    return Table(("requirement", "at most", *names, "source of the limit"), rows, "The worst stop counts.")
+    return Table(
+        ("requirement", "at most", *names, "source of the limit"),
+        rows,
+        "The worst stop counts, and the mean of the stops where it says so.",
+    )
 
 
 def _verdict(verdict: Verdict) -> str:
+    mean = f"; mean {verdict.mean:.4g} of {verdict.mean_at_most:.4g}" if math.isfinite(verdict.mean_at_most) else ""
     if verdict.passed:
-        return f"pass ({verdict.worst:.4g})"
-    return f"FAIL ({verdict.worst:.4g}: {verdict.where})" if math.isfinite(verdict.worst) else f"FAIL ({verdict.where})"
+        return f"pass ({verdict.worst:.4g}{mean})"
+    return f"FAIL ({verdict.worst:.4g}: {verdict.where}{mean})" if math.isfinite(verdict.worst) else f"FAIL ({verdict.where})"
 
 
 def _front(summary: polars.DataFrame) -> Section:

@@ -8,6 +8,7 @@ import numpy as np
 
 from wsp_env.child import TookTooLongError, limited
 from wsp_env.evaluation.controller import Controller
+from wsp_env.evaluation.faults import Faults, standing_reported
 from wsp_env.evaluation.policy import Policy
 from wsp_env.parameters.track_geometry import TrackGeometry
 from wsp_env.parameters.vehicle import Vehicle
@@ -47,6 +48,7 @@ class StopRecords:
     stopped: np.ndarray  # (N,) bool; False: given up at the time limit, or by the plant
     air: np.ndarray  # (N, A) [Nl]
     contact_work: np.ndarray  # (N, A) heat in both contacts of the wheelset [J]
+    reported: np.ndarray | None = None  # (T, N, A) bool, wheels that the controller says stand; None: it was not asked
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,6 +69,7 @@ def run(
     stops: Sequence[Stop],
     conduct: Conduct = Conduct(),  # frozen
     sensor_fails_s: np.ndarray | None = None,
+    faults: Faults | None = None,
 ) -> StopRecords:
     """Brake all `stops` at once with one controller.
 
@@ -78,6 +81,7 @@ def run(
     stops : N conditions, all with the same number of track nodes
     conduct : control interval, time limit, sensors
     sensor_fails_s : (N, A) time from which a wheel's sensor reads 0 [s]; inf where it stays sound
+    faults : what else fails; its sensors count where `sensor_fails_s` is not given
 
     Raises
     ------
@@ -92,14 +96,18 @@ def run(
     by_pressure = getattr(controller, "action", "valve") == "pressure"
     plant = start_plant(vehicle, stops, conduct, by_pressure)
     _guarded(controller, "reset", 0.0, len(stops), vehicle)
+    fails = faults.sensor_s if faults is not None and sensor_fails_s is None else sensor_fails_s
+    reported: list[np.ndarray] = []
 
     def decide() -> np.ndarray:
-        seen = measure(plant, conduct.pressure_sensors, sensor_fails_s)
+        seen = measure(plant, conduct.pressure_sensors, fails)
         time = float(np.max(seen.time))
         command = check_command(controller, _guarded(controller, "act", time, seen), seen.wheel_speed.shape, time)
-        return share_of_pressure(command) if by_pressure else command
+        reported.append(standing_reported(controller, command.shape))
+        wanted = share_of_pressure(command) if by_pressure else command
+        return wanted if faults is None else faults.acting(wanted, seen.time, by_pressure)
 
-    return record(plant, decide, conduct)
+    return dataclasses.replace(record(plant, decide, conduct), reported=np.stack(reported))
 
 
 def start_plant(vehicle: Vehicle, stops: Sequence[Stop], conduct: Conduct, by_pressure: bool = False) -> Plant:

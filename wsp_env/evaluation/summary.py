@@ -18,7 +18,7 @@ CONFIDENCE = 0.95
 
 @dataclasses.dataclass(frozen=True)
 class Verdict:
-    """A requirement applied to one controller: the worst of its stops."""
+    """A requirement applied to one controller: the worst of its stops, and their mean."""
 
     requirement: str
     controller: str
@@ -27,6 +27,35 @@ class Verdict:
     at_most: float
     where: str  # case, law and draw of the worst stop, and whether it ran on
     source: str
+    mean: float = math.nan  # of the stops; nan where none is asked for
+    mean_at_most: float = math.inf
+
+    @property
+    def share(self) -> float:
+        """How much of what is granted is used, worst stop or mean [-]; above 1 it is missed, inf where nothing is granted."""
+        uses = [(self.worst, self.at_most)]
+        if math.isfinite(self.mean_at_most):
+            uses.append((self.mean, self.mean_at_most))
+        return max(used / granted if granted > 0.0 else (0.0 if used <= granted else math.inf) for used, granted in uses)
+
+
+def decided(verdicts: Sequence[Verdict]) -> list[str]:
+    """Return a line for each controller: PASS or FAIL, of how many requirements, and the one that decides."""
+    lines = []
+    for name in dict.fromkeys(verdict.controller for verdict in verdicts):
+        own = [verdict for verdict in verdicts if verdict.controller == name]
+        missed = [verdict for verdict in own if not verdict.passed]
+        one = max(missed or own, key=lambda verdict: verdict.share)
+        used, granted, where = one.worst, one.at_most, one.where
+        if math.isfinite(one.mean_at_most) and not one.mean / one.mean_at_most < one.worst / one.at_most:
+            used, granted, where = one.mean, one.mean_at_most, "mean"
+        what = f"{one.requirement} {used:.4g} of {granted:.4g} ({where})"
+        if missed:
+            others = f", and {len(missed) - 1} more of {len(own)}" if len(missed) > 1 else f", the other {len(own) - 1} met"
+            lines.append(f"FAIL {name}: {what}{others}")
+        else:
+            lines.append(f"PASS {name}: all {len(own)} requirements; nearest: {what}")
+    return lines
 
 
 def summarise(stops: polars.DataFrame) -> polars.DataFrame:
@@ -72,16 +101,17 @@ def judge(
                 f.case for f in failures if f.controller == name and (not requirement.cases or f.case in requirement.cases)
             ]
             if failed:
-                found = math.inf, f"{failed[0]}: failed"
+                found = math.inf, f"{failed[0]}: failed", math.inf
             if found:
-                worst, where = found
-                passed = worst <= requirement.at_most
-                verdicts.append(Verdict(requirement.name, name, passed, worst, requirement.at_most, where, requirement.source))
+                worst, where, mean = found
+                passed = worst <= requirement.at_most and mean <= requirement.mean_at_most
+                source, means = requirement.source, (mean, requirement.mean_at_most)
+                verdicts.append(Verdict(requirement.name, name, passed, worst, requirement.at_most, where, source, *means))
     return tuple(verdicts)
 
 
-def _worst(stops: polars.DataFrame, requirement: Requirement) -> tuple[float, str] | None:
-    """Return the largest figure among the stops that the requirement concerns, and which stop it was; None without any."""
+def _worst(stops: polars.DataFrame, requirement: Requirement) -> tuple[float, str, float] | None:
+    """Return the largest figure among the stops that the requirement concerns, which stop it was, and their mean; or None."""
     if requirement.cases:
         stops = stops.filter(polars.col("case").is_in(list(requirement.cases)))
     if requirement.laws:
@@ -92,4 +122,4 @@ def _worst(stops: polars.DataFrame, requirement: Requirement) -> tuple[float, st
     worst = int(np.argmax(values))
     row = stops.row(worst, named=True)
     ran_on = "" if row["stopped"] else ": ran on"
-    return float(values[worst]), f"{row['case']}, {row['law']}, draw {row['draw'] + 1}{ran_on}"
+    return float(values[worst]), f"{row['case']}, {row['law']}, draw {row['draw'] + 1}{ran_on}", float(values.mean())

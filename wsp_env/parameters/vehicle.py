@@ -10,6 +10,10 @@ from wsp_env.parameters.resistance import Resistance
 
 _BRAKE = "assumption: the seed paper does not give the brake of the coach"
 _FILLING = "assumption: distributor practice for passenger brakes, 3 to 5 s (UIC 540, second-hand)"
+_RESERVOIR = "assumption: no reservoirs are known of this coach"
+
+#: Pressure of one normal atmosphere [bar]: a normal litre is a litre of air at this pressure.
+ATMOSPHERE_BAR = 1.01325
 
 #: Most wheelsets of a vehicle: a train of sixteen coaches.
 MOST_AXLES = 64
@@ -28,6 +32,9 @@ class Brake(Checked):
     vent_time_constant_s: float = quantity(0.15, "s", _BRAKE + "; dump valve open to the air", 0.0, 10.0, True)
     dead_time_s: float = quantity(0.04, "s", _BRAKE + "; from command to valve stroke", 0.0, 1.0)
     cylinder_volume_l: float = quantity(8.0, "l", _BRAKE + "; cylinders and pipes of one axle", 0.0, 100.0, True)
+    reservoir_volume_l: float = quantity(0.0, "l", _RESERVOIR + "; of one axle; 0: the supply never ends", 0.0, 1e4)
+    reservoir_pressure_bar: float = quantity(8.5, "bar", _RESERVOIR + "; main reservoir pipe at 8 to 10 bar", 0.0, 20.0, True)
+    reservoir_supply_nlps: float = quantity(0.0, "Nl/s", _RESERVOIR + "; what refills those of a vehicle", 0.0, 1e4)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,5 +1,8 @@
 """Pneumatic brake: distributor of the vehicle, and on each axle a dump valve with dead time, a cylinder and discs.
 
+Reservoirs feed the distributor's cylinders, if they have a volume: what a dump valve lets out must be let in again, and a
+vehicle that has emptied them has no more brake.
+
 This is where a command becomes a cylinder pressure and a torque. A valve applies (+1: the cylinder fills towards the
 distributor's pressure), holds (0) or vents (-1); with pressure control a command is the wanted share of the demanded pressure.
 """
@@ -10,11 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.compiled import inlined, kernel
-from wsp_env.parameters.vehicle import Brake
+from wsp_env.parameters.vehicle import ATMOSPHERE_BAR, Brake
 from wsp_env.plant.command import APPLIES, VENTS
-
-#: Pressure of one normal atmosphere [bar]: a normal litre is a litre of air at this pressure.
-ATMOSPHERE_BAR = 1.01325
 
 
 class BrakeConstants(NamedTuple):
@@ -29,6 +29,9 @@ class BrakeConstants(NamedTuple):
     fill_kept: float  # share of the difference that is left after it while filling [-]
     vent_kept: float  # the same while venting [-]
     air_per_bar: float  # air let in per rise of the cylinder pressure [Nl/bar]
+    reservoir_full: float  # pressure of the reservoirs at the start of a stop, and that they are filled to [bar]
+    reservoir_per_nl: float  # fall of their pressure by a normal litre taken [bar/Nl]; 0: they never end
+    reservoir_supply: float  # what refills them [Nl/s]
     dead_steps: int  # whole control intervals of the valves' dead time
     dead_rest: float  # what is left of it [s]
     pressure_control: bool  # commands are shares of the demanded pressure, 0 to 1, instead of valve commands
@@ -41,10 +44,14 @@ class BrakeState(NamedTuple):
     pressure: np.ndarray  # (N, A) in the cylinders [bar]
     commands: np.ndarray  # (N, K, A) commands on their way to the valves, newest first
     air: np.ndarray  # (N, A) let into the cylinders [Nl]
+    reservoir: np.ndarray  # (N,) pressure of the reservoirs [bar]
 
 
-def constants(brake: Brake, control_interval_s: float, substep_s: float, pressure_control: bool) -> BrakeConstants:
+def constants(
+    brake: Brake, axles: int, control_interval_s: float, substep_s: float, pressure_control: bool
+) -> BrakeConstants:  # fmt: skip
     """Return a brake as compiled code takes it, in a plant that integrates by `substep_s` [s]."""
+    volume = brake.reservoir_volume_l * axles
     dead_steps = math.floor(brake.dead_time_s / control_interval_s + 1e-9)
     return BrakeConstants(
         full_pressure=brake.full_pressure_bar,
@@ -56,6 +63,9 @@ def constants(brake: Brake, control_interval_s: float, substep_s: float, pressur
         fill_kept=math.exp(-substep_s / brake.fill_time_constant_s),
         vent_kept=math.exp(-substep_s / brake.vent_time_constant_s),
         air_per_bar=brake.cylinder_volume_l / ATMOSPHERE_BAR,
+        reservoir_full=brake.reservoir_pressure_bar,
+        reservoir_per_nl=ATMOSPHERE_BAR / volume if volume > 0.0 else 0.0,
+        reservoir_supply=brake.reservoir_supply_nlps,
         dead_steps=dead_steps,
         dead_rest=max(brake.dead_time_s - dead_steps * control_interval_s, 0.0),
         pressure_control=pressure_control,
@@ -64,14 +74,18 @@ def constants(brake: Brake, control_interval_s: float, substep_s: float, pressur
 
 def allocate(n: int, axles: int, b: BrakeConstants) -> BrakeState:
     """Return the brakes of n vehicles, cylinders empty, valves applying."""
-    return BrakeState(np.zeros(n), np.zeros((n, axles)), np.ones((n, b.dead_steps + 2, axles)), np.zeros((n, axles)))
+    return BrakeState(
+        np.zeros(n), np.zeros((n, axles)), np.ones((n, b.dead_steps + 2, axles)), np.zeros((n, axles)),
+        np.full(n, b.reservoir_full),
+    )  # fmt: skip
 
 
-def release(i: int, state: BrakeState) -> None:
+def release(i: int, state: BrakeState, b: BrakeConstants) -> None:
     """Put the brake of vehicle i as it is before a stop: released, valves open to the distributor."""
     for array in state:
         array[i] = 0.0
     state.commands[i] = APPLIES
+    state.reservoir[i] = b.reservoir_full
 
 
 @inlined
@@ -85,7 +99,10 @@ def receive(i: int, command: np.ndarray, state: BrakeState) -> None:
 
 @inlined
 def distribute(i: int, demand: float, h: float, state: BrakeState, b: BrakeConstants) -> float:
-    """Let the distributor follow the demand, 0 to 1, for h [s]; return its mean pressure [bar]."""
+    """Let the distributor follow the demand, 0 to 1, for h [s], and refill the reservoirs; return its mean pressure [bar]."""
+    if b.reservoir_per_nl > 0.0:
+        refilled = state.reservoir[i] + h * b.reservoir_supply * b.reservoir_per_nl
+        state.reservoir[i] = max(min(refilled, b.reservoir_full), state.reservoir[i])
     aim, before = demand * b.full_pressure, state.distributor[i]
     rise = b.demand_rise * h
     after = min(max(aim, before - rise), before + rise)
@@ -128,9 +145,13 @@ def fill(
     demanded = demand * b.full_pressure
     early = min(max(b.dead_rest - elapsed, 0.0), h)
     start = state.pressure[i, k]
+    if b.reservoir_per_nl > 0.0:  # air does not flow back: a cylinder keeps what it has
+        distributor = min(distributor, max(state.reservoir[i], start))
     middle, area = _flow(early, start, state.commands[i, b.dead_steps + 1, k], distributor, demanded, b)
     after, rest = _flow(h - early, middle, state.commands[i, b.dead_steps, k], distributor, demanded, b)
-    state.air[i, k] += b.air_per_bar * max(after - start, 0.0)
+    taken = b.air_per_bar * max(after - start, 0.0)
+    state.air[i, k] += taken
+    state.reservoir[i] -= b.reservoir_per_nl * taken
     state.pressure[i, k] = after
     return (area + rest) / h
 

@@ -65,7 +65,7 @@ class LongitudinalPlant(Plant):
         s.speed[index] = s.recorded_speed[index] = stop.initial_speed
         s.wheel_speed[index] = stop.initial_speed / c.radius[index]
         s.slip_speed[index] = s.speed[index] - c.radius[index] * s.wheel_speed[index]
-        brake.release(index, s.brake)
+        brake.release(index, s.brake, self.constants.brake)
         tachometer.begin(index, s.wheel_speed[index], s.tachometer)
         self.moving[index] = True
 

@@ -81,7 +81,7 @@ def constants(vehicle: Vehicle, setup: Setup) -> PlantConstants:
     substeps = math.ceil(interval / (setup.substep_s or SUBSTEP_S) - 1e-9)
     return PlantConstants(
         derived=mechanisms.derive(vehicle),
-        brake=brake.constants(vehicle.brake, interval, interval / substeps, setup.pressure_control),
+        brake=brake.constants(vehicle.brake, vehicle.axles, interval, interval / substeps, setup.pressure_control),
         tachometer=tachometer.constants(vehicle.tachometer),
         rail=RailConstants(setup.track_step_m),
         axle_offset=np.array(vehicle.axle_positions_m),

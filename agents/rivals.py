@@ -1,0 +1,48 @@
+"""What learned controllers are measured against: the fronts of all classical controllers, and the lower envelope of them."""
+
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from agents.rules import front, read_best
+from baselines.adaptive import AdaptiveController, AdaptiveParameters
+from baselines.rule_based import RuleBasedWSP
+from baselines.slip_control import SlipController, SlipParameters
+from wsp_env.evaluation.controller import Controller
+
+#: Set-points of the slip controller [-], prices of the adaptive one whose gains were not searched [-], and the creepage of the
+#: rules' long slide [-] (assumptions: as spread as the rules' front is).
+SET_POINTS, PRICES, LONG_SLIDE = (0.02, 0.05, 0.12), (0.7, 1.5, 3.0, 6.0), 0.15
+
+
+def classical(vehicle: str, trained: Path = Path("agents/trained")) -> dict[str, dict[str, Controller]]:
+    """Return the classical controllers by family; the members of a family trace its front.
+
+    Rules with their own best thresholds for several prices of sliding, the same with a long slide, the slip controller at
+    several set-points, and the adaptive controller with its searched settings, or with the default gains at several prices.
+    """
+    folder = trained / vehicle
+    searched = front(folder, "adaptive")
+    adaptive = searched or {f"{price:g}": AdaptiveController(AdaptiveParameters(slide_price=price)) for price in PRICES}
+    long = {price: dataclasses.replace(best, long_slide=LONG_SLIDE) for price, best in read_best(folder).items()}
+    return {
+        "rules": front(folder),
+        "rules, long slide": {price: RuleBasedWSP(own) for price, own in long.items()},
+        "slip": {f"{one:g}": SlipController(SlipParameters(creepage=one, least_slip_mps=0.2)) for one in SET_POINTS},
+        "adaptive": dict(adaptive),
+    }
+
+
+def envelope(points: Iterable[Mapping[str, float]]) -> list[Mapping[str, float]]:
+    """Return the points that none beats at no more slip, by their slip; `mean_slip_mps` and `distance_m` count."""
+    ordered = sorted(points, key=lambda own: (own["mean_slip_mps"], own["distance_m"]))
+    return [own for i, own in enumerate(ordered) if all(own["distance_m"] < before["distance_m"] for before in ordered[:i])]
+
+
+def at_slip(points: Sequence[Mapping[str, float]], slip: float) -> dict[str, float]:
+    """Return the figures of the envelope at a mean slip [m/s], linear between its points and level beyond them."""
+    kept = envelope(points)
+    slips = [own["mean_slip_mps"] for own in kept]
+    return {name: float(np.interp(slip, slips, [own[name] for own in kept])) for name in kept[0]}

@@ -1,0 +1,82 @@
+"""What is done with an axle that cannot be watched, with a wheel that would lock, and with one that is not braked for long."""
+
+from typing import Any
+
+import numpy as np
+
+from wsp_env.compiled import inlined, loop
+from wsp_env.observer.doubts import Doubts, GuardConstants, doubts_of, guard_of
+from wsp_env.observer.estimator import ROLLING_ADHESION, EstimatorConstants, VehicleEstimate
+from wsp_env.observer.observation import constants_of, memory_of
+from wsp_env.plant.command import APPLIES, HOLDS, VENTS
+
+#: An axle that is not watched is first vented for so long [s], so that a wheel that has locked turns again; then it is braked
+#: by this share of the least adhesion that a watched axle uses, until nothing has slid for so long [s] (assumptions).
+RELEASE_S, BLIND_SHARE, CALM_S = 0.7, 0.75, 3.0
+
+#: An axle whose brake was as good as empty for so long [s] is applied for so long [s], and for so long if it is not watched
+#: (assumptions: EN 15595, venting at most 10 s; too short to lock).
+TIMER_S, TIMER_REST_S, BLIND_REST_S = 10.0, 1.0, 0.3
+
+#: Creepage [-] from which a wheel is vented at the end of a stop, and the running speed [m/s] below which the brake is left to
+#: itself (assumptions: the environments' slide limit; EN 15595, no WSP below 3 to 5 km/h, the lower end).
+END_CREEPAGE, END_MPS = 0.3, 0.83
+
+
+@loop
+def overrule(command: np.ndarray, state: Any, given: Any, memory: Any, constants: Any) -> None:
+    """See `Guard.overrule`."""
+    d, c = doubts_of(state), guard_of(given)
+    e = memory_of(memory).estimate
+    brake = constants_of(constants).estimator
+    for i in range(command.shape[0]):
+        fastest, used, sound, last, shows = 0.0, 1e9, 0, -1, e.doubtful[i]
+        for k in range(command.shape[1]):
+            if not d.failed[i, k]:
+                sound, last = sound + 1, k
+                fastest = max(fastest, e.wheel[i, k])
+                used = min(used, min(e.adhesion[i, k], e.usual_adhesion[i, k]))
+                shows = shows or e.rolling_time[i, k] > 0.0
+        if not shows:  # else one is released to show the speed: what it uses then says nothing of the rail
+            d.used[i] = used
+        running = max(e.speed[i], fastest)
+        ends = running + e.uncertainty[i] < END_MPS
+        for k in range(command.shape[1]):
+            if d.failed[i, k]:
+                d.blind[i, k] += c.interval
+                command[i, k] = _blind(i, k, sound, d, e, brake)
+            elif running - e.wheel[i, k] > END_CREEPAGE * running:
+                command[i, k] = VENTS
+            if e.doubtful[i] and k == last and d.failed[i, -1]:  # in place of the last axle this one shows the speed
+                released = 0.5 * e.rolling_adhesion[i, k]
+                command[i, k] = VENTS if brake.full_brake * e.pressure_to_come[i, k] > released else HOLDS
+            if ends or _expired(i, k, command[i, k], d, c, e, brake):
+                command[i, k] = APPLIES
+
+
+@inlined
+def _expired(
+    i: int, k: int, command: float, d: Doubts, c: GuardConstants, e: VehicleEstimate, brake: EstimatorConstants
+) -> bool:  # fmt: skip
+    """Return whether the safety timer applies the axle."""
+    braked = command > 0.5 or brake.full_brake * e.pressure_to_come[i, k] > ROLLING_ADHESION
+    d.unbraked[i, k] = 0.0 if braked else d.unbraked[i, k] + c.interval
+    d.rest[i, k] = max(d.rest[i, k] - c.interval, 0.0)
+    if d.unbraked[i, k] > c.timer:
+        d.unbraked[i, k] = 0.0
+        d.rest[i, k] = BLIND_REST_S if d.failed[i, k] else c.timer_rest
+    return d.rest[i, k] > 0.0
+
+
+@inlined
+def _blind(i: int, k: int, sound: int, d: Doubts, e: VehicleEstimate, brake: EstimatorConstants) -> float:
+    """Return the command of an axle that is not watched, beside so many that are."""
+    if e.since_slide[i] > CALM_S or sound == 0:
+        return APPLIES
+    if d.blind[i, k] < RELEASE_S:
+        return VENTS
+    wanted, held = BLIND_SHARE * max(d.used[i], 0.0), brake.full_brake * e.pressure_to_come[i, k]
+    offered = brake.full_brake * e.distributor[i]
+    if wanted > held + 0.5 * brake.fill * max(offered - held, 0.0):
+        return APPLIES
+    return VENTS if wanted < held - 0.5 * brake.vent * held else HOLDS
