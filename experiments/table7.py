@@ -57,8 +57,8 @@ RANGES = {
 }
 
 
-def brake(values: dict[str, float], conduct: Conduct = Conduct()) -> StopRecords:
-    """Brake the six tests with these thresholds and this torque."""
+def brake(values: dict[str, float], conduct: Conduct = Conduct(), tau_m_per_j: float = TAU_M_PER_J) -> StopRecords:
+    """Brake the six tests with these thresholds, this torque, this recovery of adhesion."""
     thresholds = {name: value for name, value in values.items() if name != "torque_per_bar_nm"}
     parameters = dataclasses.replace(RuleBasedParameters(), **thresholds)
     brake = dataclasses.replace(COACH.brake, torque_per_bar_nm=values["torque_per_bar_nm"])
@@ -66,7 +66,7 @@ def brake(values: dict[str, float], conduct: Conduct = Conduct()) -> StopRecords
     radius = np.full(vehicle.axles, vehicle.wheel_radius_m)
     flat = np.ones(1)
     stops = [
-        Stop(CONTACT.kinetic_friction_d, TAU_M_PER_J, speed, vehicle.mass_kg, 1.0, 0.0, 0.0, 0, radius, flat, flat)
+        Stop(CONTACT.kinetic_friction_d, tau_m_per_j, speed, vehicle.mass_kg, 1.0, 0.0, 0.0, 0, radius, flat, flat)
         for speed in TEST_SPEEDS_MPS.values()
     ]
     return run(RuleBasedWSP(parameters), vehicle, stops, conduct)

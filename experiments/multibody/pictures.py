@@ -2,8 +2,8 @@
 
     python -m experiments.multibody.pictures [--loads docs/multibody_loads.png] [--animation docs/multibody_braking.gif]
 
-One stop from 42.3 m/s at mu_cd 0.06 (the paper's first test) under the rule-based controller. The animation runs four times as
-fast as the stop; what the carbody pitches and sinks is drawn 150 times as large.
+One stop from 36 m/s at mu_cd 0.04 under the rule-based controller, with the coach's usual brake. The animation runs eight times
+as fast as the stop; what the carbody pitches and sinks is drawn 150 times as large.
 """
 
 from pathlib import Path
@@ -14,11 +14,10 @@ import tyro
 
 from experiments.multibody.stops import Driven, Planned, drive
 from wsp_env.parameters.uic_z1 import COACH
-from wsp_env.parameters.velim import TEST_SPEEDS_MPS
 from wsp_env.report import COLOURS
 
 #: In the animation: how much larger the carbody's motion is drawn, frames a second, and by how much it is faster.
-LARGER, FRAMES_PER_S, FASTER = 150.0, 10.0, 4.0
+LARGER, FRAMES_PER_S, FASTER = 150.0, 10.0, 8.0
 
 #: Of the drawn coach [m]: half length, bottom and top of the carbody, half the length of a bogie frame.
 HALF_M, BOTTOM_M, TOP_M, BOGIE_M = 13.2, 1.05, 3.9, 1.6
@@ -114,7 +113,7 @@ def main(loads: Path = Path("docs/multibody_loads.png"), animation: Path = Path(
         Animation of the coach.
 
     """
-    planned = Planned("A1", TEST_SPEEDS_MPS["A1"], 0.06, coast_s=1.0)
+    planned = Planned("A1", 36.0, 0.04, coast_s=1.0)
     (stop,) = drive([planned], keep=("body_turn_rad", "body_shift_m"))
     draw_loads(stop, loads)
     animate(stop, animation)

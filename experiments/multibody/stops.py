@@ -1,16 +1,17 @@
 """Stops of the coach, recorded sample by sample with what only a plant in space knows."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import polars as pl
 
-from wsp_env.evaluation.controller import load
+from baselines.rule_based import RuleBasedParameters, RuleBasedWSP
 from wsp_env.parameters.track_geometry import TrackGeometry
 from wsp_env.parameters.uic_z1 import COACH
+from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.parameters.velim import CONTACT, SAMPLE_TIME_S, TAU_M_PER_J
 from wsp_env.plant import make_plant
 from wsp_env.plant.port import Measurement, Setup, Stop, further_truth, given_up
@@ -52,18 +53,26 @@ def drive(
     track: TrackGeometry | None = None,
     sample_s: float = SAMPLE_TIME_S,
     keep: Sequence[str] = (),
+    vehicle: Vehicle = COACH,
+    thresholds: Mapping[str, float] | None = None,
 ) -> list[Driven]:
-    """Brake the stops, all at once, with the rule-based controller; `keep`: what else of `further_truth` is kept.
+    """Brake the stops, all at once, with the rule-based controller.
 
     `RuntimeError` for a stop that the plant gives up.
+
+    Parameters
+    ----------
+    keep : what else of `further_truth` is kept
+    thresholds : of the controller, in place of its own
+
     """
     setup = Setup(sample_s, track_geometry=track)
-    vehicle = dataclasses.replace(COACH, contact=CONTACT)
+    vehicle = dataclasses.replace(vehicle, contact=CONTACT)
     made = make_plant(vehicle, len(stops), setup, plant)
     radius, flat = np.full(vehicle.axles, vehicle.wheel_radius_m), np.ones(1)
     for i, stop in enumerate(stops):
         made.start(i, Stop(stop.mu_cd, TAU_M_PER_J, stop.speed_mps, vehicle.mass_kg, 0.0, 0.0, 0.0, i, radius, flat, flat))
-    controller = load("rule-based")
+    controller = RuleBasedWSP(dataclasses.replace(RuleBasedParameters(), **(thresholds or {})))
     controller.reset(len(stops), vehicle)
     coast, demand = np.array([stop.coast_s for stop in stops]), np.array([stop.demand for stop in stops])
     samples: list[tuple[np.ndarray, ...]] = []
@@ -115,7 +124,12 @@ def table(driven: Driven, seed: int) -> pl.DataFrame:
 
 
 def write_campaign(
-    folder: Path, name: str, stops: Sequence[Planned], driven: Sequence[Driven], validate: Sequence[str]
+    folder: Path,
+    name: str,
+    stops: Sequence[Planned],
+    driven: Sequence[Driven],
+    validate: Sequence[str],
+    vehicle: Vehicle = COACH,
 ) -> None:
     """Write a campaign folder: what a test team would believe of the coach, and one table per run."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -125,10 +139,10 @@ def write_campaign(
     believed = float(np.mean([stop.mu_cd for stop in stops]))
     lines = [
         "[campaign]", f'name = "{name}"', f"tune = {tune}", f"validate = {list(validate)}",
-        f"sample_time_s = {SAMPLE_TIME_S}", "[vehicle]", f"axles = {COACH.axles}",
-        f"axle_positions_m = {list(COACH.axle_positions_m)}", f"mass_kg = {COACH.mass_kg}",
-        f"wheelset_inertia_kgm2 = {COACH.wheelset_inertia_kgm2}", f"wheel_radius_m = {COACH.wheel_radius_m}",
-        f"gravity_mps2 = {COACH.gravity_mps2}", f"resistance_n = {[float(value) for value in COACH.resistance]}",
+        f"sample_time_s = {SAMPLE_TIME_S}", "[vehicle]", f"axles = {vehicle.axles}",
+        f"axle_positions_m = {list(vehicle.axle_positions_m)}", f"mass_kg = {vehicle.mass_kg}",
+        f"wheelset_inertia_kgm2 = {vehicle.wheelset_inertia_kgm2}", f"wheel_radius_m = {vehicle.wheel_radius_m}",
+        f"gravity_mps2 = {vehicle.gravity_mps2}", f"resistance_n = {[float(value) for value in vehicle.resistance]}",
         'brake_torque_source = "measured"', "[contact]",
         'set = "velim"', f"kinetic_friction_d = {believed}",
         *(f'[runs.{stop.name}]\nfile = "{stop.name}.parquet"\nstart_position_m = 0.0' for stop in stops),

@@ -1,0 +1,181 @@
+"""The coach in one and in three dimensions: where they agree, what load transfer explains, which substep is small enough.
+
+    python -m experiments.multibody.limits [--only same substeps protected]
+
+`same` brakes with the same commands: the longitudinal coach; the multibody coach with its suspensions blocked, which is the
+same vehicle; the free one; and the longitudinal one with the mechanism `load_transfer` at the heights that the free one's wheel
+loads say. `substeps` is one stop at several substeps against the smallest. `protected` repeats a stop under the rule-based
+controller with other sensor noise: single stops part, so their distributions are compared.
+"""
+
+import dataclasses
+import math
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import tyro
+from rich.console import Console
+
+from wsp_env.evaluation.controller import load
+from wsp_env.parameters.uic_z1 import COACH
+from wsp_env.parameters.velim import CONTACT, TAU_M_PER_J
+from wsp_env.plant.longitudinal.plant import LongitudinalPlant
+from wsp_env.plant.mechanisms.load_transfer import arms
+from wsp_env.plant.multibody import plant as multibody
+from wsp_env.plant.port import Setup, Stop
+from wsp_env.report import Table, terminal_table
+
+VEHICLE = dataclasses.replace(COACH, contact=CONTACT)
+#: Distances are compared until a stop is as slow as this [m/s]: the wheelsets of the blocked vehicle, which are solved one by
+#: one, do not come to rest on a dry rail.
+SLOWEST_MPS = 0.1
+#: Substeps [s] that are compared; the last is what the others stand against.
+SUBSTEPS_S = (2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4, 6.25e-5)
+FINE = Setup(substep_s=5e-4)  # for both plants, so that only dimensions differ
+
+
+class Case(NamedTuple):
+    """A stop with given commands."""
+
+    name: str
+    mu_cd: float
+    speed_mps: float
+    cycling: bool  # whether every axle vents and applies at its own times: wheels slide, lock and roll again
+
+
+CASES = (
+    Case("dry rail", 0.28, 40.0, False), Case("full brake", 0.06, 25.0, False),
+    Case("brakes cycling", 0.03, 25.0, True), Case("brakes cycling, fast", 0.06, 40.0, True),
+)  # fmt: skip
+
+
+class Braked(NamedTuple):
+    """What a stop says."""
+
+    distance_m: float
+    loads: np.ndarray  # (T, A, 2) wheel loads [N]; empty of a plant that has none
+    slowing: np.ndarray  # (T,) [m/s2]
+    duration_s: float
+    computed_s: float
+
+
+def started(plant: LongitudinalPlant, case: Case, noise: float = 0.0) -> LongitudinalPlant:
+    """Start the stop in the whole batch; the sensors' noise differs."""
+    radius, flat = np.full(VEHICLE.axles, VEHICLE.wheel_radius_m), np.ones(1)
+    for i in range(plant.n):
+        plant.start(
+            i, Stop(case.mu_cd, TAU_M_PER_J, case.speed_mps, VEHICLE.mass_kg, 1.0, 0.0, noise, i + 1, radius, flat, flat)
+        )
+    return plant
+
+
+def brake(plant: LongitudinalPlant, case: Case) -> Braked:
+    """Brake one stop with the commands of the case."""
+    started(plant, case)
+    loads, slowing = [], []
+    begin, step = time.process_time(), 0
+    while plant.state.speed[0] > SLOWEST_MPS:
+        phase = (step + 11 * np.arange(VEHICLE.axles)) % 100
+        command = np.where(case.cycling & (phase < 25), -1.0, np.where(case.cycling & (phase < 35), 0.0, 1.0))
+        plant.step(command[None])
+        slowing.append(float(plant.state.deceleration[0]))
+        if isinstance(plant, multibody.MultibodyPlant):
+            loads.append(plant.bodies.wheel_load[0].copy())
+        step += 1
+    spent = time.process_time() - begin
+    return Braked(float(plant.state.position[0]), np.array(loads), np.array(slowing), float(plant.state.time[0]), spent)
+
+
+def heights(stop: Braked) -> dict[str, float]:
+    """Return the heights of `load_transfer` that the wheel loads of a stop say, least squares."""
+    change = (stop.loads.mean(axis=2) - VEHICLE.static_wheel_load_n) / VEHICLE.mass_kg
+    lever = stop.slowing @ change / (stop.slowing @ stop.slowing)
+    own = np.array(arms(VEHICLE.axle_positions_m, VEHICLE.running_gear)).T
+    (body, pivot), *_ = np.linalg.lstsq(own, lever, rcond=None)
+    return {"body_height_m": float(body), "pivot_height_m": float(pivot)}
+
+
+def same(console: Console) -> None:
+    """Print distances of the same commands in one and three dimensions."""
+    rows = []
+    for case in CASES:
+        one = brake(LongitudinalPlant(VEHICLE, 1, FINE), case).distance_m
+        blocked = brake(multibody.MultibodyPlant(VEHICLE, 1, FINE, blocked=True), case).distance_m
+        free = brake(multibody.MultibodyPlant(VEHICLE, 1, FINE), case)
+        own = heights(free)
+        moved = dataclasses.replace(FINE, mechanisms={"load_transfer": own})
+        with_it = brake(LongitudinalPlant(VEHICLE, 1, moved), case).distance_m
+        off = (f"{100.0 * (other / one - 1.0):+.3f} %" for other in (blocked, free.distance_m, with_it))
+        rows.append((case.name, f"{case.mu_cd:g}", f"{one:.2f}", *off, ", ".join(f"{value:.2f}" for value in own.values())))
+    header = (
+        "commands", "mu_cd", "1D [m]", "3D blocked", "3D free", "1D with load transfer", "its heights: body, pivots [m]",
+    )  # fmt: skip
+    console.print(terminal_table(Table(header, rows, "stopping distance against the longitudinal coach")))
+
+
+def substeps(console: Console) -> None:
+    """Print errors and speed over the substep."""
+    chosen = multibody.SUBSTEP_S
+    for case in (CASES[1], CASES[2]):
+        found: list[Braked] = []
+        for substep in SUBSTEPS_S:
+            multibody.SUBSTEP_S = substep  # the plant takes no longer one than its own
+            found.append(brake(multibody.MultibodyPlant(VEHICLE, 1, Setup(substep_s=substep)), case))
+        multibody.SUBSTEP_S = chosen
+        fine, rows = found[-1], []
+        for substep, stop in zip(SUBSTEPS_S, found, strict=True):
+            n = min(len(stop.loads), len(fine.loads)) - 1  # the last interval ends within it
+            off = np.abs(stop.loads[:n] - fine.loads[:n]) / VEHICLE.static_wheel_load_n
+            figures = (1e2 * abs(stop.distance_m / fine.distance_m - 1.0), 1e2 * off.mean(), 1e2 * np.quantile(off, 0.99))
+            factor = stop.duration_s / stop.computed_s
+            rows.append((f"{1e3 * substep:g}", *(f"{value:.4f}" for value in figures), f"{factor:.0f}"))
+        header = ("substep [ms]", "distance off [%]", "wheel load off, mean [%]", "99 % below [%]", "times real time")
+        console.print(terminal_table(Table(header, rows, f"{case.name}, mu_cd {case.mu_cd:g}, {case.speed_mps:g} m/s")))
+
+
+def protected(console: Console, stops: int = 12) -> None:
+    """Print distances under the rule-based controller of stops that differ in the noise of their sensors."""
+    case, rows, found = Case("", 0.03, 30.0, False), [], {}
+    plants: dict[str, Callable[[], LongitudinalPlant]] = {
+        "1D": lambda: LongitudinalPlant(VEHICLE, stops, FINE),
+        "3D blocked": lambda: multibody.MultibodyPlant(VEHICLE, stops, FINE, blocked=True),
+        "3D free": lambda: multibody.MultibodyPlant(VEHICLE, stops, FINE),
+    }
+    for name, make in plants.items():
+        plant = started(make(), case, noise=0.05)
+        controller = load("rule-based")
+        controller.reset(stops, VEHICLE)
+        while plant.moving.any():
+            plant.step(np.asarray(controller.act(plant.reading()._replace(pressure=None))))
+        found[name] = plant.state.position.copy()
+    one = found["1D"]
+    for name, three in found.items():
+        error = math.sqrt((one.var(ddof=1) + three.var(ddof=1)) / stops)
+        longer = three.mean() - one.mean()
+        rows.append((name, f"{three.mean():.1f}", f"{three.std(ddof=1):.1f}", f"{longer:+.1f}", f"{error:.1f}"))
+    title = f"{stops} stops from {case.speed_mps:g} m/s at mu_cd {case.mu_cd:g} under the rule-based controller"
+    header = ("plant", "mean distance [m]", "deviation [m]", "less 1D [m]", "its standard error [m]")
+    console.print(terminal_table(Table(header, rows, title)))
+
+
+PARTS: dict[str, Callable[[Console], None]] = {"same": same, "substeps": substeps, "protected": protected}
+
+
+def main(only: tuple[str, ...] = tuple(PARTS)) -> None:
+    """Print the tables.
+
+    Parameters
+    ----------
+    only
+        Names of the tables.
+
+    """
+    console = Console(width=150, highlight=False)
+    for name in only:
+        PARTS[name](console)
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
