@@ -1,79 +1,70 @@
-"""The README's picture: a bogie stops under the recovering and under the classic law, with the same controller.
+"""The README's picture: a diagnosis. The run that shows best what a validation concealed, before and after it was found.
 
 `make picture`, or `python experiments/readme_picture.py [FILE]`.
 """
 
+import os
 import sys
+import textwrap
 from pathlib import Path
 
-import gymnasium as gym
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wsp_env.envs.single import BrakingEnv
-from wsp_env.evaluation.controller import load
-from wsp_env.plant.command import to_action
+from wsp_env.diagnosis import diagnose
+from wsp_env.diagnosis.answer import Diagnosis
+from wsp_env.recordings import concealed_campaign, read_campaign
+from wsp_env.report import COLOURS
 
-#: The conditions of both stops: the recovery rate and the first initial speed of the seed paper (section 4.1, Table 3), on a
-#: rail more slippery than the paper's.
-CONDITIONS = {
-    "mu_cd": 0.04,
-    "tau": 1.9e-4,
-    "initial_speed": 42.3,
-    "demand": 1.0,
-    "load": 0.0,
-    "sensor_noise": 0.0,
-    "track": "constant",
-}
-#: Set-point of the slip controller [-]: large enough that sliding cleans the rail.
-CREEPAGE = 0.2
+_SIDES = {"before": ("law as tuned and validated", COLOURS[1]), "after": ("with what the diagnosis found", COLOURS[2])}
+_LINE = 100  # letters
 
 
-def brake(law: str) -> dict[str, np.ndarray]:
-    """Return what happened along a stop of `wsp_env/Bogie-v0` under one law, arrays (T,) or (T, 2) by their names in `info`."""
-    env = gym.make("wsp_env/Bogie-v0", adhesion=law)
-    env.reset(seed=0, options=CONDITIONS)
-    assert isinstance(env.unwrapped, BrakingEnv)
-    batch = env.unwrapped.batch
-    controller = load("slip", {"creepage": CREEPAGE})
-    controller.reset(1, batch.vehicle)
-    moments = []
-    ended = False
-    while not ended:
-        action = to_action(controller.act(batch.measurement())[0])
-        _, _, terminated, truncated, info = env.step(action)
-        moments.append(info)
-        ended = terminated or truncated
-    return {name: np.array([moment[name] for moment in moments]) for name in moments[0] if name != "reward_terms"}
-
-
-def draw(stops: dict[str, dict[str, np.ndarray]]) -> Figure:
-    """Draw speeds over adhesion, one column a law."""
-    figure = Figure(figsize=(10, 6), dpi=110, layout="constrained")
-    axes = figure.subplots(2, len(stops), sharex=True, sharey="row", squeeze=False)
-    for column, (law, stop) in enumerate(stops.items()):
-        top, bottom = axes[:, column]
-        time, speed = stop["time_s"], stop["speed_mps"]
-        wheels = speed[:, None] - stop["slip_speed_mps"]
-        top.plot(time, wheels[:, 0], color="#0072B2", linewidth=0.9, label="leading wheelset")
-        top.plot(time, wheels[:, 1], color="#56B4E9", linewidth=0.9, label="trailing wheelset")
-        top.plot(time, speed, color="black", linewidth=1.5, label="vehicle")
-        top.set_title(f"{law} law: {stop['position_m'][-1]:.0f} m in {time[-1]:.0f} s")
-        bottom.plot(time, stop["adhesion_r"][:, 0], color="#009E73", linewidth=1.2, label="limit after full recovery $f_r$")
-        bottom.plot(time, stop["adhesion_d"][:, 0], color="#D55E00", linewidth=1.2, label="limit without recovery $f_d$")
-        bottom.plot(time, stop["adhesion"][:, 0], color="#0072B2", linewidth=1.2, label="adhesion $f$, leading wheelset")
-        bottom.set_xlabel("time [s]")
-        for axis in (top, bottom):
-            axis.grid(alpha=0.3)
-    axes[0, 0].set_ylabel("speed [m/s]")
-    axes[1, 0].set_ylabel("adhesion coefficient [-]")
-    axes[1, 0].set_ylim(0.0, 0.5)  # f_r alone goes higher, at low speed
-    axes[0, 0].legend(fontsize=8)
-    axes[1, 0].legend(fontsize=8, loc="center right")
+def draw(found: Diagnosis) -> Figure:
+    """Draw the adhesion of one axle over what is left of it, before and after, and what every axle's error was and is."""
+    course = found.course
+    assert course is not None
+    figure = Figure(figsize=(10, 5.6), dpi=110, layout="constrained")
+    grid = figure.add_gridspec(2, 2, width_ratios=(2.2, 1.0), height_ratios=(1.5, 1.0))
+    top, bottom, errors = (figure.add_subplot(grid[place]) for place in ((0, 0), (1, 0), (slice(None), 1)))
+    measured = np.array(course.adhesion_measured)
+    top.plot(course.time_s, measured, ".", color=COLOURS[6], markersize=4, alpha=0.6, label="recorded")
+    for side, (words, colour) in _SIDES.items():
+        predicted = np.array(getattr(course, f"adhesion_{side}"))
+        top.plot(course.time_s, predicted, color=colour, linewidth=1.6, label=words)
+        bottom.plot(course.time_s, measured - predicted, color=colour, linewidth=1.3)
+    top.set_ylabel("adhesion coefficient [-]")
+    top.set_title(f"Run {course.run}, axle {course.axle}", fontsize=10)
+    top.legend(fontsize=8)
+    bottom.set_ylabel("recorded less simulated [-]")
+    bottom.set_xlabel("time [s]")
+    bottom.axhline(0.0, color="#888", linewidth=0.8)
+    _errors(errors, found)
+    for axis in (top, bottom, errors):
+        axis.grid(alpha=0.3)
+    figure.suptitle("\n".join(textwrap.wrap(found.sentence, _LINE)), fontsize=11, fontweight="bold")
     return figure
+
+
+def _errors(axis: Axes, found: Diagnosis) -> None:
+    """Draw the error of the adhesion of every axle that slides, run by run."""
+    rows = [
+        (f"{run.run} axle {k + 1}", before, after)
+        for run in found.runs
+        for k, (before, after) in enumerate(zip(run.adhesion_error_before, run.adhesion_error_after, strict=True))
+        if before is not None and after is not None
+    ]
+    for index, (_, colour) in enumerate(_SIDES.values(), start=1):
+        axis.plot([100.0 * row[index] for row in rows], range(len(rows)), "o", color=colour, markersize=5)
+    axis.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=7)
+    axis.invert_yaxis()
+    axis.set_xlim(left=0.0)
+    axis.set_xlabel("error $e_j$ of the adhesion [%]")
+    axis.set_title("Every axle that slides", fontsize=10)
 
 
 if __name__ == "__main__":
     target = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/picture.png")
-    draw({law: brake(law) for law in ("recovering", "classic")}).savefig(target)
+    draw(diagnose(read_campaign(concealed_campaign()), lambda step: None, os.cpu_count() or 1)).savefig(target)
     print(target)
