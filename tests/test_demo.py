@@ -16,7 +16,7 @@ def test_demo_goes_from_recordings_to_what_they_conceal(tmp_path, capsys):
     assert "tau =" in printed
     assert "meets all the seed paper's own figures" in printed  # the validation passes ...
     assert "Verdict: named" in printed  # ... and conceals an effect
-    assert "leading axle cleaning" in printed
+    assert "pad friction" in printed
     for who in ("no protection", "rule-based"):
         assert who in printed
     text = page.read_text(encoding="utf-8")

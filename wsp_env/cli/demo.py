@@ -35,7 +35,7 @@ from wsp_env.recordings.validation_report import criteria_table
 from wsp_env.report import COLOURS, Facts, PageOptions, Section, Table, axes, plotly, terminal_table, write_page
 
 #: What the recordings of the demo conceal, see wsp_env/data/README.md.
-TRUTH = "The simulator that made these recordings lets sliding wheels clean the rail for those behind them;"
+TRUTH = "In the simulator that made these recordings the pads' friction falls with speed and heat;"
 
 
 def main(
