@@ -82,7 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given.log.parent.mkdir(parents=True, exist_ok=True)
     done = [json.loads(line) for line in given.log.read_text(encoding="utf-8").splitlines()] if given.log.exists() else []
     noticed = {(one["kind"], one["axle"], one["seed"]): one["noticed"] for one in done}
-    cases = [(SOUND, None), *((kind, None) for kind in WRONG)]
+    cases: list[tuple[str, int | None]] = [(SOUND, None), *((kind, None) for kind in WRONG)]
     cases += [(kind, 2) for kind, (end, _) in WRONG.items() if end.startswith(("wheel", "brake"))]
     for seed in range(given.each):
         for kind, axle in cases:
@@ -91,7 +91,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 with given.log.open("a", encoding="utf-8") as stream:
                     one = {"kind": kind, "axle": axle, "seed": seed, "noticed": noticed[kind, axle, seed]}
                     stream.write(json.dumps(one) + "\n")
-    table = defaultdict(list)
+    table: defaultdict[tuple[str, int | None], list[bool]] = defaultdict(list)
     for (kind, axle, _), seen in noticed.items():
         table[kind, axle].append(seen)
     for (kind, axle), all_seen in table.items():
