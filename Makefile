@@ -14,16 +14,16 @@ JOBS ?= 2
 .PHONY: help demo test lint plain coverage fuzz docs benchmark picture clean
 
 help:
-	@echo "make demo       read, tune and validate a campaign, brake under the tuned law; writes out/demo.html"
+	@echo "make demo       from recordings to the physics that their validation concealed; writes out/demo.html"
 	@echo "make test       lint, the documentation, the contact laws as plain Python, and the whole test suite"
 	@echo "make lint       ruff, mypy, import-linter"
 	@echo "make coverage   the share of lines and branches that the whole test suite reaches; a table in out/coverage.txt"
 	@echo "make fuzz       20,000 damaged files at every reader and every JSON and TOML file; none may crash, hang or trace back"
 	@echo "make docs       the documentation, in docs/_build/html"
 	@echo "make benchmark  speed of the law and of the plant, as ratios"
-	@echo "make picture    the picture of the README"
+	@echo "make picture    the picture of the README: a diagnosis"
 
-demo: $(VENV)/.report
+demo: $(VENV)/.demo
 	$(BIN)/wsp demo
 
 # The whole suite comes last: its summary is the last line.
@@ -74,6 +74,10 @@ $(BIN)/python:
 	@$(PYTHON) -m venv $(VENV) >/dev/null 2>&1 || \
 		{ $(PYTHON) -m venv --without-pip --clear $(VENV) && $(PYTHON) -m pip --python $@ install --quiet pip; } || \
 		{ rm -rf $(VENV); echo "cannot make a virtual environment with $(PYTHON): it needs the modules venv and pip"; exit 1; }
+
+$(VENV)/.demo: $(VENV)/.report
+	$(PIP) --editable ".[report,export]"
+	@touch $@
 
 $(VENV)/.report: $(PINS) | $(BIN)/python
 	$(PIP) --editable ".[report]"

@@ -1,79 +1,82 @@
-"""The README's picture: a bogie stops under the recovering and under the classic law, with the same controller.
+"""The README's picture: a diagnosis. The run that shows best what a validation concealed, before and after it was found.
 
 `make picture`, or `python experiments/readme_picture.py [FILE]`.
 """
 
+import os
 import sys
+import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 
-import gymnasium as gym
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wsp_env.envs.single import BrakingEnv
-from wsp_env.evaluation.controller import load
-from wsp_env.plant.command import to_action
+from wsp_env.diagnosis import diagnose
+from wsp_env.diagnosis.answer import Diagnosis, RunTrace
+from wsp_env.recordings import concealed_campaign, read_campaign
+from wsp_env.report import COLOURS
 
-#: The conditions of both stops: the recovery rate and the first initial speed of the seed paper (section 4.1, Table 3), on a
-#: rail more slippery than the paper's.
-CONDITIONS = {
-    "mu_cd": 0.04,
-    "tau": 1.9e-4,
-    "initial_speed": 42.3,
-    "demand": 1.0,
-    "load": 0.0,
-    "sensor_noise": 0.0,
-    "track": "constant",
-}
-#: Set-point of the slip controller [-]: large enough that sliding cleans the rail.
-CREEPAGE = 0.2
+_SIDES = {"before": ("law as tuned and validated", COLOURS[1]), "after": ("with what the diagnosis found", COLOURS[2])}
+_LINE = 100  # letters
 
 
-def brake(law: str) -> dict[str, np.ndarray]:
-    """Return what happened along a stop of `wsp_env/Bogie-v0` under one law, arrays (T,) or (T, 2) by their names in `info`."""
-    env = gym.make("wsp_env/Bogie-v0", adhesion=law)
-    env.reset(seed=0, options=CONDITIONS)
-    assert isinstance(env.unwrapped, BrakingEnv)
-    batch = env.unwrapped.batch
-    controller = load("slip", {"creepage": CREEPAGE})
-    controller.reset(1, batch.vehicle)
-    moments = []
-    ended = False
-    while not ended:
-        action = to_action(controller.act(batch.measurement())[0])
-        _, _, terminated, truncated, info = env.step(action)
-        moments.append(info)
-        ended = terminated or truncated
-    return {name: np.array([moment[name] for moment in moments]) for name in moments[0] if name != "reward_terms"}
-
-
-def draw(stops: dict[str, dict[str, np.ndarray]]) -> Figure:
-    """Draw speeds over adhesion, one column a law."""
-    figure = Figure(figsize=(10, 6), dpi=110, layout="constrained")
-    axes = figure.subplots(2, len(stops), sharex=True, sharey="row", squeeze=False)
-    for column, (law, stop) in enumerate(stops.items()):
-        top, bottom = axes[:, column]
-        time, speed = stop["time_s"], stop["speed_mps"]
-        wheels = speed[:, None] - stop["slip_speed_mps"]
-        top.plot(time, wheels[:, 0], color="#0072B2", linewidth=0.9, label="leading wheelset")
-        top.plot(time, wheels[:, 1], color="#56B4E9", linewidth=0.9, label="trailing wheelset")
-        top.plot(time, speed, color="black", linewidth=1.5, label="vehicle")
-        top.set_title(f"{law} law: {stop['position_m'][-1]:.0f} m in {time[-1]:.0f} s")
-        bottom.plot(time, stop["adhesion_r"][:, 0], color="#009E73", linewidth=1.2, label="limit after full recovery $f_r$")
-        bottom.plot(time, stop["adhesion_d"][:, 0], color="#D55E00", linewidth=1.2, label="limit without recovery $f_d$")
-        bottom.plot(time, stop["adhesion"][:, 0], color="#0072B2", linewidth=1.2, label="adhesion $f$, leading wheelset")
-        bottom.set_xlabel("time [s]")
-        for axis in (top, bottom):
-            axis.grid(alpha=0.3)
-    axes[0, 0].set_ylabel("speed [m/s]")
-    axes[1, 0].set_ylabel("adhesion coefficient [-]")
-    axes[1, 0].set_ylim(0.0, 0.5)  # f_r alone goes higher, at low speed
-    axes[0, 0].legend(fontsize=8)
-    axes[1, 0].legend(fontsize=8, loc="center right")
+def draw(found: Diagnosis) -> Figure:
+    """Draw one run before and after, beside the same error in all of them."""
+    course = found.course
+    assert course is not None
+    figure = Figure(figsize=(10, 4.2), dpi=110, layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(1.9, 1.0))
+    if course.shows == "speed":
+        _speed(left, course)
+        rows = [(one.run, one.speed_error_before_mps, one.speed_error_after_mps) for one in found.runs]
+        _errors(right, rows, "error $E$ of the vehicle's speed [m/s]")
+    else:
+        _adhesion(left, course)
+        rows = [
+            (f"{run.run} axle {k + 1}", 100.0 * before, 100.0 * after)
+            for run in found.runs
+            for k, (before, after) in enumerate(zip(run.adhesion_error_before, run.adhesion_error_after, strict=True))
+            if before is not None and after is not None
+        ]
+        _errors(right, rows, "error $e_j$ of the adhesion [%]")
+    held_out = ", held out" if course.group == "validate" else ""
+    left.set_title(f"Run {course.run}{held_out}", fontsize=10)
+    left.set_xlabel("time [s]")
+    left.legend(fontsize=8)
+    for axis in (left, right):
+        axis.grid(alpha=0.3)
+    figure.suptitle("\n".join(textwrap.wrap(found.sentence.replace(" %", "\u00a0%"), _LINE)), fontsize=11, fontweight="bold")
     return figure
+
+
+def _speed(axis: Axes, course: RunTrace) -> None:
+    for side, (words, colour) in _SIDES.items():
+        axis.plot(course.speed_time_s, getattr(course, f"speed_residual_{side}_mps"), color=colour, linewidth=1.6, label=words)
+    axis.axhline(0.0, color="#888", linewidth=0.8)
+    axis.set_ylabel("vehicle speed, recorded less simulated [m/s]")
+
+
+def _adhesion(axis: Axes, course: RunTrace) -> None:
+    axis.plot(course.time_s, course.adhesion_measured, ".", color=COLOURS[6], markersize=4, alpha=0.6, label="recorded")
+    for side, (words, colour) in _SIDES.items():
+        axis.plot(course.time_s, getattr(course, f"adhesion_{side}"), color=colour, linewidth=1.6, label=words)
+    axis.set_ylabel(f"adhesion coefficient of axle {course.axle} [-]")
+
+
+def _errors(axis: Axes, rows: Sequence[tuple[str, float, float]], label: str) -> None:
+    """Draw an error in every row, before and after."""
+    for index, (_, colour) in enumerate(_SIDES.values(), start=1):
+        axis.plot(np.array([row[index] for row in rows], float), range(len(rows)), "o", color=colour, markersize=6)
+    axis.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=8)
+    axis.set_ylim(len(rows) - 0.5, -0.5)
+    axis.set_xlim(left=0.0)
+    axis.set_xlabel(label)
+    axis.set_title("All runs", fontsize=10)
 
 
 if __name__ == "__main__":
     target = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/picture.png")
-    draw({law: brake(law) for law in ("recovering", "classic")}).savefig(target)
+    draw(diagnose(read_campaign(concealed_campaign()), lambda step: None, os.cpu_count() or 1)).savefig(target)
     print(target)

@@ -155,9 +155,22 @@ def union_of_clocks(folder, columns):
     (folder / "a.csv").write_text(text_of({name: values.tolist() for name, values in table.items()}, empty="nan"))
 
 
+def delimiters_at_the_end(folder, columns):
+    """Every row of data, not the names, ends with a comma: https://github.com/pandas-dev/pandas/issues/14124."""
+    names, *rows = text_of(rounded(columns)).splitlines()
+    (folder / "a.csv").write_text("\n".join([names, *(f"{row}," for row in rows)]) + "\n")
+
+
+def unit_of_the_time_alone(folder, columns):
+    """A line of units in which only the time has one: https://github.com/ratal/mdfreader/issues/199."""
+    names, *rows = text_of(rounded(columns)).splitlines()
+    (folder / "a.csv").write_text("\n".join([names, "s" + "," * names.count(","), *rows]) + "\n")
+
+
 ODD = [
     missing_wheel, dead_wheel, each_at_its_rate, matlab_structure, wide_text, returns_only, times_of_day, code_page_850,
     names_of_its_own, sixty_channels, lines_ended_twice, points_at_thousands, one_name_in_two_groups, union_of_clocks,
+    delimiters_at_the_end, unit_of_the_time_alone,
 ]  # fmt: skip
 
 

@@ -1,14 +1,20 @@
 """The package as strangers get it: what the wheel carries, and that the code in the documents runs."""
 
+import functools
+import importlib
+import json
 import re
+import shlex
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
 import pytest
+import tyro
 
-from wsp_env.cli import main
+from wsp_env.cli import COMMANDS, main
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -61,6 +67,67 @@ def test_links_between_documents_lead_somewhere():
     for document in [*DOCUMENTS, *sorted((ROOT / "docs/lab").glob("*.md")), ROOT / "CONTRIBUTING.md"]:
         for link in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", document.read_text(encoding="utf-8")):
             assert (document.parent / link).exists(), f"{document.name}: {link}"
+
+
+def blocks(*languages):
+    """Every block of code of the documents in some languages, as (document, text)."""
+    for document in [*DOCUMENTS, *sorted((ROOT / "docs/lab").glob("*.md")), ROOT / "CONTRIBUTING.md"]:
+        found = re.findall(r"^```(\w*)\n(.*?)^```", document.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+        yield from ((document.name, text) for language, text in found if language in languages)
+
+
+def commands():
+    """Every command of the documents, as (document, words): what follows a pipe or goes into a file is left out."""
+    for name, text in blocks("console", "sh", ""):
+        for line in text.replace("\\\n", " ").splitlines():
+            for part in re.split(r"&&|\|", line.strip().removeprefix("$ ")):
+                words = shlex.split(part.partition(">")[0], comments=True)
+                while words and "=" in words[0]:  # a variable of the environment
+                    words = words[1:]
+                if words:
+                    yield name, words
+
+
+def test_every_command_in_the_documents_exists(monkeypatch):
+    told = set()
+    targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    for name, words in commands():
+        where = f"{name}: {' '.join(words)}"
+        if words[0] == "wsp" and words[1] not in ("--help", "COMMAND"):
+            module = importlib.import_module(f"wsp_env.cli.{words[1].replace('-', '_')}")
+            tyro.cli(parsed(module.main), prog="wsp", args=words[2:], console_outputs=False)  # exits where it does not fit
+            told.add(words[1])
+        elif words[0] == "make":
+            assert {word for word in words[1:] if "=" not in word} <= set(targets), where
+        elif words[0] == "python":
+            file = ROOT / (words[1] if words[1] != "-m" else words[2].replace(".", "/"))
+            assert any(one.exists() for one in (file, file.with_suffix(".py"), file / "__main__.py")) or words[2] == "build", (
+                where
+            )
+    assert told == set(COMMANDS), "every command of wsp is shown somewhere"
+
+
+def parsed(function):
+    """The same arguments, and nothing done."""
+
+    @functools.wraps(function)
+    def nothing(*arguments, **options):
+        return None
+
+    return nothing
+
+
+def test_every_toml_and_json_in_the_documents_is_valid():
+    for _, text in blocks("toml"):
+        tomllib.loads(text)
+    for _, text in blocks("json"):
+        json.loads(text)
+
+
+def test_no_page_is_too_long():
+    for document in DOCUMENTS:
+        if document.name not in ("api.md", "agents.md", "concealed.md"):  # the last two: laboratory notes on their way out
+            assert len(document.read_text(encoding="utf-8").splitlines()) <= 200, document.name
 
 
 def test_missing_extra_is_named(monkeypatch, capsys):

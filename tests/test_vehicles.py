@@ -143,7 +143,7 @@ def test_a_vehicle_file_runs_under_every_command(tmp_path, capsys, axles):
         main(["compare", *common, str(tmp_path / "c.html"), "--mu-cd", "0.04", "--tau", "2e-4", "--speed", "15", "--json"]) == 0
     )
     assert MINE[axles].name in json.loads(capsys.readouterr().out)["stop"]
-    for command in ("evaluate", "compare", "demo"):
+    for command in ("evaluate", "compare"):
         assert main([command, "--vehicle", "tram"]) == 2
         assert "unknown vehicle 'tram'; valid: wheelset, bogie, coach, train, or a vehicle file" in capsys.readouterr().err
 

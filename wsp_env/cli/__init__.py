@@ -7,7 +7,7 @@ from typing import TextIO
 
 #: Subcommand -> what it does; the module of that name has the function `main`, whose arguments are the command line's.
 COMMANDS = {
-    "demo": "see it work: recorded stops read, tau tuned and validated on them, a bogie braking under the tuned law",
+    "demo": "see it work: recordings, tuning, a validation that passes, the diagnosis of what it concealed, stops with it",
     "compare": "the same stop with and without recovery of adhesion, over mu_cd and tau",
     "compare-campaigns": "two campaigns, as before and after a repair: tau, mu_cd, mechanisms, what changed and how sure",
     "evaluate": "put controllers through a test programme in the manner of EN 15595 and compare them",

@@ -45,6 +45,8 @@ def make_campaign(folder: Path, vehicle: str, out: Path | None, console: Console
         console.print(
             f"Still open in it: {', '.join(asked)}; give a vehicle file with --vehicle, or write them in", markup=False
         )
+    else:
+        console.print(f"Check the guesses in it; then: wsp tune {file.parent}", markup=False)
     return file.parent
 
 

@@ -87,7 +87,7 @@ def main(
 ) -> None:
     """Describe vehicles as data.
 
-    A vehicle is a TOML file; evaluate, compare, replay and demo take it as --vehicle FILE, environments as
+    A vehicle is a TOML file; evaluate, compare, inspect, diagnose and replay take it as --vehicle FILE, environments as
     gym.make("wsp_env/Coach-v0", vehicle="mine.toml").
 
       wsp vehicle show coach > mine.toml    a file to start from, with unit and source behind each value

@@ -10,7 +10,8 @@ from wsp_env.export import kinds
 from wsp_env.export.source import plain_function
 from wsp_env.export.translator import Direct, Translator
 from wsp_env.export.unit import Variable, assigned
-from wsp_env.observer import estimator, guard, observation
+from wsp_env.observer import doubts as judging
+from wsp_env.observer import estimator, guard, observation, overrule
 from wsp_env.observer.observation import Observer
 from wsp_env.parameters.vehicle import Vehicle
 
@@ -37,7 +38,7 @@ def rebuilders(*modules: Mapping[str, Any]) -> dict[Any, Any]:
 
 def kernels_names() -> tuple[Mapping[str, Any], ...]:
     """Return the names of the modules whose kernels are translated here."""
-    return vars(guard), vars(observation)
+    return vars(guard), vars(overrule), vars(observation)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,16 +61,16 @@ def guarded_observer(
     vehicle: Vehicle,
     interval_s: float,
     command: str,
-    timers: tuple[float, float] = (guard.TIMER_S, guard.TIMER_REST_S),
+    timers: tuple[float, float] = (overrule.TIMER_S, overrule.TIMER_REST_S),
     by_pressure: bool = False,
     sensors: bool = False,
 ) -> Guarded:
     """Return the guarded observer of one vehicle, whose last command (A,) stands in the C at `command`."""
     axles, size = vehicle.axles, Observer.size_for(vehicle.axles)
     given = observation._constants_of(vehicle, interval_s, by_pressure)
-    doubted = guard._allocate(kinds.SENTINEL, axles)
-    slow = estimator.approach(interval_s, guard.NOISE_FILTER_S)
-    judged = guard.GuardConstants(vehicle.wheel_radius_m, interval_s, slow, *timers)
+    doubted = judging.allocate(kinds.SENTINEL, axles)
+    slow = estimator.approach(interval_s, judging.NOISE_FILTER_S)
+    judged = judging.GuardConstants(vehicle.wheel_radius_m, interval_s, slow, *timers)
     memory, constants, doubts, own = (
         kinds.variable(t.type_of(example), f"self->{name}")
         for name, example in (
@@ -107,13 +108,14 @@ def guarded_observer(
             f"for (int64_t k = 0; k < {axles}; k++) {{",
             "    self->memory.estimate.trusted[k] = !self->doubts.failed[k];",
             "}",
+            call(guard._note, doubts, own, memory),
             "self->begun = true;",
         ),
         observe=(
             call(guard._doubt, wheel, doubts, own, memory, constants),
             call(observation._observe, clean, last, demand, pressure, memory, constants, seen),
         ),
-        overrule=call(guard._overrule, changed, doubts, own, memory, constants),
+        overrule=call(overrule.overrule, changed, doubts, own, memory, constants),
         outputs=tuple(Variable(name, unit, said, size=axles if each else None) for _, name, unit, said, each, _ in _FOUND),
         tell=(
             *(f"y->{name} = self->{place};" for place, name, _, _, each, _ in _FOUND if not each),

@@ -97,10 +97,10 @@ def judge(
     change = reading - d.raw[i, k]
     d.failed[i, k] = abs(change) * c.radius > JUMP_MPS2 * c.interval
     d.same[i, k] = d.same[i, k] + c.interval if change == 0.0 and reading * c.radius > FROZEN_ABOVE_MPS else 0.0
-    others = c.radius * _others(i, k, d)
+    around = c.radius * others(i, k, d)
     if d.same[i, k] == 0.0:
-        d.held_at[i, k], d.others_at[i, k] = e.speed[i], others
-    moved = max(abs(e.speed[i] - d.held_at[i, k]), abs(others - d.others_at[i, k]))
+        d.held_at[i, k], d.others_at[i, k] = e.speed[i], around
+    moved = max(abs(e.speed[i] - d.held_at[i, k]), abs(around - d.others_at[i, k]))
     d.failed[i, k] |= d.same[i, k] >= FROZEN_S - 1e-9 and moved > FROZEN_CHANGE_MPS
     second = change - d.difference[i, k]
     third = second - d.second[i, k]
@@ -119,7 +119,7 @@ def judge(
 
 
 @inlined
-def _others(i: int, k: int, d: Doubts) -> float:
+def others(i: int, k: int, d: Doubts) -> float:
     """Mean reading of the other believed sensors [rad/s], 0 without any."""
     total, sound = 0.0, 0
     for j in range(d.raw.shape[1]):

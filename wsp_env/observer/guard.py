@@ -31,6 +31,7 @@ from wsp_env.observer.doubts import (
     guard_of,
     judge,
     learn,
+    others,
 )
 from wsp_env.observer.estimator import approach
 from wsp_env.observer.observation import Observer, constants_of, memory_of
@@ -81,16 +82,8 @@ class Guard:
         _begin(raw, self._state)
         observation = self._observer.reset(measurement._replace(wheel_speed=self.doubts.clean))
         self._observer.estimate.trusted[:] = ~self.doubts.failed
-        self._note_speeds()
+        _note(self._state, self._given, self._observer.state)
         return observation
-
-    def _note_speeds(self) -> None:
-        """Note against which speeds a reading that repeats from the first one on is compared."""
-        d = self.doubts
-        sound = np.where(d.failed, 0.0, d.raw)
-        count = (~d.failed).sum(axis=1, keepdims=True) - ~d.failed
-        d.held_at[:] = self._observer.estimate.speed[:, None]
-        d.others_at[:] = self._radius * (sound.sum(axis=1, keepdims=True) - sound) / np.maximum(count, 1)
 
     def observe(self, measurement: Measurement, command: np.ndarray) -> np.ndarray:
         """Take the next measurement and the command (N, A) given before it; return the observation (N, size)."""
@@ -119,6 +112,17 @@ def _begin(raw: np.ndarray, state: Any) -> None:
         compare(i, d)
         for k in range(raw.shape[1]):
             d.clean[i, k] = d.ratio[i, k] * d.speed[i, k]
+
+
+@loop
+def _note(state: Any, given: Any, memory: Any) -> None:
+    """Note against which speeds a reading that repeats from the first one on is compared."""
+    d, c = doubts_of(state), guard_of(given)
+    e = memory_of(memory).estimate
+    for i in range(d.raw.shape[0]):
+        for k in range(d.raw.shape[1]):
+            d.held_at[i, k] = e.speed[i]
+            d.others_at[i, k] = c.radius * others(i, k, d)
 
 
 @loop

@@ -70,6 +70,11 @@ def demo_campaign() -> Path:
     return Path(str(files("wsp_env") / "data" / "demo_campaign"))
 
 
+def concealed_campaign() -> Path:
+    """Return the folder of a campaign that travels with the package and conceals an effect; see wsp_env/data/README.md."""
+    return Path(str(files("wsp_env") / "data" / "concealed_campaign"))
+
+
 def read_campaign(folder: Path) -> Campaign:
     """Read and check a campaign folder.
 

@@ -1,7 +1,9 @@
 """From a folder of recorded files to a campaign.toml: which files are stops of one logger, which tune and which validate."""
 
 import dataclasses
+import json
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -76,26 +78,33 @@ def split(runs: tuple[Path, ...]) -> tuple[list[Path], list[Path]]:
     return [run for run in runs if run not in validate], validate
 
 
-def write(found: Found, folder: Path, known: Mapping[str, float]) -> str:
+def write(found: Found, folder: Path, known: Mapping[str, float | list[float]]) -> str:
     """Return the campaign.toml of a folder.
 
     Parameters
     ----------
-    folder : that it will stand in
-    known : of the vehicle, see `ASKED`; also `axle_positions_m`, a list
+    folder : that it will stand in, and that the campaign is called after
+    known : of the vehicle: what is `ASKED` for, and what else of [vehicle] is known; positions of another number of axles than
+        the recordings have are left out
 
     """
     tune, validate = split(found.runs)
     text = draft(found.runs[0], found.channels, found.runs, folder)
+    text = text.replace(f"\nname = {json.dumps(found.runs[0].stem)}\n", f"\nname = {json.dumps(folder.resolve().name)}\n", 1)
     names = run_names(found.runs, folder)
     for key, group in (("tune", tune), ("validate", validate)):
         start = text.index(f"\n{key} = ") + 1
         listed = ", ".join(f'"{names[run]}"' for run in group)
         text = f"{text[:start]}{key} = [{listed}]   # every third by speed validates\n{text[text.index(chr(10), start) + 1 :]}"
+    axles = int(re.findall(r"^axles = (\d+)$", text, re.MULTILINE)[0])
     for key, value in known.items():
-        start = text.find(f"\n# {key} = ...") + 1
+        start = text.find(f"\n# {key} = ") + 1
+        if key == "axle_positions_m" and isinstance(value, list) and len(value) != axles:
+            continue
         if start:
             text = f"{text[:start]}{key} = {value!r}\n{text[text.index(chr(10), start) + 1 :]}"
+        elif key not in ASKED:
+            text = text.replace("\n\n[contact]\n", f"\n{key} = {value!r}\n\n[contact]\n", 1)
     return text
 
 
@@ -106,9 +115,13 @@ def run_names(runs: tuple[Path, ...], folder: Path) -> dict[Path, str]:
     return {run: run.stem if stems.count(run.stem) == 1 else relative[run] for run in runs}
 
 
-def of_vehicle(vehicle: Vehicle) -> dict[str, float]:
-    """Return what a draft asks for, of a described vehicle."""
+def of_vehicle(vehicle: Vehicle) -> dict[str, float | list[float]]:
+    """Return what a draft takes from a described vehicle."""
+    resistance = [vehicle.resistance_a_n, vehicle.resistance_b_ns_per_m, vehicle.resistance_c_ns2_per_m2]
     return {
+        "axle_positions_m": list(vehicle.axle_positions_m),
+        "gravity_mps2": vehicle.gravity_mps2,
+        **({"resistance_n": resistance} if any(resistance) else {}),
         "mass_kg": vehicle.mass_kg,
         "wheelset_inertia_kgm2": vehicle.wheelset_inertia_kgm2,
         "wheel_radius_m": vehicle.wheel_radius_m,

@@ -11,6 +11,7 @@ from wsp_env.report import COLOURS, Figure, Origin, PageOptions, Section, axes, 
 
 _POINTS = 1000  # of a line: more cannot be told apart on a screen
 _SHADE = "rgba(213, 94, 0, 0.18)"
+_LEGEND_PX = 150  # room for the legend beside a plot
 _MOST_STRETCHES = 200  # shaded ones of a figure
 
 
@@ -22,7 +23,7 @@ def write_signals(
     for name, run in campaign.runs.items():
         group = "tunes" if name in campaign.tune else "validates" if name in campaign.validate else "in no group"
         share = 0.0 if run.suspect is None else float(run.suspect.mean())
-        text = [f"{len(run.time_s)} samples; {_missing(run)}; {share:.1%} not compared with the law."]
+        text = [f"{len(run.time_s)} samples; {_missing(run)}; {100.0 * share:.1f} % not compared with the law."]
         sections.append(Section(f"{name} ({group})", [*text, *run.warnings], _figures(run), fold=bool(sections)))
     lead = (
         "Every channel as it was read, on one clock. Shaded: repaired, or not to be trusted, on the axle of that colour or all."
@@ -62,7 +63,9 @@ def _figure(run: Recording, y: str, values: np.ndarray, what: str) -> Any:
     if run.suspect is not None:
         for start, end in _stretches(np.asarray(run.suspect.any(axis=1)))[:_MOST_STRETCHES]:
             figure.add_vrect(x0=run.time_s[start], x1=run.time_s[end - 1], fillcolor=_SHADE, line_width=0, layer="below")
-    return axes(figure, "time [s]", y, height=260)
+    axes(figure, "time [s]", y, height=260)
+    figure.update_layout(margin_r=_LEGEND_PX)  # the same time at the same place, whether a plot has a legend or not
+    return figure
 
 
 def _stretches(mask: np.ndarray) -> list[tuple[int, int]]:

@@ -124,9 +124,10 @@ def _facts(validation: Validation) -> Facts:
     if ways := [_ways(stop) for name, stop in validation.stops.items() if name in (campaign.validate or campaign.tune)]:
         off = [simulated - recorded for recorded, simulated in ways]
         share = max(abs(simulated / recorded - 1.0) for recorded, simulated in ways)
+        apart = f"{min(off):+.1f} to {max(off):+.1f} m" if len(off) > 1 else f"{off[0]:+.1f} m"
         rows.append(
-            ("Left in a stop", f"simulated with the recorded brake torque, stops differ by {min(off):+.1f} to "
-             f"{max(off):+.1f} m (at most {100.0 * share:.1f} % of the way braked)")
+            ("Left in a stop", f"simulated with the recorded brake torque, stops differ by {apart} "
+             f"(at most {100.0 * share:.1f} % of the way braked)")
         )  # fmt: skip
     met = [criterion for criterion in validation.criteria if criterion.met]
     rows.append(("Figures of the paper", f"{len(met)} of {len(validation.criteria)} met; they measure the fit of this law, and "
