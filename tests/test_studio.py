@@ -16,11 +16,12 @@ from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.recordings import read_campaign
 from wsp_env.recordings.inspection import inspect
 from wsp_env.studio.desk import FIRST, MECHANISMS, Desk
+from wsp_env.studio.files import File
 from wsp_env.studio.gate import Gate
 from wsp_env.studio.jobs import Job
 from wsp_env.studio.stop import Choice, braked
 from wsp_env.studio.work import BUCKETS, envelope
-from wsp_env.studio.workspace import MOST_BYTES, File, RefusedError, Workspace
+from wsp_env.studio.workspace import MOST_BYTES, RefusedError, Workspace
 
 TOKEN, PORT, MOST = "right", 8080, 1000
 HOST = (b"host", b"127.0.0.1:8080")

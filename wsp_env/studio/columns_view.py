@@ -1,5 +1,6 @@
 """The screen of columns: which column is which channel, beside the curves that they hold."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -7,8 +8,10 @@ from nicegui import ui
 
 from wsp_env.recordings import channels as kinds
 from wsp_env.recordings.errors import CampaignError
+from wsp_env.recordings.guessing import FASTEST_MPS
 from wsp_env.studio import plots, shell
-from wsp_env.studio.workspace import File, RefusedError, Workspace, channel_words
+from wsp_env.studio.files import Column, File, channel_words
+from wsp_env.studio.workspace import RefusedError, Workspace
 
 #: Radius [m] by which turning wheels are drawn as a speed before the vehicle is known (assumption: a worn coach wheel).
 _RADIUS_M = 0.445
@@ -25,6 +28,7 @@ _HEADS = {
     "brake_torque": "Brake torques, per wheelset",
     "cylinder_pressure": "Cylinder pressures",
 }
+_MARKS = {"remove": "no column", "auto_awesome": "suggested", "check": "chosen"}
 _PANELS = (("speed [km/h]", ("vehicle_speed", "wheel_speed"), 3.6), ("brake torque [kN m]", ("brake_torque",), 1e-3),
            ("cylinder pressure [bar]", ("cylinder_pressure",), 1.0))  # fmt: skip
 
@@ -32,11 +36,12 @@ _PANELS = (("speed [km/h]", ("vehicle_speed", "wheel_speed"), 3.6), ("brake torq
 class ColumnsView:
     """One tab's view of the columns."""
 
-    def __init__(self, space: Workspace) -> None:
-        self._space = space
+    def __init__(self, space: Workspace, changed: Callable[[], None]) -> None:
+        self._space, self._changed = space, changed
         self._file, self._other = "", ""
         self._plot: Any = None
         self._left: Any = None
+        self._missing: Any = None
 
     def draw(self) -> None:
         """Show the screen."""
@@ -61,8 +66,16 @@ class ColumnsView:
                     other.props("dense outlined options-dense label='Look at another column'").style("min-width: 13rem")
                 self._plot = ui.plotly(self._figure()).classes("w-full")
                 self._left = ui.label(self._words()).classes("quiet small")
-        if space.missing:
-            shell.note(f"Still missing: {', '.join(space.missing)}.")
+        self._missing = ui.label().classes("warn w-full").props("role=status")
+        self._refresh()
+
+    def _refresh(self) -> None:
+        """Show what a choice changes, and leave the fields alone: somebody is at them."""
+        lacks = self._space.missing
+        self._missing.set_text(f"Still missing: {', '.join(lacks)}.")
+        self._missing.set_visibility(bool(lacks))
+        self._left.set_text(self._words())
+        self._plot.update_figure(self._figure())
 
     def _rows(self) -> None:
         space = self._space
@@ -103,25 +116,38 @@ class ColumnsView:
             given.props(f"dense outlined options-dense aria-label='unit of {channel_words(channel)}'").style(
                 "width: 6.4rem; flex: none"
             )
-            mark = ui.icon("auto_awesome" if column and column.suggested else "check" if column else "remove", size="xs")
-            mark.style("color: #9aa5b1").tooltip(
-                "suggested" if column and column.suggested else "chosen" if column else "no column"
-            )
+            mark = ui.icon(_mark(column), size="xs").style("color: #9aa5b1")
+            with mark:
+                tip = ui.tooltip(_MARKS[_mark(column)])
 
-        def change() -> None:
+        def change(by_column: bool) -> None:
+            wanted = ("" if by_column else given.value) or self._usual(chosen.value, kind)
+            before = self._space.columns.get(channel)
+            if before is not None and (before.name, before.unit) == (chosen.value, wanted):
+                return
             try:
-                self._space.choose(channel, chosen.value or "", given.value or self._usual(chosen.value, kind))
+                self._space.choose(channel, chosen.value or "", wanted)
             except RefusedError as error:
                 ui.notify(str(error), type="warning", multi_line=True)
-            self._space.changed()
+                return
+            now = self._space.columns.get(channel)
+            unit = now.unit if now else ""
+            given.set_options({**given.options, unit: unit or "?"}, value=unit)
+            mark.set_name(_mark(now))
+            tip.set_text(_MARKS[_mark(now)])
+            self._refresh()
+            self._changed()
 
-        chosen.on_value_change(change)
-        given.on_value_change(change)
+        chosen.on_value_change(lambda: change(True))
+        given.on_value_change(lambda: change(False))
 
     def _usual(self, column: str, kind: str) -> str:
-        """Return the unit of a column that is chosen without one: as its file states it, else the channel's own."""
-        stated = next((one.unit for file in self._space.usable for one in file.channels if one.name == column), "")
-        return stated or _UNITS[kind][0]
+        """Return the unit of a column that is chosen without one: as its file states it, else as it may be."""
+        found = next((one for file in self._space.usable for one in file.channels if one.name == column), None)
+        if found is None:
+            return ""
+        fast = kind == "vehicle_speed" and found.quality.highest > FASTEST_MPS
+        return found.unit or ("km/h" if fast else _UNITS[kind][0])
 
     def _axles(self, value: float | None) -> None:
         if value is not None and 1 <= value <= 64 and int(value) != self._space.axles:
@@ -175,6 +201,11 @@ class ColumnsView:
             name = _short(channel, kind)
             colour = plots.colour(int(name.split()[-1]) - 1)
         return plots.line(drawn[0], factor * np.asarray(drawn[1], dtype=float), name, colour)
+
+
+def _mark(column: Column | None) -> str:
+    """Return the icon of where a column comes from."""
+    return "remove" if column is None else "auto_awesome" if column.suggested else "check"
 
 
 def _short(channel: str, kind: str) -> str:

@@ -60,24 +60,31 @@ class Job:
 
     async def run(self) -> None:
         """Do the work; returns when it is done, has failed or was cancelled."""
+        try:
+            code, words = await self._work()
+        except OSError as error:  # no process, no memory, a full disk
+            code, words = 1, str(error)
+        self._ended = time.monotonic()
+        if self.running:
+            self._finish(code, words)
+
+    async def _work(self) -> tuple[int, str]:
+        """Return the exit status of the child and its last words."""
         self.folder.mkdir(parents=True, exist_ok=True)
         (self.folder / "request.json").write_text(json.dumps(self._request), encoding="utf-8")
         (self.folder / "result.json").unlink(missing_ok=True)
         path = json.dumps([os.path.abspath(place) for place in sys.path])
         pipe = asyncio.subprocess.PIPE
-        self._process = await asyncio.create_subprocess_exec(
+        self._process = process = await asyncio.create_subprocess_exec(
             sys.executable, "-P", "-c", _CODE, path, self.task, str(self.folder),
             stdin=asyncio.subprocess.DEVNULL, stdout=pipe, stderr=pipe, limit=_LONGEST_LINE, process_group=0,
         )  # fmt: skip
         if not self.running:  # cancelled before there was anything to end
             self._signal(signal.SIGKILL)
-        assert self._process.stdout is not None
-        assert self._process.stderr is not None
-        _, words = await asyncio.gather(self._follow(self._process.stdout), self._process.stderr.read())
-        code = await self._process.wait()
-        self._ended = time.monotonic()
-        if self.running:
-            self._finish(code, words.decode(errors="replace")[-_LAST_WORDS:])
+        assert process.stdout is not None
+        assert process.stderr is not None
+        _, words = await asyncio.gather(self._follow(process.stdout), process.stderr.read())
+        return await process.wait(), words.decode(errors="replace")[-_LAST_WORDS:]
 
     async def cancel(self) -> None:
         """End the work; what it has written is whole or absent."""

@@ -26,7 +26,9 @@ class RecordingsRoom:
     def __init__(self, space: Workspace, key: str, most_bytes: int, suffixes: tuple[str, ...]) -> None:
         self._space, self._most_bytes, self._suffixes = space, most_bytes, suffixes
         self._seen, self._step, self._came = -1, -1, 0.0
-        self._columns, self._results = ColumnsView(space), ResultsView(space, key)
+        self._columns, self._results = ColumnsView(space, self._quietly), ResultsView(space, key)
+        self._steps: Any = None
+        self._leads: Any = None
         self._body = shell.page("Recordings")
         self._watch()
         ui.timer(_WATCH_S, self._watch)
@@ -46,11 +48,13 @@ class RecordingsRoom:
         space = self._space
         self._body.clear()
         with self._body:
+            self._steps = ui.element("nav").classes("row items-center no-wrap").props("aria-label='steps'").style("gap: .1rem")
             self._rail()
             screens: list[Callable[[], None]] = [self._files, self._columns.draw, self._vehicle]
             if space.step < len(screens):
                 with ui.element("main").classes("card column").style("gap: 1rem"):
                     screens[space.step]()
+                    self._leads = ui.row().classes("items-center").style("gap: .6rem")
                     self._actions()
             else:
                 self._results.draw(STEPS[space.step].lower())
@@ -59,10 +63,18 @@ class RecordingsRoom:
                 shell.focus_top()
         self._step = space.step
 
+    def _quietly(self) -> None:
+        """Take a change that this tab shows already, and leave its fields alone; other tabs draw the page anew."""
+        self._space.changed()
+        self._seen = self._space.version
+        self._rail()
+        self._actions()
+
     def _rail(self) -> None:
         """Show the steps; those that can be gone to are buttons."""
         space = self._space
-        with ui.element("nav").classes("row items-center no-wrap").props("aria-label='steps'").style("gap: .1rem"):
+        self._steps.clear()
+        with self._steps:
             for number, name in enumerate(STEPS):
                 button = ui.button(f"{number + 1}  {name}", on_click=lambda n=number: self._go(n)).props("flat dense no-caps")
                 button.classes("step q-px-sm" + (" now" if number == space.step else ""))
@@ -90,7 +102,8 @@ class RecordingsRoom:
         """Show the one action that leads on."""
         space, step = self._space, self._space.step
         busy = space.busy is not None
-        with ui.row().classes("items-center").style("gap: .6rem"):
+        self._leads.clear()
+        with self._leads:
             if step == 0:
                 shell.primary("Continue: columns", lambda: self._go(1), busy or not space.usable)
             elif step == 1:
@@ -204,6 +217,7 @@ class RecordingsRoom:
             self._space.vehicle.pop(key, None)
         else:
             self._space.vehicle[key] = float(value)
+        self._quietly()
 
     async def _take_vehicle(self, event: Any) -> None:
         place = self._space.folder / "vehicle" / (Path(event.file.name).name[-80:] or "vehicle.toml")

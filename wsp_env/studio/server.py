@@ -181,5 +181,7 @@ def serve(port: int = 0, show: bool = True, kept: Path | None = None, most_bytes
         print(f"wsp studio: {address}\nOpen it in a browser on this machine; Ctrl-C ends it.", flush=True)
         if show:
             webbrowser.open(address)
-        config = uvicorn.Config(gate, log_level="error", access_log=False, server_header=False, ws_max_size=2**24)
+        config = uvicorn.Config(
+            gate, loop="asyncio", log_level="error", access_log=False, server_header=False, ws_max_size=2**24
+        )
         uvicorn.Server(config).run(sockets=[listening])

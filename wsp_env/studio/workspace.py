@@ -16,8 +16,8 @@ from wsp_env.recordings import channels as kinds
 from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.folder import ASKED, of_vehicle, open_questions, run_names, split
 from wsp_env.recordings.inspection import InspectedChannel, draft
-from wsp_env.recordings.quality import Quality
 from wsp_env.recordings.readers import FORMATS
+from wsp_env.studio.files import Column, File, channel_of, channel_words, speed_of
 from wsp_env.studio.jobs import Job
 
 #: What one workspace takes: files, and bytes of all of them.
@@ -34,37 +34,6 @@ _SUFFIXES = tuple(suffix for group in FORMATS for suffix in group)
 
 class RefusedError(Exception):
     """What a person gave and what cannot be; the message says why."""
-
-
-@dataclasses.dataclass
-class File:
-    """One recorded file."""
-
-    path: Path
-    channels: list[InspectedChannel] = dataclasses.field(default_factory=list)
-    rows: int = 0
-    error: str = ""  # why it cannot be read
-    group: str = "tune"  # or "validate", or "left out"
-    looked: bool = False
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-        return self.path.name
-
-    @property
-    def usable(self) -> bool:
-        """Whether it was read."""
-        return self.looked and not self.error
-
-
-@dataclasses.dataclass(frozen=True)
-class Column:
-    """Where a channel comes from."""
-
-    name: str
-    unit: str = ""
-    suggested: bool = True
 
 
 class Workspace:
@@ -160,13 +129,13 @@ class Workspace:
                 answer = {"error": f"{file.name} could not be read: {job.message or 'its reader ended'}"}
             file.looked, file.error = True, answer.get("error", "")
             if not file.error:
-                file.channels, file.rows = [_channel(one) for one in answer["channels"]], answer["rows"]
+                file.channels, file.rows = [channel_of(one) for one in answer["channels"]], answer["rows"]
         self._suggest()
 
     @property
     def usable(self) -> list[File]:
         """The files that were read, slow stops first, as far as their speed is known."""
-        return sorted((file for file in self.files.values() if file.usable), key=lambda file: (_speed(file), file.name))
+        return sorted((file for file in self.files.values() if file.usable), key=lambda file: (speed_of(file), file.name))
 
     @property
     def runs(self) -> list[File]:
@@ -284,12 +253,6 @@ class Workspace:
         (self.recordings / "campaign.toml").write_text(self.campaign_text(), encoding="utf-8")
 
 
-def channel_words(channel: str) -> str:
-    """Return a channel's name in words."""
-    axle = re.match(r"axle(\d+)_(.*)", channel)
-    return f"axle {axle[1]} {axle[2].replace('_', ' ')}" if axle else channel.replace("_", " ")
-
-
 def _with(text: str, begins: str, line: str) -> str:
     start = text.find(begins) + 1
     return f"{text[:start]}{line}\n{text[text.index(chr(10), start) + 1 :]}" if start else text
@@ -300,14 +263,3 @@ def _mapped(channel: InspectedChannel, by_column: Mapping[str, tuple[str, str]])
     return dataclasses.replace(
         channel, guess=name, guessed_unit=unit or channel.unit or (kinds.channel(name).unit if name else "")
     )
-
-
-def _channel(given: dict[str, Any]) -> InspectedChannel:
-    numbers = given["quality"]
-    return InspectedChannel(
-        **{**given, "quality": Quality(*(numbers.get(f.name, np.nan) for f in dataclasses.fields(Quality)))}
-    )
-
-
-def _speed(file: File) -> float:
-    return next((one.quality.highest for one in file.channels if one.guess == "vehicle_speed"), 0.0)
