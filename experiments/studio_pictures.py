@@ -67,6 +67,7 @@ def recordings(tab: Any, address: str) -> None:
     tab.locator("input[type=file]").set_input_files(files)
     tab.get_by_role("button", name="Continue: columns", disabled=False).click()
     tab.get_by_role("heading", name="Which column is what").wait_for()
+    tab.locator(".main-svg").first.wait_for()
     shot(tab, "columns")
     tab.get_by_role("button", name="Continue: vehicle").click()
     for label, value in (("mass of the vehicle", "43000"), ("moment of inertia", "160"), ("wheel radius", "0.445")):

@@ -64,7 +64,7 @@ class ColumnsView:
                     other = ui.select({"": "none", **{name: name for name in unused}}, value=self._other)
                     other.on_value_change(lambda e: self._show(self._file, e.value))
                     other.props("dense outlined options-dense label='Look at another column'").style("min-width: 13rem")
-                self._plot = ui.plotly(self._figure()).classes("w-full")
+                self._plot = ui.plotly(self._figure()).classes("w-full").style("min-height: 26rem")
                 self._left = ui.label(self._words()).classes("quiet small")
         self._missing = ui.label().classes("warn w-full").props("role=status")
         self._refresh()

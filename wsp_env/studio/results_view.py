@@ -35,7 +35,7 @@ class ResultsView:
         if job is None or not job.running or self._bar is None:
             return
         self._bar.set_value(round(job.share, 3))
-        self._said.set_text(f"{job.step} · {job.share:.0%} · {job.seconds:.0f} s")
+        self._said.set_text(f"{job.step} · {100 * job.share:.0f} % · {job.seconds:.0f} s")
 
     def draw(self, task: str) -> None:
         """Show the screen of a task."""
@@ -112,7 +112,7 @@ class ResultsView:
 
     def _checked(self, job: Any) -> None:
         for one in job.result["suspects"]:
-            shell.note(f"{one['channel']}: {one['suspicion']}. {one['remedy'][:1].upper()}{one['remedy'][1:]}.")
+            shell.note(f"{one['channel']}: {one['suspicion']}. {_capital(one['remedy'])}.")
         if not job.result["suspects"]:
             shell.note("No channel contradicts the others.", "good")
         repaired = job.warnings[:_MOST_WARNINGS]
@@ -124,11 +124,9 @@ class ResultsView:
                     ui.label(words).classes("small").style("overflow-wrap: anywhere")
 
     def _tuned(self, job: Any) -> None:
-        shell.note(
-            f"{job.result['sentence'][:1].upper()}{job.result['sentence'][1:]}.", "good" if job.result["determined"] else "warn"
-        )
+        shell.note(f"{job.result['sentence']}.", "good" if job.result["determined"] else "warn")
         shell.table(job.result["table"])
-        ui.label(f"{job.result['table']['caption'].capitalize()}.").classes("quiet small")
+        ui.label(f"{_capital(job.result['table']['caption'])}.").classes("quiet small")
 
     def _validated(self, job: Any) -> None:
         shell.note(job.result["verdict"], "good")
@@ -139,3 +137,7 @@ class ResultsView:
         shell.note(job.result["sentence"], "good")
         ui.label(f"Next test: {job.result['next_test']}").style("max-width: 60rem")
         self._links("diagnose", job.result["files"])
+
+
+def _capital(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}"

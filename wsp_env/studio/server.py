@@ -172,6 +172,7 @@ def serve(port: int = 0, show: bool = True, kept: Path | None = None, most_bytes
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listening, _place(kept) as folder:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind(("127.0.0.1", port))
+        listening.listen()  # who comes before the server is ready waits
         port = listening.getsockname()[1]
         token = secrets.token_urlsafe(24)
         studio = Studio(folder, most_bytes)

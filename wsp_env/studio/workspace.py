@@ -237,6 +237,8 @@ class Workspace:
         paths = tuple(file.path for file in runs)
         text = draft(paths[0], mapped, paths, self.recordings)
         names = run_names(paths, self.recordings)
+        others = f" and {len(runs) - 1} more" if len(runs) > 1 else ""
+        text = _with(text, "\nname = ", f"name = {json.dumps(paths[0].stem + others, ensure_ascii=False)}")
         for group in ("tune", "validate"):
             listed = json.dumps([names[file.path] for file in runs if file.group == group], ensure_ascii=False)
             text = _with(text, f"\n{group} = ", f"{group} = {listed}")
