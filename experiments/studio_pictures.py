@@ -40,8 +40,9 @@ def main() -> None:
         tab = chromium.new_page(viewport={"width": 1200, "height": 860})
         tab.set_default_timeout(_WAIT_MS)
         try:
-            desk(tab, found[0])
-            recordings(tab, found[0])
+            for room in (desk, recordings):
+                if room.__name__ in (sys.argv[1:] or ("desk", "recordings")):
+                    room(tab, found[0])
         finally:
             chromium.close()
             server.terminate()
@@ -53,8 +54,7 @@ def desk(tab: Any, address: str) -> None:
     tab.get_by_role("button", name="Go to the driving desk").click()
     tab.get_by_role("button", name="Brake both stops").click()
     tab.get_by_text("stops after").wait_for()
-    tab.get_by_text("stops after").scroll_into_view_if_needed()
-    tab.wait_for_timeout(_SETTLE_MS)
+    drawn(tab)
     tab.evaluate("document.querySelector('.good').scrollIntoView(); window.scrollBy(0, -70)")
     shot(tab, "desk")
 
@@ -67,7 +67,7 @@ def recordings(tab: Any, address: str) -> None:
     tab.locator("input[type=file]").set_input_files(files)
     tab.get_by_role("button", name="Continue: columns", disabled=False).click()
     tab.get_by_role("heading", name="Which column is what").wait_for()
-    tab.locator(".main-svg").first.wait_for()
+    drawn(tab)
     shot(tab, "columns")
     tab.get_by_role("button", name="Continue: vehicle").click()
     for label, value in (("mass of the vehicle", "43000"), ("moment of inertia", "160"), ("wheel radius", "0.445")):
@@ -84,6 +84,12 @@ def recordings(tab: Any, address: str) -> None:
         tab.get_by_role("button", name=action, exact=True).click()
     tab.get_by_role("button", name="Download the report").wait_for()
     shot(tab, "diagnosis")
+
+
+def drawn(tab: Any) -> None:
+    """Wait until every plot is drawn."""
+    tab.locator(".js-plotly-plot").first.wait_for()
+    tab.wait_for_function("[...document.querySelectorAll('.js-plotly-plot')].every(plot => plot.querySelector('.main-svg'))")
 
 
 def shot(tab: Any, name: str) -> None:

@@ -1,5 +1,6 @@
 """The studio in a real browser: from strange files to a forwarded report, by keyboard alone, a broken file, two at once."""
 
+import os
 import re
 import subprocess
 import sys
@@ -24,12 +25,15 @@ ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"
 
 
 @pytest.fixture(scope="module")
-def address():
+def address(tmp_path_factory):
+    place = tmp_path_factory.mktemp("studio")
     command = [sys.executable, "-m", "wsp_env", "studio", "--no-browser"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "TMPDIR": str(place)}) as server:
         yield re.search(r"http\S+", server.stdout.readline())[0]
+        assert list(place.glob("wsp-studio-*"))
         server.terminate()
-        server.wait(30.0)
+        server.wait(60.0)
+    assert not list(place.glob("wsp-studio-*"))  # what was uploaded ends with the server
 
 
 @pytest.fixture(scope="module")

@@ -177,7 +177,8 @@ class DeskRoom:
                     with ui.element("section").classes("card").style("flex: 1; min-width: 0"):
                         ui.html(f"<h2>Stop {name}</h2>", sanitize=False)
                         ui.label(stop["words"]).classes("quiet small")
-                        ui.plotly(plots.stop_panels(stop)).classes("w-full")
+                        figure = plots.stop_panels(stop)
+                        ui.plotly(figure).classes("w-full").style(f"min-height: {figure['layout']['height']}px")
             with ui.element("section").classes("card column").style("gap: .8rem"):
                 shell.table(_figures(stops))
                 self._programs()

@@ -98,6 +98,12 @@ class Job:
                 await asyncio.wait_for(process.wait(), _GRACE_S)
             self._signal(signal.SIGKILL)
 
+    def end(self) -> None:
+        """End the work without waiting."""
+        if self.running:
+            self.state = "cancelled"
+            self._signal(signal.SIGKILL)
+
     def _signal(self, number: int) -> None:
         """Send a signal to the child and all that it began."""
         if self._process is not None:

@@ -4,7 +4,9 @@ import contextlib
 import re
 import secrets
 import shutil
+import signal
 import socket
+import sys
 import tempfile
 import webbrowser
 from collections.abc import Iterator
@@ -26,6 +28,8 @@ from wsp_env.studio.workspace import Workspace
 
 #: Workspaces and desks of one server: more tabs than anyone has open.
 MOST_WORKSPACES = 40
+
+_TERMINATED = 143  # exit status of a process that was asked to end (128 + SIGTERM)
 
 _TYPES = {".html": "text/html; charset=utf-8", ".pdf": "application/pdf", ".json": "application/json",
           ".toml": "text/plain; charset=utf-8", ".py": "text/plain; charset=utf-8",
@@ -185,4 +189,5 @@ def serve(port: int = 0, show: bool = True, kept: Path | None = None, most_bytes
         config = uvicorn.Config(
             gate, loop="asyncio", log_level="error", access_log=False, server_header=False, ws_max_size=2**24
         )
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit(_TERMINATED))  # so that the folder is removed then too
         uvicorn.Server(config).run(sockets=[listening])

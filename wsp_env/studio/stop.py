@@ -38,7 +38,6 @@ class Choice:
     seed: int = 0  # of what a track and sensors draw
     controller: str = "rule-based"
     mechanisms: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
-    model: str = ""  # file of a diagnosis; "": none
 
     def __post_init__(self) -> None:
         """Refuse names that none has; what numbers may be, the environment knows."""
@@ -61,8 +60,6 @@ class Choice:
             found["vehicle"] = {"contact": {"traction_law": self.law}}
         if self.mechanisms:
             found["mechanisms"] = {name: dict(values) for name, values in self.mechanisms.items()}
-        if self.model:
-            found["model"] = self.model
         return found
 
     @property
@@ -77,7 +74,7 @@ class Choice:
     def words(self) -> str:
         """What brakes, on what, by what, in a line."""
         rail = f"mu_cd {self.mu_cd:g}" + (f", tau {1e4 * self.tau:.3g}e-4 m/J" if self.recovering else ", no recovery")
-        more = [name.replace("_", " ") for name in self.mechanisms] + (["what the diagnosis found"] if self.model else [])
+        more = [name.replace("_", " ") for name in self.mechanisms]
         return "; ".join([f"{self.vehicle}, {self.controller}", rail, *([f"with {', '.join(more)}"] if more else [])])
 
     def code(self, name: str = "stop") -> str:

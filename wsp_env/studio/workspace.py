@@ -92,11 +92,12 @@ class Workspace:
         self.forget("check")
         self.changed()
 
-    def forget(self, *tasks: str) -> None:
-        """Forget results that no longer hold: of the named task and of all later ones."""
+    def forget(self, task: str) -> None:
+        """Forget results that no longer hold, of a task and of all later ones; what is still at it is ended."""
         order = [step.lower() for step in STEPS]
-        for task in order[min(order.index(task) for task in tasks) :]:
-            self.jobs.pop(task, None)
+        for later in order[order.index(task) :]:
+            if (job := self.jobs.pop(later, None)) is not None:
+                job.end()
 
     async def start(self, task: str, request: Mapping[str, Any], then: Callable[[], None] = lambda: None) -> None:
         """Do a task to its end; `RefusedError` while another one is at work."""
