@@ -52,6 +52,8 @@ def test_the_token_is_exchanged_for_a_cookie_and_leaves_the_address():
     assert "HttpOnly" in cookie
     assert "SameSite=Strict" in cookie
     assert asked()[2]
+    _, headers, _ = asked("//evil.example/\r\nx", [HOST], query=b"token=right")
+    assert headers[b"location"] == b"/evil.example/%0D%0Ax"
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import hmac
 from collections.abc import Awaitable, Callable, MutableMapping
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
-from urllib.parse import parse_qsl, urlencode
+from urllib.parse import parse_qsl, quote, urlencode
 
 Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
@@ -80,7 +80,7 @@ class Gate:
         return "" if int(length) <= self._most_bytes else f"A file may have {self._most_bytes / 1e6:.0f} MB at most."
 
     async def _welcome(self, path: str, rest: dict[str, str], send: Send) -> None:
-        place = path + (f"?{urlencode(rest)}" if rest else "")
+        place = quote(f"/{path.lstrip('/')}") + (f"?{urlencode(rest)}" if rest else "")  # "//host" would be another server's
         cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict"
         headers = [(b"location", place.encode()), (b"set-cookie", cookie.encode()), (b"cache-control", b"no-store")]
         await send({"type": "http.response.start", "status": 303, "headers": headers})
