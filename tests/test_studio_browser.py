@@ -86,7 +86,7 @@ def press(tab, name, wait_for, patience=PATIENCE_MS):
 
 
 def choose(tab, label, option):
-    tab.get_by_label(label).click()
+    tab.locator("label.q-field", has=tab.get_by_label(label, exact=True)).click()
     tab.get_by_role("option", name=option).click()
 
 

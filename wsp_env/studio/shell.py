@@ -49,6 +49,7 @@ def page(room: str) -> Any:
     ui.colors(primary=ACCENT)
     ui.page_title("wsp studio")
     ui.add_css(_STYLE)
+    ui.add_head_html('<script src="/studio/names.js"></script>')
     with (
         ui.header().classes("items-center q-px-lg").style("background: white; color: #1f2933; border-bottom: 1px solid #e3e7ec")
     ):
