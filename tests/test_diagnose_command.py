@@ -3,7 +3,7 @@
 import pytest
 from synthetic_stops import stop, write_campaign
 
-from wsp_env.cli import main
+from wsp_env.cli import diagnose, main
 from wsp_env.diagnosis import diagnose as engine
 from wsp_env.diagnosis import progress
 from wsp_env.diagnosis.decide import MOST
