@@ -64,6 +64,9 @@ class Job:
             code, words = await self._work()
         except OSError as error:  # no process, no memory, a full disk
             code, words = 1, str(error)
+        except asyncio.CancelledError:  # the server ends
+            self.end()
+            raise
         self._ended = time.monotonic()
         if self.running:
             self._finish(code, words)
