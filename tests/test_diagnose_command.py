@@ -10,7 +10,7 @@ from synthetic_stops import stop, write_campaign
 
 from wsp_env.cli import diagnose, main
 from wsp_env.diagnosis import diagnose as engine
-from wsp_env.diagnosis import many
+from wsp_env.diagnosis import many, progress
 from wsp_env.diagnosis.decide import MOST
 from wsp_env.executor import ThisProcess
 from wsp_env.recordings import CampaignError, CampaignWarning, demo_campaign, read_campaign
@@ -43,11 +43,11 @@ def test_a_file_in_place_of_the_folder_is_refused_before_the_work(below, tmp_pat
 
 @pytest.mark.parametrize("rounds", range(1, MOST + 1))
 def test_the_share_done_only_grows_over_the_steps_of_stops(rounds):
-    course = diagnose.Advance()
+    course = progress.Advance()
     told = ["checking the data", "fitting the baseline", "searching"]
     told += [*(f"refitting {i + 1} of {MOST}" for i in range(rounds)), "judging"]
     shares = [course.reach(step) for step in told]
-    assert shares == [diagnose.STEPS[step] for step in told]
+    assert shares == [progress.STEPS[step] for step in told]
     assert shares == sorted(set(shares))
     assert shares[0] == 0.0
     assert shares[-1] < 1.0
@@ -58,12 +58,12 @@ def test_every_step_that_a_diagnosis_of_stops_tells_is_known(tmp_path):
     told: list[str] = []
     folder = write_campaign(tmp_path, {"A1": stop(2e-4, 0.06, duration_s=6.0, noise=1.0)})
     engine(read_campaign(folder), progress=told.append)
-    assert told == [step for step in diagnose.STEPS if step in told]
-    assert {step for step in diagnose.STEPS if not step.startswith("refitting")} <= set(told)
+    assert told == [step for step in progress.STEPS if step in told]
+    assert {step for step in progress.STEPS if not step.startswith("refitting")} <= set(told)
 
 
 def test_the_share_done_only_grows_over_steps_not_known_before():
-    course = diagnose.Advance()
+    course = progress.Advance()
     told = [f"{step}: null recording {i + 1} of 9" for step in ("first", "second", "without it") for i in range(9)]
     shares = [course.reach(step) for step in told]
     assert shares == sorted(shares)

@@ -15,6 +15,7 @@ COMMANDS = {
     "inspect": "list the channels of a recorded file of any logger and draft a campaign.toml for it",
     "replay": "let controllers brake under the conditions of recorded stops, beside the stops as recorded",
     "diagnose": "say which physics the tuned law lacks on recorded stops, where it shows and how sure that is",
+    "studio": "open pages in a browser: recordings to a report step by step, a driving desk; on this machine alone",
     "tune": "tune tau and mu_cd on a campaign of recorded stops, score the held-out ones",
     "vehicle": "describe vehicles as data: check a vehicle file, print one to start from, list those with names",
     "validate": "tune, score and simulate recorded stops as the seed paper does; a page with its figures and tables",

@@ -6,7 +6,6 @@ A campaign of stops and a folder of creep curves (`[campaign] kind = "creep_curv
 import json
 import math
 import os
-import re
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -26,6 +25,7 @@ from wsp_env.diagnosis.creep_curves import CreepDiagnosis
 from wsp_env.diagnosis.creep_curves.report import write_creep_report
 from wsp_env.diagnosis.index import Found, summary, write_index
 from wsp_env.diagnosis.many import MADE_FROM, Many, diagnose_folder, diagnose_many, remember
+from wsp_env.diagnosis.progress import Advance
 from wsp_env.diagnosis.report import write_report
 from wsp_env.diagnosis.report_facts import BALANCES, LEAST_SHARE
 from wsp_env.diagnosis.words import parameter_said
@@ -38,18 +38,6 @@ from wsp_env.report import Origin, PageOptions
 
 T = TypeVar("T")
 
-#: Steps of a diagnosis of stops and the share of its time [-] after which each begins (measured on campaigns of three to five
-#: stops that took one round or two; of later rounds a guess; one that nothing is missing in ends before the rounds).
-STEPS = {
-    "checking the data": 0.0,
-    "fitting the baseline": 0.02,
-    "searching": 0.15,
-    "refitting 1 of 3": 0.4,
-    "refitting 2 of 3": 0.6,
-    "refitting 3 of 3": 0.75,
-    "judging": 0.9,
-}
-_COUNTED = re.compile(r"(?P<name>.*?)s? (?P<done>\d+) of (?P<of>\d+)")
 _REPORT_EVERY = 0.1  # share of the whole after which progress is reported to a log again
 
 
@@ -227,42 +215,10 @@ def progress() -> Iterator[Callable[[str], None]]:
         yield lambda step: bar.update(task, description=escape(step), completed=course.reach(step))
 
 
-def _report(course: "Advance", step: str) -> None:
+def _report(course: Advance, step: str) -> None:
     before = course.share
     if course.enters(step) or int(course.reach(step) / _REPORT_EVERY) > int(before / _REPORT_EVERY):
         print(f"wsp: {course.reach(step):.0%}: {step}", file=sys.stderr, flush=True)
-
-
-class Advance:
-    """How far a diagnosis is; the steps of creep curves are not known before, each takes half of what is left."""
-
-    def __init__(self) -> None:
-        """Stand before the first step."""
-        self.share = 0.0
-        self._name, self._span = "", (0.0, 0.0)
-
-    def enters(self, step: str) -> bool:
-        """Whether a text is of another step than the last one."""
-        return _parsed(step)[0] != self._name
-
-    def reach(self, step: str) -> float:
-        """Return the share of the whole [-] that is done when a step, "name" or "name 3 of 10", is reported."""
-        name, inside = _parsed(step)
-        if name != self._name:
-            self._name = name
-            later = [start for start in (*STEPS.values(), 1.0) if start > STEPS.get(name, 1.0)]
-            self._span = (STEPS[name], later[0]) if name in STEPS else (self.share, 0.5 + 0.5 * self.share)
-        start, end = self._span
-        self.share = max(self.share, start + inside * (end - start))
-        return self.share
-
-
-def _parsed(step: str) -> tuple[str, float]:
-    """Return the name of a step and the share of it [-] that is done; rounds of stops are steps of their own."""
-    if step in STEPS:
-        return step, 0.0
-    counted = _COUNTED.fullmatch(step)
-    return (f"{counted['name']}s", int(counted["done"]) / int(counted["of"])) if counted else (step, 0.0)
 
 
 def _print(found: Found, out: Path) -> None:

@@ -96,6 +96,11 @@ def write(found: Found, folder: Path, known: Mapping[str, float | list[float]]) 
         start = text.index(f"\n{key} = ") + 1
         listed = ", ".join(f'"{names[run]}"' for run in group)
         text = f"{text[:start]}{key} = [{listed}]   # every third by speed validates\n{text[text.index(chr(10), start) + 1 :]}"
+    return with_vehicle(text, known)
+
+
+def with_vehicle(text: str, known: Mapping[str, float | list[float]]) -> str:
+    """Return a draft with what is known of its vehicle, as `write` takes it."""
     axles = int(re.findall(r"^axles = (\d+)$", text, re.MULTILINE)[0])
     for key, value in known.items():
         start = text.find(f"\n# {key} = ") + 1

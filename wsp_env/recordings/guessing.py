@@ -35,7 +35,9 @@ _LAST_NUMBER = re.compile(r"(?<=[A-Za-z_ .-])(\d{1,2})$")
 _BY_UNIT = ("wheel_speed", "brake_torque", "cylinder_pressure")  # what a unit and a number in the name may speak for
 _MOST_AXLES = 8
 _ALIKE = (0.8, 1.25)  # highest wheel speed over the vehicle's where both have one unit; wheels slide, tyres wear
-_FASTEST_MPS = 60.0  # a vehicle speed without unit above this is taken for km/h
+
+#: A vehicle speed without unit above this is taken for km/h.
+FASTEST_MPS = 60.0
 
 
 def guess(opened: ChannelFile, highest: dict[str, float]) -> dict[str, Source]:
@@ -55,7 +57,7 @@ def guess(opened: ChannelFile, highest: dict[str, float]) -> dict[str, Source]:
                 unit = "rpm"
             if not unit:
                 unit = _WORDS[kind][1]
-                if name == "vehicle_speed" and highest[column] > _FASTEST_MPS:
+                if name == "vehicle_speed" and highest[column] > FASTEST_MPS:
                     unit = "km/h"
             guessed[name] = Source(column, unit)
             used.add(column)
