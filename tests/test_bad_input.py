@@ -27,7 +27,7 @@ OPTIONS = [
     ({"scenario": {"tau": (-1.0, 1.0)}}, "tau = .* must lie in"),
     (
         {"reward": {"speed": 1.0}},
-        "unknown reward term speed; valid: stopping_distance, time, rest_of_stop, slip, locked_wheels, air",
+        "unknown reward term speed; valid: stopping_distance, time, rest_of_stop, slip, large_slip, locked_wheels, air",
     ),
     ({"reward": {"air": -1.0}}, "reward weight air = -1.0 is impossible"),
     ({"reward": {"air": float("nan")}}, "reward weight air = nan is impossible"),

@@ -153,12 +153,12 @@ def test_reward_is_the_sum_of_its_terms(env_id, action):
 
 
 def test_reward_terms_are_what_their_names_say():
-    weights = {"stopping_distance": 2.0, "time": 0.5, "slip": 3.0, "locked_wheels": 4.0, "air": 5.0}
+    weights = {"stopping_distance": 2.0, "time": 0.5, "slip": 1.5, "large_slip": 3.0, "locked_wheels": 4.0, "air": 5.0}
     env = gym.make("wsp_env/Bogie-v0", reward=weights, adhesion="classic")
     pins = {"mu_cd": 0.02, "demand": 1.0, "initial_speed": 30.0, "track": "constant"}
     info = start = env.reset(seed=0, options=pins)[1]
     totals = dict.fromkeys(vars(RewardWeights()), 0.0)
-    locked = 0.0
+    locked = slid = 0.0
     for _ in range(500):
         info_before = info
         _, _, _, _, info = env.step([2, 1])  # the second axle never fills
@@ -166,14 +166,16 @@ def test_reward_terms_are_what_their_names_say():
             totals[name] += term
         travelled = info["position_m"] - info_before["position_m"]
         locked += travelled * info["locked"].mean()
+        slid += np.maximum(info["slip_speed_mps"], 0.0).mean() * 0.02
         assert info["locked"].sum() <= 1
         assert_allclose(info["reward_terms"]["air"], -5.0 * (info["air_nl"] - info_before["air_nl"]), atol=1e-9)
     assert locked > 50.0
     assert_allclose(totals["stopping_distance"], -2.0 * info["position_m"], rtol=1e-9)
     assert_allclose(totals["time"], -0.5 * 10.0, rtol=1e-9)
     assert_allclose(totals["locked_wheels"], -4.0 * locked, rtol=1e-9)
+    assert_allclose(totals["slip"], -1.5 * slid, rtol=1e-9)
     # A locked wheel slides with the vehicle's speed: beyond the limit by 0.7 of it, on one of two axles.
-    assert_allclose(info["reward_terms"]["slip"], -3.0 * 0.7 / 2 * info["speed_mps"] * 0.02, rtol=1e-6)
+    assert_allclose(info["reward_terms"]["large_slip"], -3.0 * 0.7 / 2 * info["speed_mps"] * 0.02, rtol=1e-6)
     # What is paid for the speed lost: metres and seconds of the rest of a dry stop with all brakes, wheelsets turning.
     bogie = VEHICLES["bogie"]
     rotating = 2 * bogie.wheelset_inertia_kgm2 / bogie.wheel_radius_m**2
