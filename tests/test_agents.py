@@ -20,7 +20,9 @@ import agents.watch
 from agents import checkpoint
 from agents.export import AGREEMENT, Actor, disagreement, export
 from agents.measure import HELD_OUT, WATCHED, Yardstick, low_adhesion
+from agents.teacher import ideal, taught
 from agents.train import LOOKS, Arguments, actor, begin_from, make_world, segment_seed, task_options, train
+from agents.watch import Watch
 from agents.worlds import CUT_OUT_MPS, REFERENCE, SPEEDS, TIME_PRICE_MPS, Joined, Shaped, rest_of_stop
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
@@ -158,6 +160,36 @@ def test_a_recurrent_policy_remembers_in_its_folder_as_it_does_in_training(tmp_p
         start = np.zeros(5, dtype=bool)
     yardstick = Yardstick.drawn("bogie", "recovering", 1, WATCHED)
     assert yardstick.means(policy) == yardstick.means(policy)  # it forgets between stops
+
+
+def test_a_policy_that_runs_on_is_told_as_such(tmp_path, monkeypatch, capsys):
+    """A second of stops ends nowhere: neither the rules stand by then, and nobody is blamed; where they do, the policy is."""
+    given = dataclasses.replace(TINY, action="steered", imitation=LOOKS, imitation_decisions=8, steps=4 * 16 * 2)
+    train(dataclasses.replace(given, out=tmp_path / "both"))
+    assert "runs on" not in capsys.readouterr().out
+    real, look = Watch.means, Watch.look
+
+    def rules_stand(watch, controller):
+        found = real(watch, controller)
+        return {law: row | {"ran_on": 0.0} for law, row in found.items()}
+
+    monkeypatch.setattr(Watch, "means", rules_stand)
+    monkeypatch.setattr(Watch, "look", lambda watch, who: look(watch, who) | {"classic_ran_on": 0.25})
+    train(dataclasses.replace(given, out=tmp_path / "policy"))
+    said = " ".join(capsys.readouterr().out.split())
+    assert "WARNING: this policy runs on: after 1 s it still runs in 25% of the watched stops under the classic law" in said
+    assert f"(--imitation, now {LOOKS})" in said
+
+
+def test_the_ideal_stop_is_between_the_bound_and_the_teacher():
+    stops = low_adhesion(BOGIE, "recovering", 4, WATCHED)
+    yardstick = Yardstick("bogie", stops)
+    found = yardstick.judged(taught(BOGIE, stops, 3.0, yardstick.conduct))
+    paid = found["distance_m"] + 3.0 * found["mean_slip_mps"] * found["duration_s"]
+    way, slid = ideal(BOGIE, stops, 3.0, 200.0)
+    assert (way + 3.0 * slid < paid).all()
+    assert (way + 3.0 * slid > 0.95 * paid).all()
+    assert (way > yardstick.top.shortest()[0]).all()
 
 
 def test_the_curve_begins_with_the_imitation(tmp_path):
