@@ -168,7 +168,7 @@ def _words(row: dict[str, float]) -> str:
 
 def train(arguments: Arguments, judge: Judge) -> tuple[Learned, list[dict[str, float]]]:
     """Train; return the controller and the curve."""
-    name = f"wsp_env/{arguments.vehicle.title()}-v0"
+    name = f"wsp_env/{arguments.vehicle.title()}-v1"
     env = VecNormalize(BrakingVecEnv(name, ENVS, adhesion=arguments.adhesion, **OPTIONS), gamma=GAMMA)
     model = make(arguments.algorithm, env, arguments.seed)
     curve = Curve(judge, arguments)

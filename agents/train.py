@@ -72,7 +72,7 @@ def make_world(arguments: Arguments) -> VecNormalize:
         if count and arguments.world == "varied":
             parts += varied_parts(arguments.vehicle, count, law, options, arguments.slide_price, arguments.seed)
         elif count:
-            env = BrakingVecEnv(f"wsp_env/{arguments.vehicle.title()}-v0", count, adhesion=law, **options)
+            env = BrakingVecEnv(f"wsp_env/{arguments.vehicle.title()}-v1", count, adhesion=law, **options)
             parts.append(Shaped(env, arguments.slide_price))
     world: VecEnv = Joined(parts)
     if arguments.action == "steered":

@@ -13,7 +13,8 @@ import numpy as np
 import tyro
 
 from agents import checkpoint
-from agents.train import Arguments, train
+from agents.settings import Arguments
+from agents.train import train
 
 
 @dataclasses.dataclass(frozen=True)

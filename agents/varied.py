@@ -34,7 +34,7 @@ def varied_parts(
         changed["scenario"] = {**options.get("scenario", {}), "sensor_noise": (0.0, NOISE)}
         radius = {"change": float(RADIUS * rng.normal()), "axle": float(rng.integers(nominal.axles) + 1)}
         changed["mechanisms"] = {**options.get("mechanisms", {}), **mechanisms, "wheel_radius": radius}
-        env = BrakingVecEnv(f"wsp_env/{vehicle.title()}-v0", len(share), adhesion=law, **changed)
+        env = BrakingVecEnv(f"wsp_env/{vehicle.title()}-v1", len(share), adhesion=law, **changed)
         batch = env.env.batch
         batch.observer = Observer(nominal, batch.task.control_interval_s, batch.task.pressure_sensors)
         parts.append(Shaped(env, slide_price))

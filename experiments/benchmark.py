@@ -47,7 +47,7 @@ QUICK_SIZES = (1, 64)
 CONTACTS = 8192
 BY_ROOT_FINDER = 200
 TRACK_NODES = 801
-AT_MOST = (("Bogie-v0 by gym.make", 1, 12.0), ("Bogie-v0", 1, 4.0), ("Bogie-v0", 1024, 0.12))  # times CartPole, by batch size
+AT_MOST = (("Bogie-v1 by gym.make", 1, 12.0), ("Bogie-v1", 1, 4.0), ("Bogie-v1", 1024, 0.12))  # times CartPole, by batch size
 MOST_IN_SPACE, IN_SPACE = 64, "coach, multibody"  # batches of more take minutes
 FASTEST = {1: 10.0, 64: 15.0}  # times real time that the multibody coach is to reach, by batch size, on one core
 WARM_UP_S = 3.0  # of the stops before they are timed: brakes on, wheels sliding
@@ -222,14 +222,14 @@ def step_runs(n: int) -> dict[str, Callable[[], int]]:
     runs: dict[str, Callable[[], int]] = {name: plant_run(name, n, steps) for name in VEHICLES}
     if n <= MOST_IN_SPACE:
         runs[IN_SPACE] = plant_run("coach", n, steps, "multibody")
-    runs["Bogie-v0"] = env_run(BrakingVectorEnv(n, IDS["wsp_env/Bogie-v0"]), steps)
+    runs["Bogie-v1"] = env_run(BrakingVectorEnv(n, IDS["wsp_env/Bogie-v1"]), steps)
     runs["CartPole"] = env_run(gym.make_vec("CartPole-v1", num_envs=n, vectorization_mode="sync"), steps)
     return runs
 
 
 def single_runs() -> dict[str, Callable[[], int]]:
     """Return steps of single environments as `gym.make` makes them."""
-    return {"Bogie-v0 by gym.make": single_run("wsp_env/Bogie-v0", 50), "CartPole": single_run("CartPole-v1", 50)}
+    return {"Bogie-v1 by gym.make": single_run("wsp_env/Bogie-v1", 50), "CartPole": single_run("CartPole-v1", 50)}
 
 
 def decision_run() -> Callable[[], int]:

@@ -30,8 +30,8 @@ CREEPAGE = 0.2
 
 
 def brake(law: str) -> dict[str, np.ndarray]:
-    """Return what happened along a stop of `wsp_env/Bogie-v0` under one law, arrays (T,) or (T, 2) by their names in `info`."""
-    env = gym.make("wsp_env/Bogie-v0", adhesion=law)
+    """Return what happened along a stop of `wsp_env/Bogie-v1` under one law, arrays (T,) or (T, 2) by their names in `info`."""
+    env = gym.make("wsp_env/Bogie-v1", adhesion=law)
     env.reset(seed=0, options=CONDITIONS)
     assert isinstance(env.unwrapped, BrakingEnv)
     batch = env.unwrapped.batch

@@ -296,8 +296,8 @@ def test_what_differs_is_not_exported(tmp_path, trained):
 def test_shaping_adds_what_depends_on_the_start_and_the_slide_alone():
     """Over a stop: sum of r - sum of r_env = w F(v0) - w c times the metres slid - w p times the seconds."""
     options = {"scenario": {"initial_speed": (4.0, 6.0)}}
-    plain, priced = (Shaped(BrakingVecEnv("wsp_env/Bogie-v0", 3, **options), price) for price in (0.0, 5.0))
-    bare = BrakingVecEnv("wsp_env/Bogie-v0", 3, **options)
+    plain, priced = (Shaped(BrakingVecEnv("wsp_env/Bogie-v1", 3, **options), price) for price in (0.0, 5.0))
+    bare = BrakingVecEnv("wsp_env/Bogie-v1", 3, **options)
     for env in (plain, priced, bare):
         env.seed(5)
         env.reset()
@@ -327,13 +327,13 @@ def test_shaping_adds_what_depends_on_the_start_and_the_slide_alone():
 def test_the_rest_of_a_stop_is_what_perfect_knowledge_pays():
     """On rail that never slides it is v (v / 2 + p) / d; dearer sliding, a worse rail and speed cost more."""
     options = {"scenario": {"mu_cd": (0.2, 0.2), "demand": (0.3, 0.3), "load": (0.0, 0.0)}}
-    dry = BrakingVecEnv("wsp_env/Bogie-v0", 1, **options)
+    dry = BrakingVecEnv("wsp_env/Bogie-v1", 1, **options)
     dry.reset()
     plant, row = dry.env.batch.plant, np.array([0])
     full = BOGIE.full_brake_torque_nm * 2 / BOGIE.wheel_radius_m / BOGIE.mass_kg
     expected = SPEEDS * (0.5 * SPEEDS + TIME_PRICE_MPS) / (0.3 * full)
     assert_allclose(rest_of_stop(plant, row, 0.0)[0], expected, rtol=0.01, atol=0.5)
-    wet = BrakingVecEnv("wsp_env/Bogie-v0", 4, scenario={"mu_cd": (0.03, 0.03), "tracks": ("constant",)})
+    wet = BrakingVecEnv("wsp_env/Bogie-v1", 4, scenario={"mu_cd": (0.03, 0.03), "tracks": ("constant",)})
     wet.reset()
     rows = np.arange(4)
     cheap, dear = (rest_of_stop(wet.env.batch.plant, rows, price) for price in (0.0, 5.0))
@@ -344,7 +344,7 @@ def test_the_rest_of_a_stop_is_what_perfect_knowledge_pays():
 
 def test_joined_worlds_are_their_parts():
     def parts():
-        return [BrakingVecEnv("wsp_env/Bogie-v0", n, adhesion=law) for n, law in ((2, "recovering"), (1, "classic"))]
+        return [BrakingVecEnv("wsp_env/Bogie-v1", n, adhesion=law) for n, law in ((2, "recovering"), (1, "classic"))]
 
     joined, (first, second) = Joined(parts()), parts()
     joined.seed(3)

@@ -13,7 +13,7 @@ from wsp_env.plant import make_plant
 from wsp_env.plant.port import Setup
 from wsp_env.scenario import PINS
 
-ID = "wsp_env/Bogie-v0"
+ID = "wsp_env/Bogie-v1"
 
 OPTIONS = [
     ({"contrl_interval_s": 0.02}, "unknown environment option contrl_interval_s; valid: .*control_interval_s"),

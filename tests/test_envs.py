@@ -154,7 +154,7 @@ def test_reward_is_the_sum_of_its_terms(env_id, action):
 
 def test_reward_terms_are_what_their_names_say():
     weights = {"stopping_distance": 2.0, "time": 0.5, "slip": 1.5, "large_slip": 3.0, "locked_wheels": 4.0, "air": 5.0}
-    env = gym.make("wsp_env/Bogie-v0", reward=weights, adhesion="classic")
+    env = gym.make("wsp_env/Bogie-v1", reward=weights, adhesion="classic")
     pins = {"mu_cd": 0.02, "demand": 1.0, "initial_speed": 30.0, "track": "constant"}
     info = start = env.reset(seed=0, options=pins)[1]
     totals = dict.fromkeys(vars(RewardWeights()), 0.0)
@@ -185,7 +185,7 @@ def test_reward_terms_are_what_their_names_say():
 
 
 def test_weights_are_parameters():
-    env = gym.make("wsp_env/Wheelset-v0", reward=dict.fromkeys(vars(RewardWeights()), 0.0))
+    env = gym.make("wsp_env/Wheelset-v1", reward=dict.fromkeys(vars(RewardWeights()), 0.0))
     assert all(reward == 0.0 for reward in episode(env, 0, 50)[1])
 
 
@@ -301,7 +301,7 @@ def test_interval_in_seconds_keeps_the_brake_as_it_is(interval):
     """Commands given at the same times act at the same times, whatever the number of steps between them."""
     pressures = []
     for step in (0.02, interval):
-        env = gym.make("wsp_env/Bogie-v0", control_interval_s=step)
+        env = gym.make("wsp_env/Bogie-v1", control_interval_s=step)
         env.reset(seed=0, options={"mu_cd": 0.09, "demand": 0.6, "initial_speed": 30.0, "track": "constant"})
         settle(env, 4.0, [2, 2])
         info = settle(env, 0.2, [0, 2])[4]
@@ -311,7 +311,7 @@ def test_interval_in_seconds_keeps_the_brake_as_it_is(interval):
 
 
 def test_pressure_action_spans_none_to_the_demand():
-    env = gym.make("wsp_env/Bogie-v0", action="pressure")
+    env = gym.make("wsp_env/Bogie-v1", action="pressure")
     assert env.action_space == gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
     env.reset(seed=0, options={"mu_cd": 0.09, "demand": 0.5, "initial_speed": 40.0, "track": "constant"})
     settle(env, 4.0, [1.0, 1.0])
@@ -322,7 +322,7 @@ def test_pressure_action_spans_none_to_the_demand():
 
 
 def test_valve_action_vents_holds_and_applies():
-    env = gym.make("wsp_env/Coach-v0")
+    env = gym.make("wsp_env/Coach-v1")
     assert env.action_space == gym.spaces.MultiDiscrete([3, 3, 3, 3])
     env.reset(seed=0, options={"mu_cd": 0.09, "demand": 0.5, "initial_speed": 40.0, "track": "constant"})
     before = settle(env, 3.0, [2, 2, 2, 2])[4]["pressure_bar"]
@@ -357,7 +357,7 @@ def test_environment_is_made_without_importing_the_package_by_hand(env_id):
 
 @pytest.mark.parametrize("name", sorted(ALL))
 def test_every_mechanism_can_be_switched_on(name):
-    env = gym.make("wsp_env/Coach-v0", mechanisms={name: {}})
+    env = gym.make("wsp_env/Coach-v1", mechanisms={name: {}})
     observations, rewards, _ = episode(env, 0, 100)
     assert np.isfinite(observations).all()
     assert np.isfinite(rewards).all()

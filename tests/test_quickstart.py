@@ -54,7 +54,7 @@ def test_every_algorithm_of_the_table_makes_a_controller(judge, algorithm):
 
     from wsp_env.envs.sb3 import BrakingVecEnv
 
-    env = VecNormalize(BrakingVecEnv("wsp_env/Wheelset-v0", ENVS, **OPTIONS), gamma=GAMMA)
+    env = VecNormalize(BrakingVecEnv("wsp_env/Wheelset-v1", ENVS, **OPTIONS), gamma=GAMMA)
     found = judge.means(Learned(make(algorithm, env, 1), env.normalize_obs))
     assert np.isfinite(found["paid_m"])
 

@@ -1,5 +1,6 @@
 """The default reward: its optimum is a good stop at any discount, so that nobody is taught to release the brake."""
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -62,3 +63,8 @@ def test_a_dry_stop_with_full_brake_costs_what_the_brake_needs_to_build_up():
     brake = VEHICLES["bogie"].brake  # half of the rise is lost, and the cylinders' and the valves' time
     lost = (0.01 * 20.0 + 0.02) * (0.5 * brake.demand_rise_s + brake.fill_time_constant_s + brake.dead_time_s)
     assert (np.abs(total + lost) < 0.15 * lost).all()
+
+
+def test_an_id_of_before_says_which_one_has_come_in_its_place():
+    with pytest.warns(match="upgrading to version"), pytest.raises(gym.error.DeprecatedEnv, match="Bogie-v1"):
+        gym.make("wsp_env/Bogie-v0")

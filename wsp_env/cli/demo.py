@@ -112,7 +112,7 @@ def brake(law: str, pins: dict[str, Any], full_torque_nm: float, vehicle: Vehicl
     """
     stronger = dataclasses.replace(vehicle.brake, torque_per_bar_nm=full_torque_nm / vehicle.brake.full_pressure_bar)
     values = dataclasses.asdict(dataclasses.replace(vehicle, brake=stronger))
-    env = gym.make("wsp_env/Bogie-v0", adhesion=law, vehicle=values)
+    env = gym.make("wsp_env/Bogie-v1", adhesion=law, vehicle=values)
     _, info = env.reset(seed=0, options=pins)
     assert isinstance(env.unwrapped, BrakingEnv)
     batch = env.unwrapped.batch
