@@ -11,10 +11,9 @@ from typing import Any, Literal
 import numpy as np
 import tyro
 
-from agents import train
+from agents import settings
 from agents.measure import COMPARED, HELD_OUT, INITIAL_ADHESION, INITIAL_SPEED_MPS, RECOVERY_M_PER_J, Yardstick
 from agents.rules import read_best
-from agents.train import record
 from baselines.rule_based import RuleBasedWSP
 from wsp_env.evaluation.controller import Controller, load
 from wsp_env.evaluation.figures import FIGURES
@@ -31,7 +30,7 @@ WORLDS: dict[str, tuple[str, dict[str, dict[str, float]]]] = {
 }
 
 #: Arguments of a training that its command need not name.
-DEFAULTS = record(train.Arguments())
+DEFAULTS = settings.record(settings.Arguments())
 
 #: What the columns of the card are called.
 _HEADINGS = (

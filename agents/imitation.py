@@ -41,7 +41,7 @@ def imitate(model: OnPolicyAlgorithm, world: VecNormalize, slide_price: float, r
     """
     steered: Any = world.venv
     batches = [part.batch for part in steered.venv.parts]
-    teachers = [Teacher(batch.plant, slide_price) for batch in batches]
+    teachers = [Teacher(batch.plant, slide_price, batch.observer.vehicle) for batch in batches]
     optimiser = torch.optim.Adam(model.policy.parameters(), lr=LEARNING_RATE)
     seen: list[Round] = []
     observation: Any = world.reset()

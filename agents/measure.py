@@ -9,7 +9,7 @@ from wsp_env.evaluation.bound import Ceiling, ceiling
 from wsp_env.evaluation.controller import Controller
 from wsp_env.evaluation.figures import figures
 from wsp_env.evaluation.programme import friction_for
-from wsp_env.evaluation.runner import Conduct, run
+from wsp_env.evaluation.runner import Conduct, StopRecords, run
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.port import TRACK_STEP_M, Stop
@@ -84,7 +84,10 @@ class Yardstick:
 
     def figures(self, controller: Controller) -> dict[str, np.ndarray]:
         """Return the figures of all stops, their durations [s] and whether they came to an end, (N,) each."""
-        result = run(controller, self.vehicle, self.stops, self.conduct)
+        return self.judged(run(controller, self.vehicle, self.stops, self.conduct))
+
+    def judged(self, result: StopRecords) -> dict[str, np.ndarray]:
+        """Return the same of stops that have been braked already."""
         return figures(result, self.top) | {"duration_s": result.duration, "stopped": result.stopped}
 
     def means(self, controller: Controller) -> dict[str, float]:

@@ -15,7 +15,7 @@ import numpy as np
 import tyro
 from rich.progress import track
 
-from agents import checkpoint, train
+from agents import checkpoint, settings, train
 from wsp_env.executor import Executor, Sent, Workers, pack, send, unpack
 
 #: Who trains; a training takes `train.THREADS` processors.
@@ -25,7 +25,7 @@ WorkersOption = Annotated[Workers, tyro.conf.arg(name="")]
 class Task(NamedTuple):
     """A training."""
 
-    arguments: train.Arguments
+    arguments: settings.Arguments
     folder: Sent  # the run's, with what is there of it
 
     def __str__(self) -> str:
@@ -33,7 +33,7 @@ class Task(NamedTuple):
         return str(self.folder)
 
 
-def task_of(arguments: train.Arguments, executor: Executor) -> Task:
+def task_of(arguments: settings.Arguments, executor: Executor) -> Task:
     """Return a training as an executor takes it."""
     return Task(arguments, send(arguments.out, executor.far))
 
@@ -55,7 +55,7 @@ def score(task: Task) -> bytes:
 
 def results(
     work: Callable[[Task], bytes], tasks: Iterable[Task], executor: Executor
-) -> Iterator[tuple[train.Arguments, bytes, str]]:
+) -> Iterator[tuple[settings.Arguments, bytes, str]]:
     """Yield the arguments of every training with its result or its failure, as they become ready."""
     given = list(tasks)
     for task, content, failure in track(executor.run(work, given), "trainings", total=len(given)):
@@ -67,7 +67,7 @@ class Arguments:
     """What is trained, and by whom."""
 
     seeds: tuple[int, ...]
-    training: Annotated[train.Arguments, tyro.conf.arg(name="")] = dataclasses.field(default_factory=train.Arguments)
+    training: Annotated[settings.Arguments, tyro.conf.arg(name="")] = dataclasses.field(default_factory=settings.Arguments)
     workers: WorkersOption = Workers()
 
 

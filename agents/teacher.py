@@ -5,13 +5,18 @@ of all slips the one with the least (v + c s) / f(s) costs least metres travelle
 It knows rail, load, speed, slips and pressures; of the mechanisms those that act on mass, gradient and radius alone.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from agents.steering import wanted_brake
 from wsp_env.contact.port import adhesion_under
-from wsp_env.evaluation.reference import wanted_pressure
+from wsp_env.evaluation.reference import nearest, wanted_pressure
+from wsp_env.evaluation.runner import Conduct, StopRecords, record, start_plant
 from wsp_env.observer.estimator import VehicleEstimate, full_brake
-from wsp_env.plant.port import Plant
+from wsp_env.parameters.resistance import running_resistance
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.port import TRACK_STEP_M, Plant, Stop
 
 #: Slips tried, as shares of the running speed and with a lowest one [m/s].
 _SHARES = np.geomspace(0.002, 0.25, 24)
@@ -21,6 +26,9 @@ _LEAST_MPS = 0.05
 #: `wsp_env.observer.estimator` (assumption).
 RELEASED_SHARE = 0.5
 
+#: Step by which an ideal stop is integrated [s]: short against the rise of the demand.
+_IDEAL_STEP_S = 0.1
+
 
 class Teacher:
     """Commands for the stops of a plant.
@@ -29,12 +37,13 @@ class Teacher:
     ----------
     plant : whose state it reads
     slide_price : c [-]
+    believed : vehicle whose brake the steering knows; none: the plant's
 
     """
 
-    def __init__(self, plant: Plant, slide_price: float) -> None:
+    def __init__(self, plant: Plant, slide_price: float, believed: Vehicle | None = None) -> None:
         self.plant = plant
-        self.full_brake = full_brake(plant.vehicle)
+        self.full_brake = full_brake(believed or plant.vehicle)
         self.slide_price = slide_price
 
     def wanted(self, estimate: VehicleEstimate) -> np.ndarray:
@@ -63,3 +72,49 @@ class Teacher:
         best = np.argmin((speed[..., None] + self.slide_price * slip) / adhesion, axis=-1)
         chosen: np.ndarray = np.take_along_axis(np.broadcast_to(slip, adhesion.shape), best[..., None], -1)[..., 0]
         return chosen
+
+
+def taught(vehicle: Vehicle, stops: Sequence[Stop], slide_price: float, conduct: Conduct) -> StopRecords:
+    """Let the teacher itself brake the stops with the real valves: what a policy that imitates it cannot surpass by that."""
+    plant = start_plant(vehicle, stops, conduct)
+    teacher = Teacher(plant, slide_price)
+    return record(plant, lambda: nearest(plant, wanted_pressure(plant, teacher.targets())), conduct)
+
+
+def ideal(vehicle: Vehicle, stops: Sequence[Stop], slide_price: float, limit_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return metres travelled and slid, (N,) each, if every wheelset had the slip worth its price at any moment.
+
+    Without valves, cylinders and the inertia of slip; only the demand rises as it does. No controller of that price does
+    better on rail on which all wheelsets are alike.
+    """
+    mass = np.array([stop.mass for stop in stops])
+    weight, rotating = mass * vehicle.gravity_mps2, vehicle.axles * vehicle.wheelset_inertia_kgm2 / vehicle.wheel_radius_m**2
+    full = vehicle.full_brake_torque_nm * vehicle.axles / (vehicle.wheel_radius_m * weight)
+    names = ("demand", "tau", "mu_cd", "gradient")
+    demand, tau, mu_cd, gradient = (np.array([getattr(stop, name) for stop in stops]) for name in names)
+    profile, coverage = (np.array([getattr(stop, name) for stop in stops]) for name in ("profile", "coverage"))
+    speed = np.array([stop.initial_speed for stop in stops])
+    way, slid, rows = np.zeros(len(stops)), np.zeros(len(stops)), np.arange(len(stops))
+    for step in range(int(limit_s / _IDEAL_STEP_S)):
+        node = np.clip(np.rint(way / TRACK_STEP_M).astype(int), 0, profile.shape[1] - 1)
+        friction, layer = mu_cd * profile[rows, node], coverage[rows, node]
+        offered = full * np.minimum(demand, (step + 0.5) * _IDEAL_STEP_S / vehicle.brake.demand_rise_s)
+        running = np.maximum(speed, 0.1)[:, None]
+        slip = np.concatenate([np.zeros_like(running), running * _SHARES], axis=1)
+        per_stop = (value[:, None] for value in (weight / (2.0 * vehicle.axles), friction, tau, layer))
+        used = adhesion_under(vehicle.contact.law, slip, running, *per_stop) * weight[:, None]
+        resisted = running_resistance(running, vehicle.resistance) + weight[:, None] * gradient[:, None]
+        # While wheels slide the brake itself slows them; one that rolls is slowed by the rail, as part of the mass.
+        sliding = (used + resisted) / mass[:, None]
+        rolling = ((offered * weight)[:, None] + resisted) / (mass + rotating)[:, None]
+        slowed = np.maximum(np.minimum(sliding, rolling), 1e-4)
+        best = np.argmin((running + slide_price * slip) / slowed, axis=1)
+        deceleration = slowed[rows, best]
+        after = np.maximum(speed - deceleration * _IDEAL_STEP_S, 0.0)
+        moving = speed > 0.0
+        way += 0.5 * (speed + after) * _IDEAL_STEP_S
+        slid += np.where(moving, slip[rows, best] * _IDEAL_STEP_S, 0.0)
+        speed = after
+        if not moving.any():
+            break
+    return way, slid

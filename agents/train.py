@@ -7,13 +7,12 @@ ends with the weights of one that was not.
 
 import csv
 import dataclasses
-import json
 import time
 from collections import deque
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
@@ -32,57 +31,19 @@ from agents import checkpoint
 from agents.export import Actor, ExportedPolicy, export
 from agents.imitation import imitate
 from agents.recurrent import RecurrentActor
+from agents.settings import Arguments, check, record, same_arguments, task_options
 from agents.steering import Steered, make_steering
+from agents.varied import varied_parts
 from agents.watch import Watch
-from agents.worlds import REWARD, Joined, Shaped, Stopped, observed
+from agents.worlds import Joined, Shaped, Stopped, observed
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
-from wsp_env.parameters.quantity import ParameterError
 
 #: Threads of torch: a fixed number sums in one order and gives the same weights wherever there are so many cores.
 THREADS = 2
 
 #: Rounds of the imitation between two looks at the watched stops.
 LOOKS = 5
-
-
-@dataclasses.dataclass(frozen=True)
-class Arguments:
-    """What a training is made of."""
-
-    vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
-    seed: int = 1
-    steps: int = 3_276_800  # decisions of PPO, rounded to whole segments
-    out: Path = Path()  # folder of the run; none: out/agents/VEHICLE-SEED
-    envs: int = 512  # stops at once
-    classic_share: float = 0.25  # of them under the classic law
-    rollout: int = 64  # decisions of each stop between two updates
-    batch: int = 8192
-    epochs: int = 2  # passes over each rollout
-    segment: int = 25  # updates between two checkpoints; each begins new stops: PPO sees their first 32 s, most of a stop
-    learning_rate: float = 1e-4  # falls linearly to zero
-    gamma: float = 0.99  # a time constant of 2 s at 50 decisions a second: what comes later is in the potential, see `Shaped`
-    gae_lambda: float = 0.95
-    clip: float = 0.1
-    entropy: float = 0.0
-    log_deviation: float = -3.0  # of the brake wanted, at the start
-    imitation: int = 40  # rounds in which the policy first learns from a teacher, see `agents.imitation`; 0: none
-    imitation_decisions: int = 200  # of each stop in a round
-    critic_segments: int = 1  # first segments in which only the value function learns
-    hidden: tuple[int, ...] = (128, 128)  # layers of the policy
-    critic: tuple[int, ...] = (64, 64)  # layers of the value function
-    slide_price: float = 4.3  # metres travelled that a metre of sliding is worth, see `Shaped`
-    action: Literal["steered", "valve", "pressure"] = "steered"  # steered: brake wanted, reached by the valves
-    pressure_sensors: bool = False
-    reward: str = '{"air": 0.00005}'  # JSON, changes of `agents.worlds.REWARD`, see `wsp_env.envs.task.RewardWeights`
-    scenario: str = (  # JSON, see `wsp_env.scenario.Scenario`
-        '{"mu_cd": [0.02, 0.065], "tau": [1e-4, 3.5e-4], "demand": [0.35, 1.0], "initial_speed": [12.0, 44.5]}'
-    )
-    torque_per_bar_nm: float = 2400.0  # of a wheelset; stronger brakes than the vehicles' own 1500, so that it learns for all
-    mechanisms: str = "{}"  # JSON, {name: {parameter: value, or [lowest, highest] to draw from}}
-    recurrent: int = 0  # units of an LSTM before the networks (sb3-contrib), 0: none
-    start: str = ""  # folder of a run whose last checkpoint this one begins from; none: from nothing
-    watched: int = 24  # stops under each law by which learning is watched
 
 
 class EndedStops(BaseCallback):
@@ -108,8 +69,10 @@ def make_world(arguments: Arguments) -> VecNormalize:
     classic = round(arguments.classic_share * arguments.envs)
     parts = []
     for law, count in (("recovering", arguments.envs - classic), ("classic", classic)):
-        if count:
-            env = BrakingVecEnv(f"wsp_env/{arguments.vehicle.title()}-v0", count, adhesion=law, **options)
+        if count and arguments.world == "varied":
+            parts += varied_parts(arguments.vehicle, count, law, options, arguments.slide_price, arguments.seed)
+        elif count:
+            env = BrakingVecEnv(f"wsp_env/{arguments.vehicle.title()}-v1", count, adhesion=law, **options)
             parts.append(Shaped(env, arguments.slide_price))
     world: VecEnv = Joined(parts)
     if arguments.action == "steered":
@@ -142,22 +105,6 @@ def make_model(arguments: Arguments, world: VecNormalize) -> OnPolicyAlgorithm:
     model.lr_schedule = lambda _: arguments.learning_rate * max(0.0, 1.0 - model.num_timesteps / arguments.steps)
     model.set_logger(configure(str(arguments.out), ["tensorboard"]))
     return model
-
-
-def task_options(arguments: Arguments) -> dict[str, Any]:
-    """Return the options of the environments."""
-    texts = {name: _read(name, getattr(arguments, name)) for name in ("reward", "scenario", "mechanisms")}
-    texts["reward"] = REWARD | texts["reward"]
-    action = "pressure" if arguments.action == "pressure" else "valve"
-    vehicle = {"brake": {"torque_per_bar_nm": arguments.torque_per_bar_nm}}
-    return texts | {"action": action, "pressure_sensors": arguments.pressure_sensors, "vehicle": vehicle}
-
-
-def _read(name: str, text: str) -> Any:
-    try:
-        return json.loads(text)
-    except ValueError as error:
-        raise SystemExit(f"--{name} {text!r} is not JSON ({error}); like --{name} '{getattr(Arguments, name)}'") from None
 
 
 def actor(arguments: Arguments, model: OnPolicyAlgorithm, world: VecNormalize) -> ExportedPolicy:
@@ -195,9 +142,9 @@ def train(arguments: Arguments) -> tuple[OnPolicyAlgorithm, VecNormalize]:
     torch.distributions.Distribution.set_default_validate_args(False)  # twice as fast with small networks
     if arguments.imitation and arguments.action != "steered":
         raise SystemExit("the teacher says which pressures it wants: --imitation 0, or --action steered")
-    _check(arguments)
+    check(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    _same_arguments(arguments)
+    same_arguments(arguments)
     run = Training(arguments)
     columns = (BarColumn(10), TextColumn("{task.description}"), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns) as progress:
@@ -242,6 +189,8 @@ class Training:
                 rate = self.decisions / (time.perf_counter() - begun)
                 self._look(f"imitation, mean squared difference to the teacher {difference:.3f}", rate, 0)
             yield
+        if warning := self.watch.runs_on(self.curve[-1]):
+            print(f"{warning}. Give the imitation more rounds (--imitation, now {given.imitation}).", flush=True)
         observed(self.world).count = 1e12  # what was learned is not moved by it any more
 
     def practise(self) -> Iterator[None]:
@@ -281,38 +230,6 @@ class Training:
         print(f"{phase}: {self.decisions} decisions, {rate:.0f} a second, {self.watch.words(self.curve)}", flush=True)
 
 
-def _check(arguments: Arguments) -> None:
-    """Refuse arguments that cannot be before anything is written."""
-    for name in ("steps", "envs", "rollout", "batch", "epochs", "segment", "watched"):
-        if getattr(arguments, name) < 1:
-            raise SystemExit(f"--{name} {getattr(arguments, name)} is impossible: it must be at least 1")
-    if not 0.0 <= arguments.classic_share <= 1.0:
-        raise SystemExit(f"--classic-share {arguments.classic_share:g} is impossible: it must lie in [0, 1]")
-    try:
-        make_task(task_options(arguments)).make_vehicle(arguments.vehicle)
-    except ParameterError as error:
-        raise SystemExit(str(error)) from None
-    if arguments.start and not (Path(arguments.start) / checkpoint.CHECKPOINT).exists():
-        raise SystemExit(f"{arguments.start} holds no {checkpoint.CHECKPOINT} to begin from")
-
-
-def _same_arguments(arguments: Arguments) -> None:
-    """Refuse to go on with a run that was begun with other arguments."""
-    path = arguments.out / "arguments.json"
-    given = record(arguments)
-    if path.exists() and (begun := json.loads(path.read_text(encoding="utf-8"))) != given:
-        other = ", ".join(name for name in given if begun.get(name) != given[name])
-        raise SystemExit(f"{arguments.out} holds a run with another {other}: choose another --out, or remove the folder")
-    path.write_text(json.dumps(given, indent=2) + "\n", encoding="utf-8")
-
-
-def record(arguments: Arguments) -> dict[str, Any]:
-    """Return the arguments without the folder, as JSON has them."""
-    values = dataclasses.asdict(arguments)
-    del values["out"]
-    return dict(json.loads(json.dumps(values)))
-
-
 def _write_curve(path: Path, curve: list[dict[str, float]]) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(curve[0]))
@@ -328,6 +245,7 @@ def main(arguments: Arguments) -> None:
     _, curve = checkpoint.load(arguments.out / checkpoint.BEST, model, world)
     training: dict[str, Any] = {"arguments": record(arguments), "torch": torch.__version__.partition("+")[0]}
     training |= {name: int(curve[-1][name]) for name in ("decisions", "ppo_decisions")} | {"watched_score": curve[-1]["score"]}
+    training["ran_on"] = {law: curve[-1][f"{law}_ran_on"] for law in ("recovering", "classic")}
     difference = export(
         model.policy, world, actor(arguments, model, world), arguments.vehicle, make_task(task_options(arguments)),
         arguments.out / "policy", training,

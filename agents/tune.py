@@ -14,7 +14,8 @@ import numpy as np
 import tyro
 
 from agents import spread
-from agents.train import THREADS, Arguments
+from agents.settings import Arguments
+from agents.train import THREADS
 from wsp_env.executor import Executor, Workers
 
 

@@ -1,12 +1,18 @@
 """What a training is watched by: the same few stops for the policy and for the rule-based WSP."""
 
+from collections.abc import Mapping
+
+import numpy as np
+
 from agents.export import ExportedPolicy, describe
 from agents.measure import WATCHED, Yardstick, low_adhesion, means
+from agents.teacher import ideal, taught
 from wsp_env.envs.task import Task
 from wsp_env.evaluation.controller import Controller, load
 from wsp_env.evaluation.policy import Policy
 from wsp_env.evaluation.runner import Conduct
 from wsp_env.parameters.uic_z1 import VEHICLES
+from wsp_env.parameters.vehicle import Vehicle
 
 #: A stop that is watched ends after so long [s]: what a beginner needs minutes for is bad enough.
 GIVEN_UP = Conduct(time_limit_s=120.0)
@@ -31,11 +37,12 @@ class Watch:
         self.rows = {law: slice(count * i, count * (i + 1)) for i, law in enumerate(laws)}
         self.yardstick = Yardstick(self.vehicle, [stop for stops in laws.values() for stop in stops], GIVEN_UP)
         self.rules = self.means(load("rule-based"))
+        self.marks = self._marks(kind)
 
     def look(self, actor: ExportedPolicy) -> dict[str, float]:
         """Return the policy's figures by law, and their ratios to those of the rules."""
         own = self.means(Policy(describe(self.vehicle, self.task), actor.infer, actor.memory))
-        found = {"score": self.score(own)}
+        found = {"score": self.score(own)} | self.marks
         for law, figures in own.items():
             for name in ("distance_m", "mean_slip_mps", "slip_deviation_mps", "contact_energy_mj", "air_nl"):
                 found[f"{law}_{name}_ratio"] = figures[name] / self.rules[law][name]
@@ -56,9 +63,26 @@ class Watch:
     def _paid(self, figures: dict[str, float]) -> float:
         return figures["distance_m"] + self.slide_price * figures["slide_distance_m"]
 
+    def _marks(self, vehicle: Vehicle) -> dict[str, float]:
+        """Return the scores of the teacher and of the ideal stop, and the bound of the distance by law, over the rules'."""
+        stops = self.yardstick.stops
+        found = self.yardstick.judged(taught(vehicle, stops, self.slide_price, GIVEN_UP))
+        way, slid = ideal(vehicle, stops, self.slide_price, GIVEN_UP.time_limit_s)
+        perfect = {
+            law: {"distance_m": way[rows].mean(), "slide_distance_m": slid[rows].mean(), "ran_on": 0.0}
+            for law, rows in self.rows.items()
+        }
+        bound = self.yardstick.top.shortest()[0]
+        marks = {"teacher_score": self.score(self._by_law(found)), "ideal_score": self.score(perfect)}
+        return marks | {
+            f"{law}_bound_ratio": float(bound[rows].mean()) / self.rules[law]["distance_m"] for law, rows in self.rows.items()
+        }
+
     def means(self, controller: Controller) -> dict[str, dict[str, float]]:
         """Return a controller's figures, by law."""
-        found = self.yardstick.figures(controller)
+        return self._by_law(self.yardstick.figures(controller))
+
+    def _by_law(self, found: Mapping[str, np.ndarray]) -> dict[str, dict[str, float]]:
         return {law: means({name: values[rows] for name, values in found.items()}) for law, rows in self.rows.items()}
 
     def words(self, curve: list[dict[str, float]]) -> str:
@@ -70,7 +94,19 @@ class Watch:
             f"{row[f'{law}_ran_on']:.0%} ran on"
             for law in self.rules
         )
-        return f"score {row['score']:.3f}, of the rules' " + "; ".join(laws)
+        bounds = ", ".join(f"{law} x{row[f'{law}_bound_ratio']:.3f}" for law in self.rules)
+        marks = f"(teacher {row['teacher_score']:.3f}, ideal {row['ideal_score']:.3f}, bound of the distance {bounds})"
+        return f"score {row['score']:.3f} {marks}, of the rules' " + "; ".join(laws)
+
+    def runs_on(self, row: Mapping[str, float]) -> str:
+        """Return a warning where a policy does not come to a stand in watched stops that the rules end; empty else."""
+        worse = [
+            f"{row[f'{law}_ran_on']:.0%} of the watched stops under the {law} law (the rules: {rules['ran_on']:.0%})"
+            for law, rules in self.rules.items()
+            if row[f"{law}_ran_on"] > rules["ran_on"]
+        ]
+        limit = f"after {self.yardstick.conduct.time_limit_s:g} s it still runs in "
+        return f"WARNING: this policy runs on: {limit}{', '.join(worse)}" if worse else ""
 
     def briefly(self, curve: list[dict[str, float]]) -> str:
         """Return the stopping distances of the last row in words."""

@@ -21,9 +21,10 @@ REFERENCE = -2
 #: 3 to 5 km/h); part of the exported network.
 CUT_OUT_MPS = 5.0 / 3.6
 
-#: Weights of the environment's reward in trainings: without its potential, which is that of the dry stop, and with a slide
-#: limit that is not to be crossed (5 a second and unit of creepage at 30 m/s, assumption).
-REWARD = {"time": 0.0, "rest_of_stop": 0.0, "slip": 0.17, "locked_wheels": 0.17}
+#: Weights of the environment's reward in trainings: without its potential, which is that of the dry stop, and without its price
+#: of sliding, as `Shaped` has both; with a slide limit that is not to be crossed (5 a second and unit of creepage at 30 m/s,
+#: assumption).
+REWARD = {"time": 0.0, "rest_of_stop": 0.0, "slip": 0.0, "large_slip": 0.17, "locked_wheels": 0.17}
 
 #: Seconds count as so many metres [m/s]: else nothing is gained from coming to a stand at the end (assumption).
 TIME_PRICE_MPS = 2.0

@@ -31,7 +31,7 @@ from wsp_env.plant.port import Setup
 SIZES = (1, 64, 1024, 8192)
 QUICK_SIZES = (1, 64)
 ROUNDS, QUICK_ROUNDS = (15, 0.05), (5, 0.02)  # how many, and how long each run is repeated in one [s]
-AT_MOST = (("Bogie-v0 by gym.make", 1, 12.0), ("Bogie-v0", 1, 4.0), ("Bogie-v0", 1024, 0.12))  # times CartPole, by batch size
+AT_MOST = (("Bogie-v1 by gym.make", 1, 12.0), ("Bogie-v1", 1, 4.0), ("Bogie-v1", 1024, 0.12))  # times CartPole, by batch size
 FASTEST = {1: 10.0, 64: 15.0}  # times real time that the multibody coach is to reach, by batch size, on one core
 
 

@@ -158,14 +158,14 @@ def step_runs(n: int) -> dict[str, Callable[[], int]]:
     runs: dict[str, Callable[[], int]] = {name: plant_run(name, n, steps) for name in VEHICLES}
     if n <= MOST_IN_SPACE:
         runs[IN_SPACE] = plant_run("coach", n, steps, "multibody")
-    runs["Bogie-v0"] = env_run(BrakingVectorEnv(n, IDS["wsp_env/Bogie-v0"]), steps)
+    runs["Bogie-v1"] = env_run(BrakingVectorEnv(n, IDS["wsp_env/Bogie-v1"]), steps)
     runs["CartPole"] = env_run(gym.make_vec("CartPole-v1", num_envs=n, vectorization_mode="sync"), steps)
     return runs
 
 
 def single_runs() -> dict[str, Callable[[], int]]:
     """Return steps of single environments as `gym.make` makes them."""
-    return {"Bogie-v0 by gym.make": single_run("wsp_env/Bogie-v0", 50), "CartPole": single_run("CartPole-v1", 50)}
+    return {"Bogie-v1 by gym.make": single_run("wsp_env/Bogie-v1", 50), "CartPole": single_run("CartPole-v1", 50)}
 
 
 def decision_run() -> Callable[[], int]:

@@ -63,7 +63,7 @@ def pytest_sessionstart(session: pytest.Session) -> Iterator[None]:
     config = session.config
     starts_workers = config.getoption("numprocesses", None) and not hasattr(config, "workerinput")
     compiles = starts_workers and not config.option.collectonly
-    envs = [gym.make(f"wsp_env/{name.capitalize()}-v0") for name in VEHICLES] if compiles else []
+    envs = [gym.make(f"wsp_env/{name.capitalize()}-v1") for name in VEHICLES] if compiles else []
     yield
     for env in envs:
         env.reset(seed=0)

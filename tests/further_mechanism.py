@@ -31,7 +31,7 @@ def braked() -> float:
     """Return how much slower a bogie is after 5 s of full brake with the mechanism than without [m/s]."""
     speeds = []
     for mechanisms in ({}, {NAME: {}}):
-        env = gym.make("wsp_env/Bogie-v0", mechanisms=mechanisms)
+        env = gym.make("wsp_env/Bogie-v1", mechanisms=mechanisms)
         env.reset(seed=3)
         for _ in range(250):
             env.step(np.full(env.action_space.shape, 2))

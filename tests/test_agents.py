@@ -21,7 +21,9 @@ import agents.watch
 from agents import checkpoint, spread, tune
 from agents.export import AGREEMENT, Actor, disagreement, export
 from agents.measure import HELD_OUT, WATCHED, Yardstick, low_adhesion
+from agents.teacher import ideal, taught
 from agents.train import LOOKS, Arguments, actor, begin_from, make_world, segment_seed, task_options, train
+from agents.watch import Watch
 from agents.worlds import CUT_OUT_MPS, REFERENCE, SPEEDS, TIME_PRICE_MPS, Joined, Shaped, rest_of_stop
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
@@ -213,6 +215,36 @@ def test_a_recurrent_policy_remembers_in_its_folder_as_it_does_in_training(tmp_p
     assert yardstick.means(policy) == yardstick.means(policy)  # it forgets between stops
 
 
+def test_a_policy_that_runs_on_is_told_as_such(tmp_path, monkeypatch, capsys):
+    """A second of stops ends nowhere: neither the rules stand by then, and nobody is blamed; where they do, the policy is."""
+    given = dataclasses.replace(TINY, action="steered", imitation=LOOKS, imitation_decisions=8, steps=4 * 16 * 2)
+    train(dataclasses.replace(given, out=tmp_path / "both"))
+    assert "runs on" not in capsys.readouterr().out
+    real, look = Watch.means, Watch.look
+
+    def rules_stand(watch, controller):
+        found = real(watch, controller)
+        return {law: row | {"ran_on": 0.0} for law, row in found.items()}
+
+    monkeypatch.setattr(Watch, "means", rules_stand)
+    monkeypatch.setattr(Watch, "look", lambda watch, who: look(watch, who) | {"classic_ran_on": 0.25})
+    train(dataclasses.replace(given, out=tmp_path / "policy"))
+    said = " ".join(capsys.readouterr().out.split())
+    assert "WARNING: this policy runs on: after 1 s it still runs in 25% of the watched stops under the classic law" in said
+    assert f"(--imitation, now {LOOKS})" in said
+
+
+def test_the_ideal_stop_is_between_the_bound_and_the_teacher():
+    stops = low_adhesion(BOGIE, "recovering", 4, WATCHED)
+    yardstick = Yardstick("bogie", stops)
+    found = yardstick.judged(taught(BOGIE, stops, 3.0, yardstick.conduct))
+    paid = found["distance_m"] + 3.0 * found["mean_slip_mps"] * found["duration_s"]
+    way, slid = ideal(BOGIE, stops, 3.0, 200.0)
+    assert (way + 3.0 * slid < paid).all()
+    assert (way + 3.0 * slid > 0.95 * paid).all()
+    assert (way > yardstick.top.shortest()[0]).all()
+
+
 def test_the_curve_begins_with_the_imitation(tmp_path):
     arguments = dataclasses.replace(
         TINY, out=tmp_path, action="steered", imitation=2 * LOOKS, imitation_decisions=8, steps=4 * 16 * 2 * 2
@@ -317,8 +349,8 @@ def test_what_differs_is_not_exported(tmp_path, trained):
 def test_shaping_adds_what_depends_on_the_start_and_the_slide_alone():
     """Over a stop: sum of r - sum of r_env = w F(v0) - w c times the metres slid - w p times the seconds."""
     options = {"scenario": {"initial_speed": (4.0, 6.0)}}
-    plain, priced = (Shaped(BrakingVecEnv("wsp_env/Bogie-v0", 3, **options), price) for price in (0.0, 5.0))
-    bare = BrakingVecEnv("wsp_env/Bogie-v0", 3, **options)
+    plain, priced = (Shaped(BrakingVecEnv("wsp_env/Bogie-v1", 3, **options), price) for price in (0.0, 5.0))
+    bare = BrakingVecEnv("wsp_env/Bogie-v1", 3, **options)
     for env in (plain, priced, bare):
         env.seed(5)
         env.reset()
@@ -348,13 +380,13 @@ def test_shaping_adds_what_depends_on_the_start_and_the_slide_alone():
 def test_the_rest_of_a_stop_is_what_perfect_knowledge_pays():
     """On rail that never slides it is v (v / 2 + p) / d; dearer sliding, a worse rail and speed cost more."""
     options = {"scenario": {"mu_cd": (0.2, 0.2), "demand": (0.3, 0.3), "load": (0.0, 0.0)}}
-    dry = BrakingVecEnv("wsp_env/Bogie-v0", 1, **options)
+    dry = BrakingVecEnv("wsp_env/Bogie-v1", 1, **options)
     dry.reset()
     plant, row = dry.env.batch.plant, np.array([0])
     full = BOGIE.full_brake_torque_nm * 2 / BOGIE.wheel_radius_m / BOGIE.mass_kg
     expected = SPEEDS * (0.5 * SPEEDS + TIME_PRICE_MPS) / (0.3 * full)
     assert_allclose(rest_of_stop(plant, row, 0.0)[0], expected, rtol=0.01, atol=0.5)
-    wet = BrakingVecEnv("wsp_env/Bogie-v0", 4, scenario={"mu_cd": (0.03, 0.03), "tracks": ("constant",)})
+    wet = BrakingVecEnv("wsp_env/Bogie-v1", 4, scenario={"mu_cd": (0.03, 0.03), "tracks": ("constant",)})
     wet.reset()
     rows = np.arange(4)
     cheap, dear = (rest_of_stop(wet.env.batch.plant, rows, price) for price in (0.0, 5.0))
@@ -365,7 +397,7 @@ def test_the_rest_of_a_stop_is_what_perfect_knowledge_pays():
 
 def test_joined_worlds_are_their_parts():
     def parts():
-        return [BrakingVecEnv("wsp_env/Bogie-v0", n, adhesion=law) for n, law in ((2, "recovering"), (1, "classic"))]
+        return [BrakingVecEnv("wsp_env/Bogie-v1", n, adhesion=law) for n, law in ((2, "recovering"), (1, "classic"))]
 
     joined, (first, second) = Joined(parts()), parts()
     joined.seed(3)

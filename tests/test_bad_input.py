@@ -13,7 +13,7 @@ from wsp_env.plant import make_plant
 from wsp_env.plant.port import Setup
 from wsp_env.scenario import PINS
 
-ID = "wsp_env/Bogie-v0"
+ID = "wsp_env/Bogie-v1"
 
 OPTIONS = [
     ({"contrl_interval_s": 0.02}, "unknown environment option contrl_interval_s; valid: .*control_interval_s"),
@@ -27,7 +27,7 @@ OPTIONS = [
     ({"scenario": {"tau": (-1.0, 1.0)}}, "tau = .* must lie in"),
     (
         {"reward": {"speed": 1.0}},
-        "unknown reward term speed; valid: stopping_distance, time, rest_of_stop, slip, locked_wheels, air",
+        "unknown reward term speed; valid: stopping_distance, time, rest_of_stop, slip, large_slip, locked_wheels, air",
     ),
     ({"reward": {"air": -1.0}}, "reward weight air = -1.0 is impossible"),
     ({"reward": {"air": float("nan")}}, "reward weight air = nan is impossible"),

@@ -10,7 +10,7 @@ import wsp_env  # noqa: F401  # registers the environments
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.parameters.quantity import ParameterError
 
-BOGIE = "wsp_env/Bogie-v0"
+BOGIE = "wsp_env/Bogie-v1"
 
 OPTIONS = [
     ({"scenario": {"demand": (0.5, 2.0)}}, "demand = .* must lie in"),

@@ -17,7 +17,7 @@ CONDITIONS = {
 
 
 def test_each_reset_draws_one_of_the_stops_and_the_rest_as_ever():
-    env = gym.make("wsp_env/Bogie-v0", conditions=CONDITIONS)
+    env = gym.make("wsp_env/Bogie-v1", conditions=CONDITIONS)
     batch = env.unwrapped.batch
     assert batch.vehicle.brake.torque_per_bar_nm == 2000.0
     seen, speeds = set(), set()
@@ -35,25 +35,25 @@ def test_each_reset_draws_one_of_the_stops_and_the_rest_as_ever():
 
 
 def test_a_stop_is_chosen_by_name_or_number_and_a_pin_goes_before_it():
-    env = gym.make("wsp_env/Bogie-v0", conditions=CONDITIONS)
+    env = gym.make("wsp_env/Bogie-v1", conditions=CONDITIONS)
     assert env.reset(options={"condition": "A1"})[1]["speed_mps"] == 30.0
     assert env.reset(options={"condition": 1})[1]["mu_cd"] == 0.04
     assert env.reset(options={"condition": "A1", "mu_cd": 0.05})[1]["mu_cd"] == 0.05
-    vector = gym.make_vec("wsp_env/Bogie-v0", num_envs=3, conditions=CONDITIONS)
+    vector = gym.make_vec("wsp_env/Bogie-v1", num_envs=3, conditions=CONDITIONS)
     _, info = vector.reset(options={"condition": ["A1", "A2", "A1"]})
     assert info["mu_cd"].tolist() == [0.03, 0.04, 0.03]
 
 
 def test_single_and_vector_draw_the_same_stops():
-    vector = gym.make_vec("wsp_env/Bogie-v0", num_envs=4, conditions=CONDITIONS)
+    vector = gym.make_vec("wsp_env/Bogie-v1", num_envs=4, conditions=CONDITIONS)
     together, _ = vector.reset(seed=5)
     for index in range(4):
-        env = gym.make("wsp_env/Bogie-v0", conditions=CONDITIONS)
+        env = gym.make("wsp_env/Bogie-v1", conditions=CONDITIONS)
         np.testing.assert_array_equal(env.reset(seed=5 + index)[0], together[index])
 
 
 def test_the_specification_survives_json():
-    env = gym.make("wsp_env/Bogie-v0", conditions=CONDITIONS)
+    env = gym.make("wsp_env/Bogie-v1", conditions=CONDITIONS)
     again = gym.make(type(env.spec).from_json(env.spec.to_json()))
     np.testing.assert_array_equal(again.reset(seed=3)[0], env.reset(seed=3)[0])
 
@@ -69,11 +69,11 @@ def test_the_specification_survives_json():
 )
 def test_wrong_conditions_are_refused_when_made(conditions, says):
     with pytest.raises(ParameterError, match=says):
-        gym.make("wsp_env/Bogie-v0", conditions=conditions)
+        gym.make("wsp_env/Bogie-v1", conditions=conditions)
 
 
 def test_an_unknown_stop_lists_the_known_ones():
     with pytest.raises(ParameterError, match="unknown condition 'B1'; valid: A1, A2"):
-        gym.make("wsp_env/Bogie-v0", conditions=CONDITIONS).reset(options={"condition": "B1"})
+        gym.make("wsp_env/Bogie-v1", conditions=CONDITIONS).reset(options={"condition": "B1"})
     with pytest.raises(ParameterError, match="unknown reset option 'condition'"):
-        gym.make("wsp_env/Bogie-v0").reset(options={"condition": "A1"})
+        gym.make("wsp_env/Bogie-v1").reset(options={"condition": "A1"})

@@ -260,7 +260,7 @@ def test_eurosprinter_has_the_contract_of_stops_and_a_page(measured):
     assert "integrity=" in loaded[0][1]
     for words in (one["words"] for one in found["inseparable"]):
         assert words in page
-    env = gym.make("wsp_env/Wheelset-v0", model=str(out / "model.json"))
+    env = gym.make("wsp_env/Wheelset-v1", model=str(out / "model.json"))
     env.reset(seed=0)
     _, reward, *_ = env.step(env.action_space.sample())
     assert np.isfinite(reward)

@@ -111,7 +111,7 @@ def test_a_gradient_that_is_not_there_is_found(sloping, sound):
 @pytest.mark.slow
 def test_what_was_found_brakes_in_the_environment(sloping):
     rise = json.loads((sloping / "model.json").read_text(encoding="utf-8"))["mechanisms"]["track_gradient"]["rise"]
-    env = gym.make("wsp_env/Bogie-v0", model=str(sloping / "model.json"))
+    env = gym.make("wsp_env/Bogie-v1", model=str(sloping / "model.json"))
     env.reset(seed=1)
     batch = env.unwrapped.batch
     assert batch.task.mechanisms["track_gradient"]["rise"] == rise

@@ -283,7 +283,7 @@ def test_environment_brakes_differently(tmp_path):
     options = {"plain": {}, "term": {"mechanisms": {"discovered": term}}, "model": {"model": str(path)}}
     options["drawn"] = {"mechanisms": {"discovered": term | {"coefficient_1": [2999.0, 3001.0]}}}
     for name, option in options.items():
-        env = gym.make("wsp_env/Bogie-v0", **option)
+        env = gym.make("wsp_env/Bogie-v1", **option)
         env.reset(seed=3, options={"tau": TAU, "mu_cd": 0.2, "load": 0.0})
         for _ in range(150):
             env.step(np.full(env.action_space.shape, 2))

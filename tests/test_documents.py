@@ -120,7 +120,7 @@ def test_every_value_of_a_model_and_of_a_contract(tmp_path, name):
     keys = ("tau_m_per_J", "mu_cd", "contact", "mechanisms", "vehicle")
     for text in (value, *(f'{{"{key}": {value}}}' for key in keys), *(f"{{{one}}}" for one in inner)):
         file.write_text(text, encoding="utf-8")
-        refuses_in_a_line(lambda: gym.make("wsp_env/Coach-v0", model=str(file)), text[:200])
+        refuses_in_a_line(lambda: gym.make("wsp_env/Coach-v1", model=str(file)), text[:200])
     write_policy(tmp_path)
     good = json.loads((tmp_path / CONTRACT).read_text())
     for key in [*contract(), None]:
@@ -172,7 +172,7 @@ def test_what_is_no_file(tmp_path):
 )
 def test_every_option_of_an_environment(value):
     def made(**options):
-        return lambda: gym.make("wsp_env/Bogie-v0", disable_env_checker=True, **options).reset(seed=0)
+        return lambda: gym.make("wsp_env/Bogie-v1", disable_env_checker=True, **options).reset(seed=0)
 
     for name in (
         "control_interval_s",
@@ -194,7 +194,7 @@ def test_every_option_of_an_environment(value):
 @pytest.mark.parametrize("options", [{"control_interval_s": 1e-9}, {"scenario": {"patch_length": (1e-9, 1.0)}}])
 def test_numbers_that_would_take_all_memory_are_refused(options):
     with pytest.raises(ParameterError, match="is impossible"):
-        gym.make("wsp_env/Bogie-v0", **options)
+        gym.make("wsp_env/Bogie-v1", **options)
 
 
 def test_messages_keep_to_a_line():

@@ -90,7 +90,7 @@ def test_a_range_without_width_is_its_value():
     narrow = {"pad_friction": {"per_speed_s_per_m": [-0.005, -0.005]}, "load_transfer": {}}
     found = []
     for choice in (fixed, narrow):
-        env = BrakingVecEnv("wsp_env/Bogie-v0", 3, mechanisms=choice)
+        env = BrakingVecEnv("wsp_env/Bogie-v1", 3, mechanisms=choice)
         env.seed(5)
         env.reset()
         found.append(np.array([env.step(np.full((3, 2), 2))[0] for _ in range(200)]))
@@ -98,7 +98,7 @@ def test_a_range_without_width_is_its_value():
 
 
 def test_every_reset_draws_anew_and_a_seed_draws_the_same():
-    env = gym.make("wsp_env/Bogie-v0", mechanisms={"vehicle_mass": {"extra": [0.0, 0.5]}})
+    env = gym.make("wsp_env/Bogie-v1", mechanisms={"vehicle_mass": {"extra": [0.0, 0.5]}})
     factors = []
     for seed in (1, None, None, 1):
         _, info = env.reset(seed=seed, options={"load": 0.0})
@@ -137,4 +137,4 @@ def test_whatever_is_drawn_lies_in_its_range(name, seed):
 )
 def test_ranges_that_cannot_be_are_refused(choice, said):
     with pytest.raises(ParameterError, match=said):
-        BrakingVecEnv("wsp_env/Bogie-v0", 2, mechanisms=choice)
+        BrakingVecEnv("wsp_env/Bogie-v1", 2, mechanisms=choice)

@@ -153,12 +153,12 @@ def test_reward_is_the_sum_of_its_terms(env_id, action):
 
 
 def test_reward_terms_are_what_their_names_say():
-    weights = {"stopping_distance": 2.0, "time": 0.5, "slip": 3.0, "locked_wheels": 4.0, "air": 5.0}
-    env = gym.make("wsp_env/Bogie-v0", reward=weights, adhesion="classic")
+    weights = {"stopping_distance": 2.0, "time": 0.5, "slip": 1.5, "large_slip": 3.0, "locked_wheels": 4.0, "air": 5.0}
+    env = gym.make("wsp_env/Bogie-v1", reward=weights, adhesion="classic")
     pins = {"mu_cd": 0.02, "demand": 1.0, "initial_speed": 30.0, "track": "constant"}
     info = start = env.reset(seed=0, options=pins)[1]
     totals = dict.fromkeys(vars(RewardWeights()), 0.0)
-    locked = 0.0
+    locked = slid = 0.0
     for _ in range(500):
         info_before = info
         _, _, _, _, info = env.step([2, 1])  # the second axle never fills
@@ -166,14 +166,16 @@ def test_reward_terms_are_what_their_names_say():
             totals[name] += term
         travelled = info["position_m"] - info_before["position_m"]
         locked += travelled * info["locked"].mean()
+        slid += np.maximum(info["slip_speed_mps"], 0.0).mean() * 0.02
         assert info["locked"].sum() <= 1
         assert_allclose(info["reward_terms"]["air"], -5.0 * (info["air_nl"] - info_before["air_nl"]), atol=1e-9)
     assert locked > 50.0
     assert_allclose(totals["stopping_distance"], -2.0 * info["position_m"], rtol=1e-9)
     assert_allclose(totals["time"], -0.5 * 10.0, rtol=1e-9)
     assert_allclose(totals["locked_wheels"], -4.0 * locked, rtol=1e-9)
+    assert_allclose(totals["slip"], -1.5 * slid, rtol=1e-9)
     # A locked wheel slides with the vehicle's speed: beyond the limit by 0.7 of it, on one of two axles.
-    assert_allclose(info["reward_terms"]["slip"], -3.0 * 0.7 / 2 * info["speed_mps"] * 0.02, rtol=1e-6)
+    assert_allclose(info["reward_terms"]["large_slip"], -3.0 * 0.7 / 2 * info["speed_mps"] * 0.02, rtol=1e-6)
     # What is paid for the speed lost: metres and seconds of the rest of a dry stop with all brakes, wheelsets turning.
     bogie = VEHICLES["bogie"]
     rotating = 2 * bogie.wheelset_inertia_kgm2 / bogie.wheel_radius_m**2
@@ -183,7 +185,7 @@ def test_reward_terms_are_what_their_names_say():
 
 
 def test_weights_are_parameters():
-    env = gym.make("wsp_env/Wheelset-v0", reward=dict.fromkeys(vars(RewardWeights()), 0.0))
+    env = gym.make("wsp_env/Wheelset-v1", reward=dict.fromkeys(vars(RewardWeights()), 0.0))
     assert all(reward == 0.0 for reward in episode(env, 0, 50)[1])
 
 
@@ -299,7 +301,7 @@ def test_interval_in_seconds_keeps_the_brake_as_it_is(interval):
     """Commands given at the same times act at the same times, whatever the number of steps between them."""
     pressures = []
     for step in (0.02, interval):
-        env = gym.make("wsp_env/Bogie-v0", control_interval_s=step)
+        env = gym.make("wsp_env/Bogie-v1", control_interval_s=step)
         env.reset(seed=0, options={"mu_cd": 0.09, "demand": 0.6, "initial_speed": 30.0, "track": "constant"})
         settle(env, 4.0, [2, 2])
         info = settle(env, 0.2, [0, 2])[4]
@@ -309,7 +311,7 @@ def test_interval_in_seconds_keeps_the_brake_as_it_is(interval):
 
 
 def test_pressure_action_spans_none_to_the_demand():
-    env = gym.make("wsp_env/Bogie-v0", action="pressure")
+    env = gym.make("wsp_env/Bogie-v1", action="pressure")
     assert env.action_space == gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
     env.reset(seed=0, options={"mu_cd": 0.09, "demand": 0.5, "initial_speed": 40.0, "track": "constant"})
     settle(env, 4.0, [1.0, 1.0])
@@ -320,7 +322,7 @@ def test_pressure_action_spans_none_to_the_demand():
 
 
 def test_valve_action_vents_holds_and_applies():
-    env = gym.make("wsp_env/Coach-v0")
+    env = gym.make("wsp_env/Coach-v1")
     assert env.action_space == gym.spaces.MultiDiscrete([3, 3, 3, 3])
     env.reset(seed=0, options={"mu_cd": 0.09, "demand": 0.5, "initial_speed": 40.0, "track": "constant"})
     before = settle(env, 3.0, [2, 2, 2, 2])[4]["pressure_bar"]
@@ -355,7 +357,7 @@ def test_environment_is_made_without_importing_the_package_by_hand(env_id):
 
 @pytest.mark.parametrize("name", sorted(ALL))
 def test_every_mechanism_can_be_switched_on(name):
-    env = gym.make("wsp_env/Coach-v0", mechanisms={name: {}})
+    env = gym.make("wsp_env/Coach-v1", mechanisms={name: {}})
     observations, rewards, _ = episode(env, 0, 100)
     assert np.isfinite(observations).all()
     assert np.isfinite(rewards).all()

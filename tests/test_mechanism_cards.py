@@ -23,7 +23,7 @@ every = pytest.mark.parametrize("name", ALL)
 #: Files beside the cards that name a mechanism, and why.
 EXCEPTIONS = {
     "wsp_env/plant/mechanisms/__init__.py": "the list of the files",
-    "wsp_env/envs/__init__.py": "what Train-v0 is made for, and switches on by default",
+    "wsp_env/envs/__init__.py": "what Train-v1 is made for, and switches on by default",
     "wsp_env/plant/mechanisms/term_words.py": "the words for what a term without a name looks like, some of them cards' names",
     "agents/card.py": "a published benchmark, with one mechanism at a stated size; its figures are stored",
     "agents/drawn.py": "the worlds of a comparison, whose brakes differ from axle to axle",

@@ -24,7 +24,7 @@ def write(tmp_path, document):
 
 
 def test_the_environment_brakes_with_the_tuned_law_and_the_found_mechanisms(tmp_path):
-    env = gym.make("wsp_env/Bogie-v0", model=write(tmp_path, MODEL))
+    env = gym.make("wsp_env/Bogie-v1", model=write(tmp_path, MODEL))
     plant = env.unwrapped.batch.plant
     assert plant.setup.mechanisms == {"leading_axle_cleaning": {"removal_m_per_j": 1.5e-5}}
     assert plant.vehicle.contact.law.mu_cr == 0.3
@@ -37,7 +37,7 @@ def test_the_environment_brakes_with_the_tuned_law_and_the_found_mechanisms(tmp_
 
 
 def test_options_given_by_hand_go_before_the_model(tmp_path):
-    env = gym.make("wsp_env/Bogie-v0", model=write(tmp_path, MODEL), mechanisms={"leading_axle_cleaning": {}})
+    env = gym.make("wsp_env/Bogie-v1", model=write(tmp_path, MODEL), mechanisms={"leading_axle_cleaning": {}})
     assert env.unwrapped.batch.plant.setup.mechanisms == {"leading_axle_cleaning": {}}
 
 
@@ -54,9 +54,9 @@ def test_options_given_by_hand_go_before_the_model(tmp_path):
 )
 def test_a_wrong_model_is_refused(tmp_path, document, says):
     with pytest.raises(ParameterError, match=says):
-        gym.make("wsp_env/Bogie-v0", model=write(tmp_path, document))
+        gym.make("wsp_env/Bogie-v1", model=write(tmp_path, document))
 
 
 def test_a_missing_model_is_named():
     with pytest.raises(ParameterError, match="cannot be read"):
-        gym.make("wsp_env/Bogie-v0", model="no such file.json")
+        gym.make("wsp_env/Bogie-v1", model="no such file.json")

@@ -120,7 +120,7 @@ def test_a_narrow_curve_is_run_on_the_flange():
 
 
 def test_what_leaves_the_rails_is_truncated_with_the_reason():
-    env = gym.make("wsp_env/Coach-v0", plant="multibody", disable_env_checker=True)
+    env = gym.make("wsp_env/Coach-v1", plant="multibody", disable_env_checker=True)
     env.reset(seed=1)
     plant = env.unwrapped.batch.plant
     plant.bodies.position[0, WHEELSETS + Y_] = 0.05
@@ -138,9 +138,9 @@ def test_what_leaves_the_rails_is_truncated_with_the_reason():
 
 def test_the_batch_is_the_single_environment():
     """Stop i of `make_vec` is the single environment with seed + i, in 3D as in 1D."""
-    envs = gym.make_vec("wsp_env/Coach-v0", num_envs=2, plant="multibody")
+    envs = gym.make_vec("wsp_env/Coach-v1", num_envs=2, plant="multibody")
     together, _ = envs.reset(seed=7)
-    single = gym.make("wsp_env/Coach-v0", plant="multibody")
+    single = gym.make("wsp_env/Coach-v1", plant="multibody")
     alone, _ = single.reset(seed=8)
     np.testing.assert_array_equal(together[1], alone)
     for _ in range(25):
@@ -154,7 +154,7 @@ def test_irregularities_shake_the_wheels_and_spare_the_carbody():
     """By `gym.make`: on a rough track wheel loads vary about the same mean; the suspension keeps it from the carbody."""
     loads, lifts = [], []
     env = gym.make(
-        "wsp_env/Coach-v0", plant="multibody", track_geometry={"irregularities": {"spectrum": "low", "length_m": 500}}
+        "wsp_env/Coach-v1", plant="multibody", track_geometry={"irregularities": {"spectrum": "low", "length_m": 500}}
     )
     env.reset(seed=1, options={"initial_speed": 30.0, "mu_cd": 0.28, "demand": 0.0, "load": 0.0})
     for _ in range(400):
@@ -171,7 +171,7 @@ def test_irregularities_shake_the_wheels_and_spare_the_carbody():
 
 def test_too_fast_for_a_curve_is_truncated_without_a_nan():
     """40 m/s in a curve of 150 m: 10.7 m/s2 outwards tip and derail any vehicle; every stop of the batch ends with a reason."""
-    env = gym.make("wsp_env/Coach-v0", plant="multibody", track_geometry={"curves": [{"begin_m": 20.0, "radius_m": -150.0}]})
+    env = gym.make("wsp_env/Coach-v1", plant="multibody", track_geometry={"curves": [{"begin_m": 20.0, "radius_m": -150.0}]})
     env.reset(seed=1, options={"initial_speed": 40.0, "mu_cd": 0.06, "demand": 0.0})
     truncated = False
     for _ in range(600):
@@ -205,8 +205,8 @@ def test_the_commands_brake_in_three_dimensions(tmp_path, capsys):
 
 
 def test_info_says_what_the_wheels_do():
-    env = gym.make("wsp_env/Coach-v0", plant="multibody")
-    plain = gym.make("wsp_env/Coach-v0")
+    env = gym.make("wsp_env/Coach-v1", plant="multibody")
+    plain = gym.make("wsp_env/Coach-v1")
     assert env.observation_space == plain.observation_space
     env.reset(seed=1)
     _, _, _, _, info = env.step([2, 2, 2, 2])

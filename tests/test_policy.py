@@ -95,7 +95,7 @@ def test_a_folder_is_a_controller_and_does_what_its_network_says(tmp_path):
 
 def test_it_sees_what_the_environment_shows(tmp_path):
     """The command of the runner is the network's answer to the observation of the environment of the same stop."""
-    environment = gym.make("wsp_env/Bogie-v0").unwrapped
+    environment = gym.make("wsp_env/Bogie-v1").unwrapped
     observation, _ = environment.reset(seed=4)
     policy = load_policy(write(tmp_path), guarded=False)
     policy.reset(1, BOGIE)
@@ -216,7 +216,7 @@ def test_a_missing_sensor_is_said():
 @pytest.mark.parametrize("sensors", [False, True])
 @pytest.mark.parametrize("vehicle", [WHEELSET, BOGIE, COACH])
 def test_the_description_of_an_observation_has_its_length(vehicle, sensors):
-    env = gym.make(f"wsp_env/{vehicle.name.title()}-v0", pressure_sensors=sensors)
+    env = gym.make(f"wsp_env/{vehicle.name.title()}-v1", pressure_sensors=sensors)
     assert env.observation_space.shape == (len(describe_observation(vehicle.axles, sensors)),)
 
 

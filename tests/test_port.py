@@ -58,7 +58,7 @@ def test_every_plant_keeps_the_contract_of_the_port(name):
 
 
 def test_a_plant_of_somebody_else_brakes_in_the_environments():
-    env = gym.make("wsp_env/Bogie-v0", plant=ELSEWHERE)
+    env = gym.make("wsp_env/Bogie-v1", plant=ELSEWHERE)
     assert isinstance(env.unwrapped.batch.plant, PointMass)
     env.reset(seed=1)
     ended = False

@@ -279,7 +279,7 @@ def test_a_campaign_says_how_much_it_matters(name, replica):
 def test_environments_brake_with_it(name):
     speeds = []
     for mechanisms in ({}, {name: {}}):
-        env = gym.make("wsp_env/Coach-v0", mechanisms=mechanisms)
+        env = gym.make("wsp_env/Coach-v1", mechanisms=mechanisms)
         env.reset(seed=3, options={"mu_cd": 0.03, "track": "constant", "demand": 1.0})
         for _ in range(300):
             env.step(np.full(AXLES, 2))

@@ -7,7 +7,7 @@ import pytest
 from wsp_env.parameters.quantity import ParameterError
 
 
-def after(mode, steps, env_id="wsp_env/Bogie-v0"):
+def after(mode, steps, env_id="wsp_env/Bogie-v1"):
     env = gym.make(env_id, render_mode=mode)
     env.reset(seed=0, options={"demand": 1.0})
     for _ in range(steps):
@@ -15,7 +15,7 @@ def after(mode, steps, env_id="wsp_env/Bogie-v0"):
     return env
 
 
-@pytest.mark.parametrize("env_id", ["wsp_env/Wheelset-v0", "wsp_env/Coach-v0"])
+@pytest.mark.parametrize("env_id", ["wsp_env/Wheelset-v1", "wsp_env/Coach-v1"])
 def test_picture_shows_the_stop_so_far(env_id):
     env = after("rgb_array", 30, env_id)
     picture = env.render()
@@ -31,7 +31,7 @@ def test_picture_shows_the_stop_so_far(env_id):
 
 
 def test_text_has_a_line_per_axle():
-    env = after("ansi", 150, "wsp_env/Coach-v0")
+    env = after("ansi", 150, "wsp_env/Coach-v1")
     text = env.render()
     lines = text.splitlines()
     assert lines[0].startswith("t    3.00 s")
@@ -59,14 +59,14 @@ def test_window():
 
 def test_mode_must_be_known_and_given():
     with pytest.raises(ParameterError, match="render_mode 'gif' is unknown; valid: rgb_array, human, ansi"):
-        gym.make("wsp_env/Bogie-v0", render_mode="gif")
-    env = gym.make("wsp_env/Bogie-v0").unwrapped
+        gym.make("wsp_env/Bogie-v1", render_mode="gif")
+    env = gym.make("wsp_env/Bogie-v1").unwrapped
     env.reset(seed=0)
     with pytest.warns(UserWarning, match="render_mode='rgb_array'"):
         assert env.render() is None
     with pytest.raises(ParameterError, match="vector environments do not render"):
-        gym.make_vec("wsp_env/Bogie-v0", num_envs=2, render_mode="rgb_array")
+        gym.make_vec("wsp_env/Bogie-v1", num_envs=2, render_mode="rgb_array")
 
 
 def test_pace_is_that_of_the_control_interval():
-    assert gym.make("wsp_env/Bogie-v0", control_interval_s=0.05).metadata["render_fps"] == 20
+    assert gym.make("wsp_env/Bogie-v1", control_interval_s=0.05).metadata["render_fps"] == 20

@@ -61,7 +61,7 @@ def test_mu_cd_along_the_track_stays_near_the_run_s_own(campaign):
 
 def test_environments_take_them(campaign):
     given = conditions(campaign)
-    vector = gym.make_vec("wsp_env/Coach-v0", num_envs=2, conditions=given)
+    vector = gym.make_vec("wsp_env/Coach-v1", num_envs=2, conditions=given)
     _, info = vector.reset(seed=0, options={"condition": ["A5", "B1"]})
     assert info["speed_mps"].tolist() == [given["stops"][2]["initial_speed"], given["stops"][3]["initial_speed"]]
     assert info["mass_kg"].tolist() == [43_000.0, 43_000.0]

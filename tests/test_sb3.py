@@ -54,7 +54,7 @@ def test_adaptor_equals_the_vector_environment(env_id):
 
 
 def test_seed_and_options_hold_for_one_reset():
-    env = BrakingVecEnv("wsp_env/Bogie-v0", 2)
+    env = BrakingVecEnv("wsp_env/Bogie-v1", 2)
     env.seed(1)
     first = env.reset()
     second = env.reset()
@@ -67,7 +67,7 @@ def test_seed_and_options_hold_for_one_reset():
 
 
 def test_what_their_interface_asks_for():
-    env = BrakingVecEnv("wsp_env/Coach-v0", 3)
+    env = BrakingVecEnv("wsp_env/Coach-v1", 3)
     assert env.num_envs == 3
     assert env.get_attr("num_envs", [0, 2]) == [3, 3]
     assert env.env_is_wrapped(VecMonitor) == [False] * 3
@@ -78,14 +78,14 @@ def test_what_their_interface_asks_for():
     with pytest.raises(ParameterError, match="unknown environment 'Tram-v0'; valid: wsp_env/"):
         BrakingVecEnv("Tram-v0", 3)
     with pytest.raises(ParameterError, match="unknown environment option"):
-        BrakingVecEnv("wsp_env/Coach-v0", 3, interval=0.1)
+        BrakingVecEnv("wsp_env/Coach-v1", 3, interval=0.1)
     env.close()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("action", ["valve", "pressure"])
 def test_ppo_trains(action):
-    env = VecMonitor(BrakingVecEnv("wsp_env/Bogie-v0", 8, action=action, time_limit_s=2.0))
+    env = VecMonitor(BrakingVecEnv("wsp_env/Bogie-v1", 8, action=action, time_limit_s=2.0))
     model = PPO("MlpPolicy", env, n_steps=128, batch_size=256, n_epochs=2, seed=0, device="cpu")
     model.learn(2048)
     assert len(model.ep_info_buffer) >= 8

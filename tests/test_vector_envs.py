@@ -91,7 +91,7 @@ def test_gymnasiums_own_vectorisation_agrees(env_id):
 
 
 def test_mode_of_autoreset_is_declared_and_kept():
-    vector = gym.make_vec("wsp_env/Bogie-v0", num_envs=3, time_limit_s=0.4)
+    vector = gym.make_vec("wsp_env/Bogie-v1", num_envs=3, time_limit_s=0.4)
     assert vector.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
     start, _ = vector.reset(seed=0)
     actions = np.full((3, 2), 2)
@@ -109,7 +109,7 @@ def test_mode_of_autoreset_is_declared_and_kept():
 
 
 def test_observations_lie_in_the_space_and_are_never_handed_out_twice():
-    vector = gym.make_vec("wsp_env/Coach-v0", num_envs=6, time_limit_s=1.0)
+    vector = gym.make_vec("wsp_env/Coach-v1", num_envs=6, time_limit_s=1.0)
     given = [vector.reset(seed=0)[0]]
     for _ in range(80):
         observation, reward, terminated, truncated, _ = vector.step(vector.action_space.sample())
@@ -123,7 +123,7 @@ def test_observations_lie_in_the_space_and_are_never_handed_out_twice():
 
 
 def test_reset_options_for_all_or_each():
-    vector = gym.make_vec("wsp_env/Wheelset-v0", num_envs=3)
+    vector = gym.make_vec("wsp_env/Wheelset-v1", num_envs=3)
     _, info = vector.reset(seed=0, options={"mu_cd": 0.05, "initial_speed": [20.0, 25.0, 30.0], "track": "constant"})
     assert_array_equal(info["mu_cd"], 0.05)
     assert_array_equal(info["speed_mps"], [20.0, 25.0, 30.0])
@@ -132,7 +132,7 @@ def test_reset_options_for_all_or_each():
 
 
 def test_seeds_for_each():
-    vector = gym.make_vec("wsp_env/Wheelset-v0", num_envs=2)
+    vector = gym.make_vec("wsp_env/Wheelset-v1", num_envs=2)
     first, _ = vector.reset(seed=[4, 4])
     assert_array_equal(first[0], first[1])
     again, _ = vector.reset(seed=[None, 4])

@@ -94,7 +94,7 @@ def test_a_vehicle_file_brakes_in_the_environments(tmp_path, axles):
     file.write_text(write_vehicle(MINE[axles]), encoding="utf-8")
     pins = {"mu_cd": MU_CD, "tau": TAU, "initial_speed": 8.0, "demand": 1.0, "track": "constant"}
     options = {"vehicle": str(file), "mechanisms": {"load_transfer": {}, "leading_axle_cleaning": {}}}
-    env = gym.make("wsp_env/Coach-v0", **options)
+    env = gym.make("wsp_env/Coach-v1", **options)
     assert env.unwrapped.batch.vehicle == MINE[axles]
     assert env.action_space.nvec.tolist() == [3] * axles
     observation, info = env.reset(seed=1, options=pins)
@@ -107,13 +107,13 @@ def test_a_vehicle_file_brakes_in_the_environments(tmp_path, axles):
     assert terminated
     assert 5.0 < info["position_m"] < 200.0
     assert info["slip_speed_mps"].shape == (axles,)
-    vector = gym.make_vec("wsp_env/Wheelset-v0", num_envs=2, **options)
+    vector = gym.make_vec("wsp_env/Wheelset-v1", num_envs=2, **options)
     assert_array_equal(vector.reset(seed=1, options=pins)[0][0], observation)
 
 
 def test_a_name_or_values_brake_too_and_nothing_else():
-    assert gym.make("wsp_env/Coach-v0", vehicle="wheelset").unwrapped.batch.vehicle == WHEELSET
-    heavy = gym.make("wsp_env/Bogie-v0", vehicle={"mass_kg": 3e4, "bodies": [[1, 1]]}).unwrapped.batch.vehicle
+    assert gym.make("wsp_env/Coach-v1", vehicle="wheelset").unwrapped.batch.vehicle == WHEELSET
+    heavy = gym.make("wsp_env/Bogie-v1", vehicle={"mass_kg": 3e4, "bodies": [[1, 1]]}).unwrapped.batch.vehicle
     assert heavy == dataclasses.replace(BOGIE, mass_kg=3e4, bodies=((1, 1),))
     for wrong, says in (
         ("tram", "unknown vehicle 'tram'; valid: wheelset"),
@@ -125,7 +125,7 @@ def test_a_name_or_values_brake_too_and_nothing_else():
         ({"bodies": [[2, 2]]}, "stand on 4 axles, but axle_positions_m has 2"),
     ):
         with pytest.raises(ParameterError, match=says):
-            gym.make("wsp_env/Bogie-v0", vehicle=wrong)
+            gym.make("wsp_env/Bogie-v1", vehicle=wrong)
 
 
 @pytest.mark.slow
@@ -163,31 +163,31 @@ def used(env):
 
 
 def test_the_wheels_of_a_train_clean_the_rail_for_the_last():
-    env = gym.make("wsp_env/Train-v0", coaches=3, vehicle={"brake": {"torque_per_bar_nm": 3000.0}})
+    env = gym.make("wsp_env/Train-v1", coaches=3, vehicle={"brake": {"torque_per_bar_nm": 3000.0}})
     assert env.unwrapped.batch.vehicle.axles == 12
     assert env.unwrapped.batch.task.mechanisms == {"leading_axle_cleaning": {}}
     cleaned = used(env)
     assert cleaned[8:].mean() > 1.05 * cleaned[:4].mean()
-    plain = used(gym.make("wsp_env/Train-v0", coaches=3, vehicle={"brake": {"torque_per_bar_nm": 3000.0}}, mechanisms={}))
+    plain = used(gym.make("wsp_env/Train-v1", coaches=3, vehicle={"brake": {"torque_per_bar_nm": 3000.0}}, mechanisms={}))
     assert plain[8:].mean() == pytest.approx(plain[:4].mean(), rel=0.01)
 
 
 def test_a_train_is_made_of_any_vehicle_and_registered(tmp_path):
-    assert gym.make("wsp_env/Train-v0").unwrapped.batch.vehicle == VEHICLES["train"]
+    assert gym.make("wsp_env/Train-v1").unwrapped.batch.vehicle == VEHICLES["train"]
     file = tmp_path / "mine.toml"
     file.write_text(write_vehicle(MINE[6]), encoding="utf-8")
-    env = gym.make("wsp_env/Train-v0", vehicle=str(file), coaches=2)
+    env = gym.make("wsp_env/Train-v1", vehicle=str(file), coaches=2)
     assert env.unwrapped.batch.vehicle.axles == 12
     assert type(env.spec).from_json(env.spec.to_json()).kwargs["coaches"] == 2
     with pytest.raises(ParameterError, match="takes 1 to 16 of them"):
-        gym.make("wsp_env/Train-v0", coaches=17)
+        gym.make("wsp_env/Train-v1", coaches=17)
     with pytest.raises(ParameterError, match="coaches = 'ten'"):
-        gym.make("wsp_env/Train-v0", coaches="ten")
+        gym.make("wsp_env/Train-v1", coaches="ten")
 
 
 @pytest.mark.filterwarnings("error")
 def test_a_train_is_drawn_with_a_legend_that_fits():
-    env = gym.make("wsp_env/Train-v0", render_mode="rgb_array")
+    env = gym.make("wsp_env/Train-v1", render_mode="rgb_array")
     env.reset(seed=0)
     env.step(np.full(40, 2))
     assert env.render().shape == (600, 900, 3)  # matplotlib would warn of axes without height
@@ -217,7 +217,7 @@ def test_campaigns_of_other_numbers_of_axles_are_tuned_simulated_and_braked(tmp_
     found = replay(campaign, {"none": {}})
     assert found.tau_m_per_j == pytest.approx(TAU, rel=0.05)
     assert all(course.slip_mps.shape[1] == axles for course in found.courses)
-    env = gym.make("wsp_env/Coach-v0", conditions=json.loads(json.dumps(conditions(campaign))))
+    env = gym.make("wsp_env/Coach-v1", conditions=json.loads(json.dumps(conditions(campaign))))
     assert env.action_space.nvec.tolist() == [3] * axles
     assert env.reset(options={"condition": "B1"})[1]["mass_kg"] == axles * 10_750.0
 
@@ -300,21 +300,21 @@ def test_the_vehicle_of_a_model_is_braked_with(tmp_path):
     path = model_file(
         tmp_path, axle_positions_m=[3.0, 5.0, 15.0, 17.0], resistance_n=[500.0, 0.0, 4.0], torque_per_bar_nm=2000.0
     )
-    vehicle = gym.make("wsp_env/Coach-v0", model=path).unwrapped.batch.vehicle
+    vehicle = gym.make("wsp_env/Coach-v1", model=path).unwrapped.batch.vehicle
     assert vehicle.axle_positions_m == (0.0, 2.0, 12.0, 14.0)
     assert (vehicle.mass_kg, vehicle.payload_kg, vehicle.wheel_radius_m) == (52_000.0, COACH.payload_kg, 0.46)
     assert (vehicle.resistance_a_n, vehicle.resistance_c_ns2_per_m2) == (500.0, 4.0)
     assert vehicle.brake == dataclasses.replace(COACH.brake, torque_per_bar_nm=2000.0)
     assert vehicle.contact.kinetic_friction_r == 0.3
-    by_hand = gym.make("wsp_env/Coach-v0", model=path, vehicle={"mass_kg": 4e4}).unwrapped.batch.vehicle
+    by_hand = gym.make("wsp_env/Coach-v1", model=path, vehicle={"mass_kg": 4e4}).unwrapped.batch.vehicle
     assert by_hand == dataclasses.replace(vehicle, mass_kg=4e4)
 
 
 def test_the_vehicle_of_a_model_goes_before_the_ids_and_a_named_one_before_both(tmp_path):
     path = model_file(tmp_path)
-    assert gym.make("wsp_env/Bogie-v0", model=path).unwrapped.batch.vehicle.axles == 4
-    assert gym.make("wsp_env/Train-v0", model=path, coaches=3).unwrapped.batch.vehicle.mass_kg == 156_000.0
-    named = gym.make("wsp_env/Bogie-v0", model=path, vehicle="bogie").unwrapped.batch.vehicle
+    assert gym.make("wsp_env/Bogie-v1", model=path).unwrapped.batch.vehicle.axles == 4
+    assert gym.make("wsp_env/Train-v1", model=path, coaches=3).unwrapped.batch.vehicle.mass_kg == 156_000.0
+    named = gym.make("wsp_env/Bogie-v1", model=path, vehicle="bogie").unwrapped.batch.vehicle
     assert named == dataclasses.replace(BOGIE, contact=dataclasses.replace(BOGIE.contact, kinetic_friction_r=0.3))
 
 
@@ -332,14 +332,14 @@ def test_the_vehicle_of_a_model_goes_before_the_ids_and_a_named_one_before_both(
 )
 def test_a_wrong_vehicle_in_a_model_is_refused(tmp_path, vehicle, says):
     with pytest.raises(ParameterError, match=says):
-        gym.make("wsp_env/Coach-v0", model=model_file(tmp_path, **vehicle))
+        gym.make("wsp_env/Coach-v1", model=model_file(tmp_path, **vehicle))
 
 
 def test_a_model_must_say_what_it_describes(tmp_path):
     path = tmp_path / "model.json"
     path.write_text('{"vehicle": {"axles": 4}}', encoding="utf-8")
     with pytest.raises(ParameterError, match="vehicle lacks mass_kg, wheelset_inertia_kgm2, wheel_radius_m"):
-        gym.make("wsp_env/Coach-v0", model=str(path))
+        gym.make("wsp_env/Coach-v1", model=str(path))
 
 
 @pytest.mark.slow
@@ -349,6 +349,6 @@ def test_a_campaign_of_three_axles_is_diagnosed_and_its_model_brakes(tmp_path, m
     assert found.verdict in ("adequate", "insufficient")
     path = tmp_path / "model.json"
     path.write_text(json.dumps(found.model), encoding="utf-8")
-    vehicle = gym.make("wsp_env/Coach-v0", model=str(path)).unwrapped.batch.vehicle
+    vehicle = gym.make("wsp_env/Coach-v1", model=str(path)).unwrapped.batch.vehicle
     assert vehicle.axle_positions_m == pytest.approx((0.0, 1.8, 3.6))
     assert vehicle.mass_kg == campaign.vehicle.mass_kg

@@ -1,6 +1,6 @@
 """A laboratory for railway wheel slide protection: degraded adhesion, Gymnasium environments, recorded stops.
 
-Importing the package registers `wsp_env/Wheelset-v0`, `wsp_env/Bogie-v0` and `wsp_env/Coach-v0`.
+Importing the package registers `wsp_env/Wheelset-v1`, `wsp_env/Bogie-v1` and `wsp_env/Coach-v1`.
 """
 
 from wsp_env import envs

@@ -88,7 +88,7 @@ def main(
     """Describe vehicles as data.
 
     A vehicle is a TOML file; evaluate, compare, inspect, diagnose and replay take it as --vehicle FILE, environments as
-    gym.make("wsp_env/Coach-v0", vehicle="mine.toml").
+    gym.make("wsp_env/Coach-v1", vehicle="mine.toml").
 
       wsp vehicle show coach > mine.toml    a file to start from, with unit and source behind each value
       wsp vehicle check mine.toml           what it is, or what is wrong with it

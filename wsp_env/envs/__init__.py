@@ -4,10 +4,10 @@ import gymnasium as gym
 
 #: The ids with the vehicle of each.
 IDS = {
-    "wsp_env/Wheelset-v0": "wheelset",
-    "wsp_env/Bogie-v0": "bogie",
-    "wsp_env/Coach-v0": "coach",
-    "wsp_env/Train-v0": "train",
+    "wsp_env/Wheelset-v1": "wheelset",
+    "wsp_env/Bogie-v1": "bogie",
+    "wsp_env/Coach-v1": "coach",
+    "wsp_env/Train-v1": "train",
 }
 
 # A train is so many coaches, whose first wheels clean the rail for the last.

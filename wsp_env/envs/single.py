@@ -14,7 +14,7 @@ from wsp_env.parameters.quantity import ParameterError, shown
 class BrakingEnv(gym.Env[np.ndarray, Any]):
     """A railway vehicle brakes to standstill on a contaminated rail; the agent works the dump valves of its brake cylinders.
 
-    Ids: `wsp_env/Wheelset-v0` (1 axle), `wsp_env/Bogie-v0` (2), `wsp_env/Coach-v0` (4), `wsp_env/Train-v0` (40).
+    Ids: `wsp_env/Wheelset-v1` (1 axle), `wsp_env/Bogie-v1` (2), `wsp_env/Coach-v1` (4), `wsp_env/Train-v1` (40).
 
     **Action**: `MultiDiscrete([3] * axles)`, per axle 0 vent, 1 hold, 2 apply; with `action="pressure"` `Box(-1, 1)`, per axle
     from no pressure (-1) to the demanded one (+1).
@@ -32,7 +32,7 @@ class BrakingEnv(gym.Env[np.ndarray, Any]):
 
     **Arguments**: `vehicle_name`, `render_mode` ("rgb_array", "human", "ansi") and the options of `wsp_env.envs.task.Task`.
 
-    **Versions**: v0, first.
+    **Versions**: v1, what the brake does is rewarded at once and a metre slid has a price; v0, metres and slides as they pass.
     """
 
     metadata = {"render_modes": ["rgb_array", "human", "ansi"], "render_fps": 50}  # noqa: RUF012  # as Gymnasium declares it

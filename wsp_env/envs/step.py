@@ -13,7 +13,7 @@ LOCKED_WHEEL_MPS = 0.3
 LOCKED_RUNNING_MPS = 5.0 / 3.6
 
 #: Terms of the reward, in the order of `judge`.
-TERMS = ("stopping_distance", "time", "rest_of_stop", "slip", "locked_wheels", "air")
+TERMS = ("stopping_distance", "time", "rest_of_stop", "slip", "large_slip", "locked_wheels", "air")
 
 
 class Prices(NamedTuple):
@@ -23,6 +23,7 @@ class Prices(NamedTuple):
     time: float
     rest_of_stop: float
     slip: float
+    large_slip: float
     locked_wheels: float
     air: float
     slide_limit: float  # creepage [-]
@@ -74,7 +75,7 @@ def judge(
     before: np.ndarray, position: np.ndarray, time: np.ndarray, air: np.ndarray, speed: np.ndarray, slip: np.ndarray,
     p: Prices, terms: np.ndarray, reward: np.ndarray,
 ) -> None:  # fmt: skip
-    """Write the terms of the reward for a step (6, N), in the order of `TERMS`, and their sum (N,).
+    """Write the terms of the reward for a step (7, N), in the order of `TERMS`, and their sum (N,).
 
     Parameters
     ----------
@@ -86,8 +87,9 @@ def judge(
     """
     n, axles = slip.shape
     for i in range(n):
-        beyond, locked = 0.0, 0.0
+        slid, beyond, locked = 0.0, 0.0, 0.0
         for k in range(axles):
+            slid += max(slip[i, k], 0.0)
             if speed[i] > p.slide_limit_speed:
                 beyond += max(slip[i, k] - p.slide_limit * speed[i], 0.0)
             if _is_locked(speed[i], speed[i] - slip[i, k]):
@@ -96,10 +98,13 @@ def judge(
         terms[0, i] = -p.stopping_distance * travelled
         terms[1, i] = -p.time * elapsed
         terms[2, i] = p.rest_of_stop * (_rest(before[3, i], before[4, i], p) - _rest(speed[i], before[4, i], p))
-        terms[3, i] = -p.slip * (beyond / axles) * elapsed
-        terms[4, i] = -p.locked_wheels * (locked / axles) * travelled
-        terms[5, i] = -p.air * (_sum(i, air) - before[2, i])
-        reward[i] = terms[0, i] + terms[1, i] + terms[2, i] + terms[3, i] + terms[4, i] + terms[5, i]
+        terms[3, i] = -p.slip * (slid / axles) * elapsed
+        terms[4, i] = -p.large_slip * (beyond / axles) * elapsed
+        terms[5, i] = -p.locked_wheels * (locked / axles) * travelled
+        terms[6, i] = -p.air * (_sum(i, air) - before[2, i])
+        reward[i] = 0.0
+        for k in range(terms.shape[0]):
+            reward[i] += terms[k, i]
 
 
 @loop

@@ -31,7 +31,8 @@ class RewardWeights:
     stopping_distance: float = 0.01  # per metre travelled [1/m]
     time: float = 0.02  # per second [1/s]; as 2 m, else nothing is gained from coming to a stand (assumption)
     rest_of_stop: float = 1.0  # share of the potential that is paid [-]; 0: metres and seconds are charged as they pass
-    slip: float = 0.01  # per metre slid beyond the slide limit, mean of the axles [1/m]; as much as one travelled (assumption)
+    slip: float = 0.03  # per metre slid, mean of the axles [1/m]; as three travelled, see `docs/environments.md` (assumption)
+    large_slip: float = 0.01  # the same beyond the slide limit, once more [1/m] (assumption)
     locked_wheels: float = (
         0.01  # per metre travelled with all wheelsets locked, in proportion when fewer are [1/m] (assumption)
     )

@@ -48,7 +48,7 @@ def _commands(plant: Plant, ceiling: Ceiling) -> np.ndarray:
     speed = np.maximum(state.speed - ahead * state.deceleration, 0.1)
     _, best = ceiling.at(speed[None], (state.position + ahead * state.speed)[None])
     wanted = wanted_pressure(plant, np.minimum(best[0], MARGIN * ceiling.limit.slip(speed)[:, None]))
-    return _nearest(plant, wanted)
+    return nearest(plant, wanted)
 
 
 def wanted_pressure(plant: Plant, target: np.ndarray) -> np.ndarray:
@@ -71,7 +71,7 @@ def wanted_pressure(plant: Plant, target: np.ndarray) -> np.ndarray:
     return wanted
 
 
-def _nearest(plant: Plant, wanted: np.ndarray) -> np.ndarray:
+def nearest(plant: Plant, wanted: np.ndarray) -> np.ndarray:
     """Return the commands (N, A) whose pressure, one interval after the dead time, comes nearest to the one wanted."""
     commands = np.array([VENTS, HOLDS, APPLIES])
     missed = np.stack([np.abs(plant.preview(then) - wanted) for then in commands])

@@ -35,7 +35,7 @@ def conditions(
     smoothing: Smoothing = Smoothing(),
     base: Vehicle | None = None,
 ) -> dict[str, Any]:
-    """Return the campaign's stops as `gym.make("wsp_env/Coach-v0", conditions=...)` takes them; plain data, fit for JSON.
+    """Return the campaign's stops as `gym.make("wsp_env/Coach-v1", conditions=...)` takes them; plain data, fit for JSON.
 
     The vehicle is the campaign's own, whatever id brakes: its axles, masses, wheels, contact and resistances, and a brake whose
     full torque is the largest recorded and builds up as fast as there. Its payload is what the stops' masses differ by. A stop

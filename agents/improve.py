@@ -1,0 +1,183 @@
+"""Whether PPO improves on what was imitated: `python -m agents.improve --base agents/trained/bogie --cosine 6`.
+
+With `--cosine K` the policy gradients of K independent rollouts at the frozen policy are compared, and nothing is learned but
+the value function: the mean cosine between them says how much of one is signal. Without it PPO learns a residual
+(`agents.held`), and its score over that of the frozen policy is printed, on stops of other draws.
+"""
+
+import dataclasses
+import itertools
+import json
+import time
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+import tyro
+from stable_baselines3 import PPO
+from stable_baselines3.common.buffers import RolloutBuffer
+
+from agents.held import Base, Held, ResidualPolicy
+from agents.settings import Arguments, task_options
+from agents.steering import make_steering
+from agents.varied import varied_parts
+from agents.worlds import Joined, Stopped
+from wsp_env.envs.task import make_task
+from wsp_env.evaluation.policy import NETWORK
+from wsp_env.evaluation.summary import interval
+
+#: Discount of a decision of 20 ms, as in `agents.train`.
+GAMMA = 0.99
+
+#: Seed of the stops on which the residual is judged.
+JUDGED_BY = 9_000_011
+
+
+@dataclasses.dataclass(frozen=True)
+class Improvement:
+    """What is done."""
+
+    vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
+    base: Path = Path("agents/trained/bogie")  # folder of the frozen policy
+    held: int = 8  # decisions of 20 ms that a residual lasts; 1: white noise at every decision
+    privileged: bool = True  # the value function sees what is true
+    cosine: int = 0  # independent rollouts whose gradients are compared; 0: PPO learns
+    envs: int = 256
+    rollout_s: float = 12.8  # of each stop between two updates [s]
+    updates: int = 40
+    critic_updates: int = 4  # first updates in which only the value function learns
+    log_deviation: float = -1.0  # of the residual, in shares of its reach
+    learning_rate: float = 3e-4
+    slide_price: float = 4.3
+    classic_share: float = 0.25
+    judged: int = 96  # stops
+    look: int = 20  # updates between two looks at them
+    seed: int = 1
+
+
+def make_held(given: Improvement, envs: int, seed: int) -> Held:
+    """Return the varied world of a seed with the frozen policy inside."""
+    options = task_options(Arguments(vehicle=given.vehicle))
+    classic = round(given.classic_share * envs)
+    laws = {"recovering": envs - classic, "classic": classic}
+    shares = ((law, count) for law, count in laws.items() if count)
+    parts = [
+        part
+        for law, count in shares
+        for part in varied_parts(given.vehicle, count, law, options, given.slide_price, seed)
+    ]  # fmt: skip
+    joined = Joined(parts)
+    joined.seed(seed)
+    steering = make_steering(given.vehicle, make_task(options))
+    return Held(joined, steering, Base(str(given.base / NETWORK)), given.held, GAMMA, given.slide_price)
+
+
+def make_model(given: Improvement, world: Held) -> PPO:
+    """Return PPO on residuals, which begins with none."""
+    steps = max(1, round(given.rollout_s / (0.02 * given.held)))
+    return PPO(
+        ResidualPolicy,
+        world,
+        n_steps=steps,
+        batch_size=max(1, given.envs * steps // 8),
+        n_epochs=4,
+        gamma=GAMMA**given.held,
+        gae_lambda=0.95**given.held if given.held < 4 else 0.8,
+        clip_range=0.1,
+        learning_rate=given.learning_rate,
+        policy_kwargs={"own": world.own, "privileged": given.privileged, "log_std_init": given.log_deviation},
+        seed=given.seed,
+        device="cpu",
+    )
+
+
+def let_learn(model: PPO, policy: bool) -> None:
+    """Let the policy learn or not; the value function always does."""
+    for name, parameter in model.policy.named_parameters():
+        if "policy_net" in name or "action_net" in name or "log_std" in name:
+            parameter.requires_grad = policy
+
+
+def gradient(model: PPO) -> np.ndarray:
+    """Return the policy gradient (P,) of the rollout that the model holds."""
+    let_learn(model, policy=True)
+    buffer = model.rollout_buffer
+    assert isinstance(buffer, RolloutBuffer)
+    data = next(buffer.get(buffer.buffer_size * buffer.n_envs))
+    _, log_probability, _ = model.policy.evaluate_actions(data.observations, data.actions)
+    advantage = (data.advantages - data.advantages.mean()) / (data.advantages.std() + 1e-8)
+    own = [p for name, p in model.policy.named_parameters() if "policy_net" in name or "action_net" in name]
+    parts: Any = torch.autograd.grad(-(advantage * log_probability).mean(), own, allow_unused=True)
+    flat = [part.reshape(-1) for part in parts if part is not None]
+    return torch.cat(flat).numpy().astype(np.float64)
+
+
+def cosines(given: Improvement) -> dict[str, float]:
+    """Return the mean cosine between the gradients of independent rollouts, and the share of returns that is explained."""
+    world = make_held(given, given.envs, given.seed)
+    model = make_model(given, world)
+    let_learn(model, policy=False)
+    each = given.envs * model.n_steps
+    model.learn(each * given.critic_updates)
+    found = []
+    for number in range(given.cosine):
+        torch.manual_seed(1000 * given.seed + number)
+        world.venv.seed(100 * given.seed + 7 + number)
+        model._last_obs = None  # new stops
+        _, callback = model._setup_learn(each, None, False)
+        model.collect_rollouts(model.env, callback, model.rollout_buffer, model.n_steps)  # type: ignore[arg-type]
+        found.append(gradient(model))
+    buffer = model.rollout_buffer
+    explained = 1.0 - np.var(buffer.returns - buffer.values) / np.var(buffer.returns)
+    pairs = [a @ b / np.linalg.norm(a) / np.linalg.norm(b) for a, b in itertools.combinations(found, 2)]
+    return {"cosine": float(np.mean(pairs)), "deviation": float(np.std(pairs)), "explained": float(explained)}
+
+
+def brake(given: Improvement, model: PPO | None) -> np.ndarray:
+    """Return metres travelled and metres slid (2, N) of the judged stops; without a model those of the frozen policy."""
+    world = make_held(given, given.judged, JUDGED_BY)
+    seen, found = np.asarray(world.reset()), np.full((2, given.judged), np.nan)
+    none = np.zeros((given.judged, world.steering.axles))
+    while np.isnan(found).any():
+        action = none if model is None else model.predict(seen, deterministic=True)[0]
+        observed, _, done, infos = world.step(action)
+        seen = np.asarray(observed)
+        for i in np.flatnonzero(done & np.isnan(found[0])):
+            stopped: Stopped = infos[i]["stopped"]
+            found[:, i] = stopped.stopping_distance_m, stopped.slide_distance_m
+    return found
+
+
+def improve(given: Improvement) -> list[dict[str, float]]:
+    """Let PPO learn a residual; return a row for each look: paid metres over those of the frozen policy, with the interval."""
+    world = make_held(given, given.envs, given.seed)
+    model = make_model(given, world)
+    base, rows = brake(given, None), list[dict[str, float]]()
+    each, spent = given.envs * model.n_steps, 0.0
+    for update in range(given.updates + 1):
+        if update % given.look == 0 or update == given.updates:
+            own = brake(given, model)
+            ratio, half = interval((own[0] + given.slide_price * own[1]) / (base[0] + given.slide_price * base[1]))
+            means = {"distance": float(own[0].sum() / base[0].sum()), "slide": float(own[1].sum() / base[1].sum())}
+            rows.append({"update": float(update), "cpu_s": spent, "paid": ratio, "interval": half} | means)
+            print(json.dumps(rows[-1]), flush=True)
+        if update < given.updates:
+            begun = time.process_time()
+            let_learn(model, update >= given.critic_updates)
+            model.learn(each, reset_num_timesteps=update == 0)
+            spent += time.process_time() - begun
+    return rows
+
+
+def main(given: Improvement) -> None:
+    """Compare gradients or learn."""
+    torch.set_num_threads(1)
+    if given.cosine:
+        print(json.dumps(cosines(given)))
+    else:
+        improve(given)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Improvement))
