@@ -13,6 +13,8 @@ from wsp_env.recordings import demo_campaign
 from wsp_env.report.paper import browser
 
 FOLDER = Path(__file__).parents[1] / "docs" / "studio"
+_WIDTH_PX, _HEIGHT_PX = 1200, 860
+_TRACK_PX = 598  # down to the end of the two vehicles on their track
 _WAIT_MS = 1_200_000  # for a diagnosis on a busy machine
 _ACTIONS = (
     "Check the recordings",
@@ -37,7 +39,7 @@ def main() -> None:
         found = re.search(r"http\S+", server.stdout.readline())
         assert found is not None
         chromium = driver.chromium.launch(executable_path=browser(), args=["--no-sandbox", "--disable-gpu"])
-        tab = chromium.new_page(viewport={"width": 1200, "height": 860})
+        tab = chromium.new_page(viewport={"width": _WIDTH_PX, "height": _HEIGHT_PX})
         tab.set_default_timeout(_WAIT_MS)
         try:
             for room in (desk, recordings):
@@ -56,7 +58,7 @@ def desk(tab: Any, address: str) -> None:
     tab.get_by_text("stops after").wait_for()
     drawn(tab)
     tab.evaluate("document.querySelector('.good').scrollIntoView(); window.scrollBy(0, -70)")
-    shot(tab, "desk")
+    shot(tab, "desk", height=_TRACK_PX)
 
 
 def recordings(tab: Any, address: str) -> None:
@@ -92,13 +94,13 @@ def drawn(tab: Any) -> None:
     tab.wait_for_function("[...document.querySelectorAll('.js-plotly-plot')].every(plot => plot.querySelector('.main-svg'))")
 
 
-def shot(tab: Any, name: str) -> None:
+def shot(tab: Any, name: str, height: int = _HEIGHT_PX) -> None:
     """Write a picture in 256 colours, which a page has few of."""
     from PIL import Image  # comes with matplotlib
 
     tab.wait_for_timeout(_SETTLE_MS)
     file = FOLDER / f"{name}.png"
-    tab.screenshot(path=file)
+    tab.screenshot(path=file, clip={"x": 0, "y": 0, "width": _WIDTH_PX, "height": height})
     Image.open(file).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(file, optimize=True)
     print(f"{file} {file.stat().st_size // 1000} kB")
 
