@@ -9,7 +9,7 @@ wave number Omega [rad/m]:
 The report is not public. The numbers are those that public programs for vehicle and track dynamics share ("German spectrum of
 low and high disturbance": the vertical density in seven of them, the lateral one in four), read there and not in print; Claus
 and Schiehlen (Modeling and simulation of railway bogie structural vibrations, Vehicle System Dynamics 29, supplement, 1998) are
-named as a source. They are read as one-sided densities, and both rails have one lateral irregularity, so that the gauge does
+said to print them. They are read as one-sided densities, and both rails have one lateral irregularity, so that the gauge does
 not vary: assumptions.
 """
 
