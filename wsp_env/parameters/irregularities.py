@@ -6,9 +6,11 @@ wave number Omega [rad/m]:
     S_vertical = A_v O_c^2 / ((Omega^2 + O_r^2) (Omega^2 + O_c^2)),  S_lateral the same with A_a [m2 / (rad/m)]
     S_roll     = A_v / b^2 O_c^2 Omega^2 / ((Omega^2 + O_r^2) (Omega^2 + O_c^2) (Omega^2 + O_s^2)) [rad2 / (rad/m)]
 
-The numbers are quoted from memory (Claus, Schiehlen, Modeling and simulation of railway bogie structural vibrations, Vehicle
-System Dynamics 29, supplement (1998), give them), and are read as one-sided densities: assumptions. Both rails have one
-lateral irregularity, so the gauge does not vary (assumption).
+The report is not public. The numbers are those that public programs for vehicle and track dynamics share ("German spectrum of
+low and high disturbance": the vertical density in seven of them, the lateral one in four), read there and not in print; Claus
+and Schiehlen (Modeling and simulation of railway bogie structural vibrations, Vehicle System Dynamics 29, supplement, 1998) are
+said to print them. They are read as one-sided densities, and both rails have one lateral irregularity, so that the gauge does
+not vary: assumptions.
 """
 
 import csv
@@ -24,7 +26,7 @@ from wsp_env.parameters.quantity import Checked, ParameterError, quantity, shown
 
 Array = NDArray[np.float64]
 
-#: Level -> A_v, A_a [m2 rad/m] of ORE B 176.
+#: Level -> A_v, A_a [m2 rad/m] of ORE B 176, as public programs have them.
 LEVELS = {"low": (4.032e-7, 2.119e-7), "high": (1.080e-6, 6.125e-7)}
 
 #: O_c, O_r, O_s [rad/m] and b [m], half the distance of the contact points, of the same.
