@@ -89,6 +89,7 @@ class ColumnsView:
             # Torques or pressures: where the one is there, the other is asked for behind a fold.
             other = {"brake_torque": "cylinder_pressure", "cylinder_pressure": "brake_torque"}.get(kind, "")
             here, there = (any(name.endswith(f"_{one}") for name in space.columns) for one in (kind, other or "-"))
+            holder: ui.element
             if there and not here:
                 holder = ui.expansion(f"{head}: none").classes("w-full").props("dense header-class=q-pl-none")
             else:
@@ -132,7 +133,7 @@ class ColumnsView:
                 return
             now = self._space.columns.get(channel)
             unit = now.unit if now else ""
-            given.set_options({**given.options, unit: unit or "?"}, value=unit)
+            given.set_options({"": "?"} | {one: one for one in known} | {unit: unit or "?"}, value=unit)
             mark.set_name(_mark(now))
             tip.set_text(_MARKS[_mark(now)])
             self._refresh()
