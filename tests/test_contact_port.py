@@ -127,7 +127,7 @@ def test_a_law_needs_only_what_it_uses():
 
 
 def test_what_a_law_cannot_do_is_refused():
-    with pytest.raises(ParameterError, match="traction_law = 'ice' is unknown; valid: degraded, classic"):
+    with pytest.raises(ParameterError, match="traction_law = 'ice' is unknown; valid: degraded, capped, classic"):
         ContactParameters(traction_law="ice")
     with pytest.raises(ParameterError, match=r"recovery_shape: the traction law has nothing that it acts on \(PolachLaw\)"):
         a_plant("coach", vehicle={"contact": ContactParameters(traction_law="polach")}).start(

@@ -1,7 +1,9 @@
 """`wsp demo`: the whole way, and the pages it writes."""
 
 import re
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from wsp_env import report
@@ -33,6 +35,7 @@ def test_a_missing_policy_is_said(tmp_path):
 
         def brake(self, controller):
             assert controller in ("none", "rule-based")
+            return SimpleNamespace(distance=np.zeros(0))
 
     section = demo_stops.policy_section(Nowhere(), tmp_path / "none")
     assert "comes with a clone" in section.text[0]

@@ -27,6 +27,9 @@ EXCEPTIONS = {
     "wsp_env/plant/mechanisms/term_words.py": "the words for what a term without a name looks like, some of them cards' names",
     "agents/card.py": "a published benchmark, with one mechanism at a stated size; its figures are stored",
     "agents/drawn.py": "the worlds of a comparison, whose brakes differ from axle to axle",
+    "agents/tolerances.py": "the worlds of a table: a brake that differs from what it is told",
+    "agents/varied.py": "the world to train in: a wheel of another radius",
+    "wsp_env/cli/plant_options.py": "examples in a help text",
     "agents/behaviour.py": "the worlds of a drawn picture, which its page discusses",
 }
 #: Names that are also a function's, of eq. (7) in `wsp_env.contact.polach`: they count where they are a whole string.

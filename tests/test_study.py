@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents import behaviour, front, replayed, study
+from agents import behaviour, front, replayed, spread, study
 from agents import tune as tune_agents
 from agents.measure import HELD_OUT, Yardstick, low_adhesion
 from agents.seeds import REPORTED, at_slip
@@ -15,6 +15,7 @@ from agents.study import OUTSIDE, SIZES, Arguments, compare, table, worlds
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.policy import load_policy
 from wsp_env.evaluation.replay import braked
+from wsp_env.executor import ThisProcess
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.plant.mechanisms import ALL, make
 from wsp_env.recordings import conditions, demo_campaign, read_campaign, tune
@@ -143,14 +144,14 @@ def test_a_search_goes_on_where_it_was_and_prints_the_best(tmp_path, monkeypatch
     """Trainings are replaced by a score that is least for narrow networks."""
     seen = []
 
-    def score(arguments):
-        seen.append(arguments)
-        return float(arguments.hidden[0])
+    def score(task):
+        seen.append(task.arguments)
+        return json.dumps(float(task.arguments.hidden[0])).encode()
 
-    monkeypatch.setattr(tune_agents, "score", score)
+    monkeypatch.setattr(spread, "score", score)
     search = tune_agents.HyperparameterSearch(trials=4, out=tmp_path, steps=1000)
     for _ in range(2):
-        tune_agents.main(search)
+        tune_agents.main(search, ThisProcess())
     assert len({arguments.out for arguments in seen}) == 8
     assert len({arguments.learning_rate for arguments in seen}) == 8
     assert all(arguments.steps == 1000 and arguments.out.parent == tmp_path for arguments in seen)

@@ -21,7 +21,7 @@ LEFT_LIMIT = (
     "beyond what the law was fitted on (see --cap-recovery)"
 )
 
-_DIGITS = {"m": 0, "m/s": 2, "s": 1, "Nl": 0, "MJ": 3, "-": 3}
+_DIGITS = {"m": 0, "m/s": 2, "s": 1, "Nl": 0, "MJ": 3, "bar": 2, "-": 3}
 _SLIP_TICKS = [digit * 10.0**power for power in range(-4, 3) for digit in (1, 2, 5)]
 _CAUSE_COLOURS = dict(zip(CAUSES, ("#bbbbbb", COLOURS[0], COLOURS[4], COLOURS[1]), strict=True))
 

@@ -183,7 +183,7 @@ def serve(port: int = 0, show: bool = True, kept: Path | None = None, most_bytes
         # What surrounds a file in its request takes some hundred bytes.
         gate = Gate(make_app(studio), token, port, most_bytes + 10_000)
         address = f"http://127.0.0.1:{port}/?token={token}"
-        print(f"wsp studio: {address}\nOpen it in a browser on this machine; Ctrl-C ends it.", flush=True)
+        print(f"The studio is at {address}\nOpen it in a browser on this machine; Ctrl-C ends it.", flush=True)
         if show:
             webbrowser.open(address)
         config = uvicorn.Config(

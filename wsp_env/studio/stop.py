@@ -48,7 +48,7 @@ class Choice:
     @property
     def id(self) -> str:
         """The environment's id."""
-        return f"wsp_env/{self.vehicle.capitalize()}-v0"
+        return f"wsp_env/{self.vehicle.capitalize()}-v1"
 
     @property
     def options(self) -> dict[str, Any]:
