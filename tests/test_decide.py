@@ -21,7 +21,7 @@ from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.search import LARGE, SEEN, SMALL, Found, _freed, _one, _posterior, can_be
 from wsp_env.diagnosis.speed import SpeedNoise, estimate, estimate_noise
-from wsp_env.diagnosis.variation import Group, _contrasts
+from wsp_env.diagnosis.variation import Group, contrasts
 
 GRADIENT = Variant("track_gradient", ("rise",), {})
 GAIN = Variant("brake_gain_imbalance", ("gain",), {"axle": 2.0})
@@ -151,7 +151,7 @@ def test_a_common_slope_gains_only_what_runs_that_scatter_leave_it():
         slopes = rng.standard_normal(runs)
         slopes = 1.0 + scatter * (slopes - slopes.mean())
         y = of_run @ slopes + 0.3 * rng.standard_normal(runs * each)
-        differs = of_run @ _contrasts(runs)
+        differs = of_run @ contrasts(runs)
         groups = [Group("slope", x[:, None], 0.1, True, "slope of a run"), Group("slope of a run", differs, 0.1)]
         evidence = evidence_of(x[:, None], y, groups)
         _, _, alone = _posterior(evidence, evidence.solve())

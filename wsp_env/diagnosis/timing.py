@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from wsp_env.diagnosis.covariance import Evidence
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.variation import TORQUE_TIME, WHEEL_TIME, nuisances
+from wsp_env.diagnosis.variation import TORQUE_TIME, WHEEL_TIME, contrasts, nuisances
 from wsp_env.recordings import Campaign
 
 #: Share of a sample below which moving the channels changes nothing that is seen.
@@ -43,8 +43,8 @@ def times(replica: Replica) -> Times:
     found = []
     for name in (WHEEL_TIME, TORQUE_TIME):
         at = evidence.names.index(name)
-        early = groups[at].expected * amplitude[evidence.group == at]
-        found.append(np.clip(early - early.mean(), -sample, sample))
+        early = groups[at].expected * contrasts(replica.axles) @ amplitude[evidence.group == at]
+        found.append(np.clip(early, -sample, sample))
     return Times(found[0], found[1], bool(np.abs(found).max() > _LEAST * sample))
 
 

@@ -104,7 +104,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
     turning = forces.turning()
     slides = (friction * rows.slides)[:, None]
 
-    between = by_run @ _contrasts(by_run.shape[1])
+    between = by_run @ contrasts(by_run.shape[1])
 
     def each(columns: np.ndarray) -> np.ndarray:
         """Return what differs between runs; what is common to them is a column of its own."""
@@ -113,7 +113,8 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
     segments = segment_columns(balances)
     clock = _hats(rows.time, _COURSE_NODE_S)
     shapes = [_interpolation(values, slides[:, 0] != 0.0) for values in (rows.slip, rows.speed, rows.work)]
-    differs = own @ _contrasts(axles)  # of axles from each other: what is common to them is the law's
+    apart = contrasts(axles)  # of axles from each other: what is common to them is the law's, or a finding
+    differs = own @ apart
     lines = [_line(values, slides[:, 0] != 0.0) for values in (rows.slip, rows.speed, rows.work)]
     gain = _EXPECTED["measured gain" if balances.campaign.vehicle.torque_is_measured else "gain"]
     sample = max(stop.step_s for stop in balances.sources) * _UNIFORM  # in which channels are read: within one of each other
@@ -126,8 +127,8 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("gain of a run", each(forces.gain), gain),
         Group("zero of the torque", forces.zeros(), _EXPECTED["zero"], True),
         Group("torque in time", forces.courses(_COURSE_NODE_S), _EXPECTED["torque"]),
-        Group(WHEEL_TIME, forces.late_wheels(), sample, True),
-        Group(TORQUE_TIME, forces.late_torques(), sample, True),
+        Group(WHEEL_TIME, forces.late_wheels() @ apart, sample, True),
+        Group(TORQUE_TIME, forces.late_torques() @ apart, sample, True),
         Group("inertia", np.column_stack([turning, turning.sum(axis=1)]), _EXPECTED["inertia"], True),
         Group("radius", radius[:, None] * own, _EXPECTED["radius"], True, "radius of a run"),
         Group("radius of a run", each(radius[:, None] * own), _EXPECTED["radius"]),
@@ -167,7 +168,7 @@ def shapes(balances: Balances | Replica) -> np.ndarray:
     return np.column_stack([*over, _interpolation(rows.speed, rows.speed > 0.0), own, by_run])
 
 
-def _contrasts(several: int) -> np.ndarray:
+def contrasts(several: int) -> np.ndarray:
     """Return an orthonormal basis (m, m - 1) of what sums to zero over several runs or axles."""
     return np.linalg.svd(np.eye(several) - 1.0 / several)[0][:, : several - 1]
 
