@@ -11,7 +11,7 @@ JOBS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint plain coverage fuzz docs benchmark picture clean
+.PHONY: help demo test lint plain coverage fuzz studio docs benchmark picture clean
 
 help:
 	@echo "make demo       from recordings to the physics that their validation concealed; writes out/demo.html"
@@ -19,6 +19,7 @@ help:
 	@echo "make lint       ruff, mypy, import-linter"
 	@echo "make coverage   the share of lines and branches that the whole test suite reaches; a table in out/coverage.txt"
 	@echo "make fuzz       20,000 damaged files at every reader and every JSON and TOML file; none may crash, hang or trace back"
+	@echo "make studio     the tests that drive the studio in a browser; the machine should have nothing else to do"
 	@echo "make docs       the documentation, in docs/_build/html"
 	@echo "make benchmark  speed of the law and of the plant, as ratios"
 	@echo "make picture    the picture of the README: a diagnosis"
@@ -29,6 +30,9 @@ demo: $(VENV)/.demo
 # The whole suite comes last: its summary is the last line.
 test: lint docs plain $(VENV)/.dev
 	$(BIN)/pytest --numprocesses $(JOBS)
+
+studio: $(VENV)/.dev
+	WSP_STUDIO_BROWSER=1 $(BIN)/pytest tests/test_studio_browser.py
 
 # Compiled code hides from coverage and from Python's own checks: some tests once more without the compiler.
 plain: $(VENV)/.dev

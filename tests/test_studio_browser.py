@@ -16,10 +16,12 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.xdist_group("studio"),
     pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome on the PATH"),
+    # A loaded machine lets steps of a page run late, and a test that fails then says nothing: they are run on purpose.
+    pytest.mark.skipif(not os.environ.get("WSP_STUDIO_BROWSER"), reason="run by `make studio`, on an idle machine"),
 ]
 
 #: For one step of a page on a busy machine [ms]; what computes has more.
-PATIENCE_MS, WORK_MS = 300_000, 900_000
+PATIENCE_MS, WORK_MS = 60_000, 300_000
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
              "--disable-component-update", "--disable-sync"]  # fmt: skip
 
@@ -32,7 +34,7 @@ def address(tmp_path_factory):
         yield re.search(r"http\S+", server.stdout.readline())[0]
         assert list(place.glob("wsp-studio-*"))
         server.terminate()
-        server.wait(300.0)
+        server.wait(60.0)
     assert not list(place.glob("wsp-studio-*"))  # what was uploaded ends with the server
 
 
@@ -103,7 +105,7 @@ def test_from_six_strange_files_to_a_forwarded_report(open_tab, six, tmp_path):
     tab.get_by_text("Still missing: the vehicle's speed.").wait_for()
     assert tab.get_by_role("button", name="Continue: vehicle").is_disabled()
     choose(tab, "column of vehicle speed", NAMELESS)
-    tab.get_by_text("Still missing").wait_for(state="detached")
+    tab.get_by_text("Still missing").wait_for(state="hidden")
     choose(tab, "unit of vehicle speed", "km/h")
     press(tab, "Continue: vehicle", "Vehicle as tested")
     describe_vehicle(tab)
@@ -162,7 +164,7 @@ def test_by_keyboard_alone(open_tab, six):
             break
         keys.press("ArrowDown")
     keys.press("Enter")
-    tab.get_by_text("Still missing").wait_for(state="detached")
+    tab.get_by_text("Still missing").wait_for(state="hidden")
     to("Continue: vehicle")
     keys.press("Enter")
     tab.get_by_role("heading", name="Vehicle as tested").wait_for()
@@ -201,7 +203,7 @@ def test_two_sessions_at_once_keep_to_themselves(open_tab, six):
     two.goto(one.url)  # a second tab of the same workspace shows the same, and what the other one does
     two.get_by_role("heading", name="Which column is what").wait_for()
     choose(one, "column of vehicle speed", NAMELESS)
-    two.get_by_text("Still missing").wait_for(state="detached")
+    two.get_by_text("Still missing").wait_for(state="hidden")
 
 
 def test_without_the_token_nothing_is_shown(browser, address):
