@@ -126,7 +126,7 @@ def cosines(given: Improvement) -> dict[str, float]:
         world.venv.seed(100 * given.seed + 7 + number)
         model._last_obs = None  # new stops
         _, callback = model._setup_learn(each, None, False)
-        model.collect_rollouts(model.env, callback, model.rollout_buffer, model.n_steps)  # type: ignore[arg-type]
+        model.collect_rollouts(model.env, callback, model.rollout_buffer, model.n_steps)  # type: ignore[arg-type]  # SB3: env may be None before learning
         found.append(gradient(model))
     buffer = model.rollout_buffer
     explained = 1.0 - np.var(buffer.returns - buffer.values) / np.var(buffer.returns)

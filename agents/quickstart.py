@@ -81,8 +81,9 @@ class Learned:
 
     def act(self, measurement: Measurement) -> np.ndarray:
         """Return the pressures wanted (N, A), -1 none to +1 the demanded one."""
-        first = self._command is None
-        seen = self._observer.reset(measurement) if first else self._observer.observe(measurement, self._command)  # type: ignore[arg-type]
+        before = self._command
+        first = before is None
+        seen = self._observer.reset(measurement) if before is None else self._observer.observe(measurement, before)
         begun = np.full(len(seen), first)
         self._command, self._memory = self.model.predict(self.normal(seen), self._memory, begun, deterministic=True)
         return self._command

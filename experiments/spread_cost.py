@@ -12,7 +12,7 @@ import pickle
 import time
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import tyro
 from rich.console import Console
@@ -81,7 +81,10 @@ def stops(executor: Executor, tasks: list[Job]) -> tuple[float, str]:
 
 
 def main(
-    executors: tuple[str, ...] = ("local",), at_once: tuple[int, ...] = (1, 2), cases: tuple[str, ...] = (), draws: int = 40
+    executors: tuple[Literal["local", "ray"], ...] = ("local",),
+    at_once: tuple[int, ...] = (1, 2),
+    cases: tuple[str, ...] = (),
+    draws: int = 40,
 ) -> None:
     """Measure and print.
 
@@ -100,7 +103,7 @@ def main(
     rows = []
     for name in executors:
         for workers in at_once:
-            executor = Workers(name, workers).make()  # type: ignore[arg-type]
+            executor = Workers(name, workers).make()
             first, empty = overhead(executor, nothing, 0)
             heavy, busy = overhead(executor, give_back, MEGABYTE)[1], overhead(executor, count, 0)[1]
             taken, digest = stops(executor, jobs(cases, draws, executor.far)) if draws else (0.0, "")

@@ -59,7 +59,7 @@ def test_a_plant_and_its_wsp_as_two_fmus_stop_as_in_python(coach: tuple[Path, Pa
     vehicle, one = VEHICLES["coach"], np.ones(1)
     parameters = {"mu_cd": 0.03, "tau": 2e-4, "initial_speed": 20.0, "mass": vehicle.mass_kg + 5e3, "gradient": -0.005}
     rest = {"demand": 1.0, "noise": 0.0, "key": 0, "profile": one, "coverage": one}
-    stop = Stop(**parameters, **rest, radius=np.full(4, vehicle.wheel_radius_m))  # type: ignore[arg-type]
+    stop = Stop(**parameters, **rest, radius=np.full(4, vehicle.wheel_radius_m))  # type: ignore[arg-type]  # fields by name
     plant, wsp = (Ours(file, tmp_path / file.stem) for file in coach)
     made, own = couple(plant, wsp, parameters, 1.0, 4, 0.02), in_python(vehicle, stop, "rule-based", 0.02)
     speed, wheels = own[:, names(4).index("speed")], own[:, [names(4).index(f"wheel_speed[{k}]") for k in (1, 2, 3, 4)]]

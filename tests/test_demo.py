@@ -30,14 +30,8 @@ def test_demo_goes_from_recordings_to_what_they_conceal(tmp_path, capsys):
 
 
 def test_a_missing_policy_is_said(tmp_path):
-    class Nowhere:
-        stops = {}  # noqa: RUF012
-
-        def brake(self, controller):
-            assert controller in ("none", "rule-based")
-            return SimpleNamespace(distance=np.zeros(0))
-
-    section = demo_stops.policy_section(Nowhere(), tmp_path / "none")
+    nowhere = SimpleNamespace(stops={}, brake=lambda controller: SimpleNamespace(distance=np.zeros(0)))
+    section = demo_stops.policy_section(nowhere, tmp_path / "none")
     assert "comes with a clone" in section.text[0]
 
 

@@ -1,13 +1,13 @@
 """Runs the released diagnosis over a bank: DIR/diagnoses/CASE/diagnosis.json; goes on where it was broken off."""
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from experiments.concealed import answers
 from experiments.concealed.bank import read_labels
 from experiments.concealed.distances import distance_change
-from experiments.concealed.workers import dumped, keep, results
-from wsp_env.executor import Executor, Sent, send
+from experiments.concealed.workers import Task, dumped, keep, results
+from wsp_env.executor import Executor, send
 
 
 def answer(folder: Path) -> dict[str, Any]:
@@ -16,17 +16,6 @@ def answer(folder: Path) -> dict[str, Any]:
     if campaign is None or not said["mechanisms"]:
         return said
     return said | {"distance_change": distance_change(campaign, said)}
-
-
-class Task(NamedTuple):
-    """A case to diagnose."""
-
-    name: str
-    campaign: Sent
-
-    def __str__(self) -> str:
-        """Return what a line may call it."""
-        return self.name
 
 
 def _one(task: Task) -> bytes:

@@ -14,8 +14,8 @@ from experiments.concealed.errors import BankError
 from experiments.concealed.promised import by_group, promised
 from experiments.concealed.rates import plain
 from experiments.concealed.truths import Truth, of_label
-from experiments.concealed.workers import dumped, each, keep, write_whole
-from wsp_env.executor import Executor, Sent, TaskFailedError, send
+from experiments.concealed.workers import Task, dumped, each, keep, write_whole
+from wsp_env.executor import Executor, TaskFailedError, send
 
 LABEL, HASH, ANSWERS, SCORE, FAILED = "label.json", "labels.sha256", "answers", "score.json", "failed.txt"
 
@@ -66,17 +66,6 @@ def freeze(labels: Labels, out: Path) -> None:
         raise BankError(f"the labels have changed since {file} was written: choose another folder for the answers")
     out.mkdir(parents=True, exist_ok=True)
     file.write_text(f"{labels.sha256}  all {LABEL}\n", encoding="utf-8")
-
-
-class Task(NamedTuple):
-    """A campaign to diagnose."""
-
-    name: str
-    campaign: Sent
-
-    def __str__(self) -> str:
-        """Return what a line may call it."""
-        return self.name
 
 
 def _one(task: Task) -> bytes:

@@ -18,7 +18,7 @@ import numpy as np
 
 from experiments.concealed import black_box
 from experiments.concealed.bank import read_labels
-from experiments.concealed.workers import dumped, quietly_read, results, write_whole
+from experiments.concealed.workers import Task, dumped, quietly_read, results, write_whole
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import Variant, columns, parameter_of, variants
 from wsp_env.diagnosis.fitting import Weights, baseline, weigh
@@ -27,7 +27,7 @@ from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import held_out_rows
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.diagnosis.variation import nuisances
-from wsp_env.executor import Executor, Sent, send
+from wsp_env.executor import Executor, send
 from wsp_env.plant.mechanisms import LIBRARY
 from wsp_env.recordings import CampaignError
 
@@ -205,17 +205,6 @@ def examine(campaign: Path) -> tuple[dict[str, dict[str, Any]], dict[str, float]
         gains[one.name] = max(gains[one.name], _fit(data.whole, data.columns_of(i))[0].reduction)
     answers = {name: select(data, rule) for name, rule in RULES.items()}
     return answers, black_box.features(replica, weights(None), gains)
-
-
-class Task(NamedTuple):
-    """A case to answer."""
-
-    name: str
-    campaign: Sent
-
-    def __str__(self) -> str:
-        """Return what a line may call it."""
-        return self.name
 
 
 def _one(task: Task) -> bytes:

@@ -4,13 +4,13 @@ import json
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
 
 import tyro
 from rich.progress import track
 
 from experiments.concealed.errors import BankError
-from wsp_env.executor import Executor, Outcome, Workers
+from wsp_env.executor import Executor, Outcome, Sent, Workers
 from wsp_env.output import write_whole as write_file
 from wsp_env.recordings import Campaign, CampaignWarning, read_campaign
 
@@ -18,6 +18,17 @@ T = TypeVar("T")
 
 #: Who works on the cases of a bank: the processes of this machine, or a Ray cluster.
 WorkersOption: TypeAlias = Annotated[Workers, tyro.conf.arg(name="")]
+
+
+class Task(NamedTuple):
+    """A case to answer."""
+
+    name: str
+    campaign: Sent
+
+    def __str__(self) -> str:
+        """Return what a line may call it."""
+        return self.name
 
 
 def each(work: Callable[[T], bytes], tasks: Sequence[T], executor: Executor, title: str) -> Iterator[Outcome[T]]:
