@@ -29,10 +29,10 @@ TERM = Variant("discovered", ("coefficient_1",), {"slot_1": 0.0}, (100.0,), "bra
 
 
 class FakeRows:
-    """Rows of one balance."""
+    """Rows of one balance and one run."""
 
     def __init__(self, n: int) -> None:
-        self.balance = np.zeros(n, dtype=int)
+        self.balance, self.run = np.zeros((2, n), dtype=int)
 
 
 class FakeBalances:
@@ -265,12 +265,28 @@ def test_what_those_before_explain_better_is_no_merit_of_the_next(monkeypatch, o
 def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, loss):
     """A fit without the first of two costs so much more."""
     whole = Fitted(Model(2e-4, (0.06,)), (GRADIENT, GAIN), (), (), 50.0)
-    monkeypatch.setattr(decide, "refit", lambda _, model, variants, __: Fitted(model, tuple(variants), (), (), 50.0 + loss))
+    asked = []
+
+    def refit(_, model, variants, weights):
+        asked.append(weights)
+        return Fitted(model, tuple(variants), (), (), 50.0 + loss * (len(variants) < 2))
+
+    monkeypatch.setattr(decide, "refit", refit)
+    monkeypatch.setattr(decide, "_weights", lambda _, __, variant: variant.title)
     first, last = (decide.Accepted(trial(one, 40.0), (one.name,), 1.0) for one in (GRADIENT, GAIN))
     accepted, fitted = decide._still_sure(None, [first, last], whole, None)
     kept = ["brake_gain_imbalance"] if loss < 10.0 else ["track_gradient", "brake_gain_imbalance"]
     assert [one.name for one in accepted] == kept
     assert fitted.variants == ((GAIN,) if loss < 10.0 else (GRADIENT, GAIN))
+    assert asked == ["track_gradient"] * 2  # both fits without what the form of the one that is asked for may do in its place
+
+
+def test_the_form_of_a_mechanism_that_is_asked_for_does_not_stand_in_for_it(monkeypatch):
+    groups = tuple(Group(name, np.zeros((3, 1)), 1.0) for name in ("track", "form of track_gradient", "form of vehicle_mass"))
+    seen = SimpleNamespace(groups=groups, sizes=Sizes(np.array([1.0, 2.0, 3.0]), np.ones(4)), whitening=None, small=groups[0])
+    monkeypatch.setattr(decide, "weigh", lambda _, __, groups, sizes: ([one.name for one in groups], list(sizes.groups)))
+    assert decide._weights(None, seen) == (["track", "form of track_gradient", "form of vehicle_mass", "track"], [1, 2, 3, 1])
+    assert decide._weights(None, seen, GRADIENT) == (["track", "form of vehicle_mass", "track"], [1, 3, 1])
 
 
 def test_a_term_s_form_may_miss_more_than_a_name_s():

@@ -11,9 +11,8 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import linalg
-from scipy.linalg import lapack
 
+from wsp_env.diagnosis.arrow import Arrow, Eliminated, Order, combined
 from wsp_env.diagnosis.balances import BALANCES, Balances, Whitening
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import Group
@@ -40,6 +39,7 @@ class Evidence:
 
     Parameters
     ----------
+    groups : nuisances; the last group's posterior can be asked for
     columns : (n, K) raw candidate columns
     base : (n,) raw residuals
 
@@ -71,54 +71,65 @@ class Evidence:
             else:
                 white[:, mine] *= group.expected
         every = np.column_stack([white, whitening(columns), whitening(base)])
-        balance = balances.rows.balance
+        balance, run = balances.rows.balance, balances.rows.run
         self.nuisances = white.shape[1]
-        self.gram = np.zeros((len(BALANCES), every.shape[1], every.shape[1]))
+        self.order = Order.of(every, run, 1 + columns.shape[1] + counts[-1])
+        self.common = self.order.common[self.order.common < self.nuisances]  # nuisances that are not one run's alone
+        self.used = [k for k in range(len(BALANCES)) if (balance == k).any()]
         self.rows = np.bincount(balance, minlength=len(BALANCES)).astype(float)
-        for k in range(len(BALANCES)):
-            part = every[balance == k]
-            if len(part):
-                self.gram[k] = part.T @ part
+        self.products = [Arrow.of(every[balance == k], run[balance == k], np.unique(run), self.order) for k in self.used]
 
     def solve(self, iterations: int = _ITERATIONS) -> Sizes:
         """Estimate the sizes in some iterations from the expected ones; the columns play no part."""
-        p = self.nuisances
-        index = np.append(np.arange(p), self.gram.shape[1] - 1)
-        gram = self.gram[:, index[:, None], index]
+        here = np.append(np.arange(len(self.common)), len(self.order.common) - 1)
+        products = [one.first(here) for one in self.products]
         scale, noise = np.ones(len(self.names)), np.ones(len(BALANCES))
         counts = np.bincount(self.group, minlength=len(self.names))
         for _ in range(iterations):
-            deviation = scale[self.group]
-            whole = np.tensordot(1.0 / noise**2, gram, axes=1)
-            scaled = whole[:-1, :-1] * np.outer(deviation, deviation)
-            scaled[np.diag_indices_from(scaled)] += 1.0
-            factor = linalg.cho_factor(scaled, lower=True, check_finite=False)
-            unit = linalg.cho_solve(factor, deviation * whole[:-1, -1], check_finite=False)
-            inverse = inverse_of(factor[0])
-            second = (unit**2 + np.diag(inverse)) * deviation**2
+            own, common = self._deviations(scale)
+            whole = combined(products, 1.0 / noise[self.used] ** 2).scaled(own, np.append(common, 1.0))
+            solved = Eliminated(whole, len(common))
+            units, unit = solved.solution(len(common))
+            inverse = solved.inverse()
+            second = np.empty(self.nuisances)
+            second[self.common] = (unit**2 + np.diag(inverse.common)) * common**2
+            for mine, amplitude, block, d in zip(self.order.own, units, inverse.own, own, strict=True):
+                second[mine] = (amplitude**2 + np.diag(block)) * d**2
             total = np.bincount(self.group, weights=second, minlength=len(self.names))
             new = np.sqrt((total + _PRIOR_WEIGHT) / (counts + _PRIOR_WEIGHT))
             scale = np.where(self.fixed, np.sqrt(1.0 + self.adds * new[self.differences] ** 2), new)
-            amplitude, covariance = deviation * unit, inverse * np.outer(deviation, deviation)
-            for k in map(int, np.flatnonzero(self.rows)):
-                g = gram[k]
-                left = g[-1, -1] - 2.0 * amplitude @ g[:-1, -1] + amplitude @ g[:-1, :-1] @ amplitude
-                left += float(np.sum(covariance * g[:-1, :-1]))
-                noise[k] = max(np.sqrt((left + _PRIOR_WEIGHT) / (self.rows[k] + _PRIOR_WEIGHT)), _LEAST_NOISE)
+            # What is left of a balance: the squares of what the nuisances leave, and how uncertain they are.
+            left = _moment([d * one for d, one in zip(own, units, strict=True)], common * unit, inverse.scaled(own, common))
+            for k, one in zip(self.used, products, strict=True):
+                noise[k] = max(np.sqrt((one.inner(left) + _PRIOR_WEIGHT) / (self.rows[k] + _PRIOR_WEIGHT)), _LEAST_NOISE)
         return Sizes(scale, noise)
+
+    def eliminated(self, sizes: Sizes) -> Eliminated:
+        """Return the normal equations of all columns under some sizes, without what concerns one run alone."""
+        own, common = self._deviations(sizes.groups)
+        several = np.append(common, np.ones(len(self.order.common) - len(common)))
+        whole = combined(self.products, 1.0 / sizes.noise[self.used] ** 2)
+        return Eliminated(whole.scaled(own, several), len(common))
 
     def amplitudes(self, sizes: Sizes) -> np.ndarray:
         """Return the most likely amplitudes (p,) of the nuisances, over what is expected of each."""
-        p = self.nuisances
-        index = np.append(np.arange(p), self.gram.shape[1] - 1)
-        whole = np.tensordot(1.0 / sizes.noise**2, self.gram[:, index[:, None], index], axes=1)
-        precision = whole[:-1, :-1] + np.diag(1.0 / sizes.groups[self.group] ** 2)
-        result: np.ndarray = linalg.solve(precision, whole[:-1, -1], assume_a="pos", check_finite=False)
+        units, unit = self.eliminated(sizes).solution(len(self.order.common) - 1)
+        result = np.empty(self.nuisances)
+        for mine, one in zip((*self.order.own, self.common), (*units, unit), strict=True):
+            result[mine] = one * sizes.groups[self.group[mine]]
         return result
 
+    def _deviations(self, scale: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
+        """Return the deviations of the runs' own nuisances and of the common ones."""
+        return [scale[self.group[mine]] for mine in self.order.own], scale[self.group[self.common]]
 
-def inverse_of(factor: np.ndarray) -> np.ndarray:
-    """Return the inverse (p, p) of a matrix from its lower Cholesky factor: a third of the work of solving for it."""
-    half = np.tril(lapack.dpotri(factor, lower=1)[0])
-    result: np.ndarray = half + np.tril(half, -1).T
-    return result
+
+def _moment(own: Sequence[np.ndarray], common: np.ndarray, covariance: Arrow) -> Arrow:
+    """Return the mean square of (amplitudes, -1), whose inner product with the products of rows is what is left of these."""
+    last = np.append(common, -1.0)
+    wide = np.pad(covariance.common, (0, 1))
+    return Arrow(
+        tuple(block + np.outer(one, one) for block, one in zip(covariance.own, own, strict=True)),
+        tuple(np.pad(block, ((0, 0), (0, 1))) + np.outer(one, last) for block, one in zip(covariance.cross, own, strict=True)),
+        wide + np.outer(last, last),
+    )

@@ -133,7 +133,7 @@ def select(
         if best is None:
             break
         accepted.append(Accepted(best, *belief(best, trials, seen.found)))
-        accepted, fitted = _still_sure(replica, accepted, best.fitted, weights)
+        accepted, fitted = _still_sure(replica, accepted, best.fitted, seen)
         for _ in range(_REPLICAS):
             replica = Replica(replica.recorded, _with_sensors_as_read(fitted.model))
             fitted = refit(replica, fitted.model, fitted.variants, weights)
@@ -145,13 +145,15 @@ def select(
     return Outcome(replica, fitted, tuple(accepted), first, seen)
 
 
-def _still_sure(replica: Replica, accepted: list[Accepted], fitted: Fitted, weights: Weights) -> tuple[list[Accepted], Fitted]:
+def _still_sure(replica: Replica, accepted: list[Accepted], fitted: Fitted, seen: Screen) -> tuple[list[Accepted], Fitted]:
     """Take back what is no longer sure beside the last one: of two names for one effect the better may come second."""
     for one in accepted[:-1]:
+        weights = _weights(replica, seen, one.trial.variant)
+        beside = refit(replica, fitted.model, fitted.variants, weights)
         others = [variant for variant in fitted.variants if variant is not one.trial.variant]
         again = refit(replica, without(fitted.model, one.trial.variant), others, weights)
         price = 0.5 * one.trial.reduction - one.trial.evidence  # of its sizes and variants
-        if odds(one.trial.listed, 0.5 * (again.cost - fitted.cost) - price) <= SURE:
+        if odds(one.trial.listed, 0.5 * (again.cost - beside.cost) - price) <= SURE:
             accepted, fitted = [other for other in accepted if other is not one], again
     return accepted, fitted
 
@@ -162,9 +164,15 @@ def _with_sensors_as_read(model: Model) -> Model:
     return dataclasses.replace(model, choice=true)
 
 
-def _weights(replica: Replica, seen: Screen) -> Weights:
-    sizes = Sizes(np.concatenate([seen.sizes.groups, [1.0]]), seen.sizes.noise)
-    return weigh(replica, seen.whitening, [*seen.groups, seen.small], sizes)
+def _weights(replica: Replica, seen: Screen, asked: Variant | None = None) -> Weights:
+    """Return the weights of a screen; not those of the form of a mechanism that is asked for, which would stand in for it."""
+    kept = [i for i, group in enumerate(seen.groups) if asked is None or group.name != _form_name(asked)]
+    sizes = Sizes(np.append(seen.sizes.groups[kept], 1.0), seen.sizes.noise)
+    return weigh(replica, seen.whitening, [*(seen.groups[i] for i in kept), seen.small], sizes)
+
+
+def _form_name(variant: Variant) -> str:
+    return f"form of {variant.title}"
 
 
 def _preferred(trials: Sequence[Trial]) -> list[Trial]:
@@ -251,7 +259,7 @@ def forms(replica: Replica, model: Model, variants: Sequence[Variant]) -> list[G
     """Return for every mechanism that is on what it may leave of nature's form: its own effect, bent over what was measured."""
     base, bent = replica.raw(model), shapes(replica)
     return [
-        Group(f"form of {one.title}", (replica.raw(without(model, one)) - base)[:, None] * bent, form_of(one), True)
+        Group(_form_name(one), (replica.raw(without(model, one)) - base)[:, None] * bent, form_of(one), True)
         for one in variants
     ]
 

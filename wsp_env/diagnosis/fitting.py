@@ -63,10 +63,10 @@ def weigh(
             columns.append(white * _FREE / np.maximum(np.linalg.norm(white, axis=0), 1e-12))
         else:
             columns.append(white * group.expected * (1.0 if sizes is None else sizes.groups[i]))
-    matrix = np.column_stack(columns)
+    matrix, run = np.column_stack(columns), balances.rows.run
     if keep is not None:
-        matrix = matrix[keep]
-    return Weights(whitening, noise, Projector(matrix, np.ones(matrix.shape[1], dtype=bool)))
+        matrix, run = matrix[keep], run[keep]
+    return Weights(whitening, noise, Projector(matrix, np.ones(matrix.shape[1], dtype=bool), run))
 
 
 def baseline(recorded: Balances) -> Replica:

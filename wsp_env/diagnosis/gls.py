@@ -13,6 +13,23 @@ from scipy import linalg
 _NOTHING = 1e-11  # of the largest square of a nuisance's column, below which a direction says nothing
 
 
+def gram_of(columns: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """Return the inner products (p, p) of columns (n, p), most of which concern one run: the others' zeros cost nothing.
+
+    Parameters
+    ----------
+    run : (n,) int of each row
+
+    """
+    result = np.zeros((columns.shape[1],) * 2)
+    for one in np.unique(run):
+        part = columns[run == one]
+        used = np.flatnonzero(part.any(axis=0))
+        part = part[:, used]
+        result[np.ix_(used, used)] += part.T @ part
+    return result
+
+
 class Projector:
     """Projects whitened rows off nuisances.
 
@@ -20,20 +37,26 @@ class Projector:
     ----------
     columns : (n, p) whitened, those with a prior scaled by its deviation
     prior : (p,) bool, which have one
+    run : (n,) int of each row, where many columns concern one run alone
 
     """
 
-    def __init__(self, columns: np.ndarray, prior: np.ndarray) -> None:
+    def __init__(self, columns: np.ndarray, prior: np.ndarray, run: np.ndarray | None = None) -> None:
         self._columns = columns
-        normal = columns.T @ columns
+        normal = columns.T @ columns if run is None else gram_of(columns, run)
         # Free directions that say nothing get next to nothing to say.
-        normal += np.diag(np.where(prior, 1.0, _NOTHING * max(float(np.diag(normal).max(initial=0.0)), 1.0)))
-        self._root = linalg.solve_triangular(linalg.cholesky(normal, lower=True), np.eye(len(prior)), lower=True).T
+        least = _NOTHING * max(float(np.diag(normal).max(initial=0.0)), 1.0)
+        normal[np.diag_indices_from(normal)] += np.where(prior, 1.0, least)
+        self._root = linalg.cholesky(normal, lower=True, overwrite_a=True, check_finite=False)
 
     def inner(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Inner products (k, l) of columns (n, k) and (n, l), projected."""
-        left, right = (self._root.T @ (self._columns.T @ one) for one in (a, b))
+        left, right = (self._solved(self._columns.T @ one) for one in (a, b))
         result: np.ndarray = a.T @ b - left.T @ right
+        return result
+
+    def _solved(self, y: np.ndarray, transposed: bool = False) -> np.ndarray:
+        result: np.ndarray = linalg.solve_triangular(self._root, y, lower=True, trans=int(transposed), check_finite=False)
         return result
 
     def rest(self, y: np.ndarray) -> np.ndarray:
@@ -43,8 +66,7 @@ class Projector:
 
     def amplitudes(self, y: np.ndarray) -> np.ndarray:
         """Best amplitudes (p,) of the nuisances, in units of their prior where they have one."""
-        result: np.ndarray = self._root @ (self._root.T @ (self._columns.T @ y))
-        return result
+        return self._solved(self._solved(self._columns.T @ y), transposed=True)
 
 
 @dataclasses.dataclass(frozen=True)

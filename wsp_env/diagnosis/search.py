@@ -13,9 +13,10 @@ from concurrent.futures import Executor
 import numpy as np
 from scipy import linalg
 
+from wsp_env.diagnosis.arrow import inverse_of
 from wsp_env.diagnosis.balances import Rows, Whitening
 from wsp_env.diagnosis.candidates import Candidate, Variant, columns, parameter_of, switched, values_in, without
-from wsp_env.diagnosis.covariance import Evidence, Sizes, inverse_of
+from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Evaluation, Model
 from wsp_env.diagnosis.interest import StopChange, change, only_sensors
 from wsp_env.diagnosis.replica import Replica
@@ -250,24 +251,23 @@ def _judged(
 def _posterior(
     evidence: Evidence, sizes: Sizes
 ) -> tuple[np.ndarray, np.ndarray, Callable[[slice], tuple[np.ndarray, np.ndarray]]]:
-    """Return mean (p,) and covariance (p, p) of all nuisances, in deviations, and the same of any other columns alone."""
-    p = evidence.nuisances
-    deviation = sizes.groups[evidence.group]
-    whole = np.tensordot(1.0 / sizes.noise**2, evidence.gram, axes=1)
-    scaled = whole[:p, :p] * np.outer(deviation, deviation)
-    scaled[np.diag_indices_from(scaled)] += 1.0
-    factor = linalg.cho_factor(scaled, lower=True, check_finite=False)
-    mean = linalg.cho_solve(factor, deviation * whole[:p, -1], check_finite=False)
-    across = deviation[:, None] * whole[:p, p:-1]
-    gram = whole[p:-1, p:-1] - across.T @ linalg.cho_solve(factor, across, check_finite=False)
-    against = whole[p:-1, -1] - across.T @ mean
+    """Return mean (c,) and covariance (c, c) of the common nuisances, in deviations, and the same of any other columns alone.
+
+    The last group of the nuisances comes last.
+    """
+    solved = evidence.eliminated(sizes)
+    c = solved.nuisances
+    mean = solved.solution(len(solved.rest) - 1)[1]
+    across = solved.rest[:c, c:-1]
+    gram = solved.rest[c:-1, c:-1] - across.T @ linalg.cho_solve(solved.factor, across, check_finite=False)
+    against = solved.rest[c:-1, -1] - across.T @ mean
 
     def alone(mine: slice) -> tuple[np.ndarray, np.ndarray]:
         own = gram[mine, mine]
         spread = np.linalg.inv(own + 1e-9 * max(float(np.trace(own)), 1e-12) * np.eye(len(own)))
         return spread @ against[mine], spread
 
-    return mean, inverse_of(factor[0]), alone
+    return mean, inverse_of(solved.factor[0]), alone
 
 
 def _shares(named: Sequence[Candidate]) -> list[float]:

@@ -13,12 +13,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg, optimize
 
+from wsp_env.diagnosis.arrow import inverse_of
+
 #: Blocks over which the course is fitted [s]; shorter than the correlation of any noise that a filter of a receiver leaves.
 NODE_S = 0.2
 _START = (0.01, 0.02, 0.3, 0.01)
 _BOUNDS = ((1e-4, 1.0), (1e-4, 1.0), (0.1, 20.0), (1e-4, 1.0))
 #: Most nodes of one stop that the sizes are estimated from: more tell no more and cost their cube.
 _MOST_NODES = 300
+#: Until rounding decides nothing: a likelihood is flat about its maximum.
+_CONVERGED = {"maxiter": 200, "ftol": 1e-12, "gtol": 1e-4}
 
 
 class SpeedNoise(NamedTuple):
@@ -82,28 +86,51 @@ def nodes(rest: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
 
 def estimate_noise(rests: Sequence[tuple[np.ndarray, np.ndarray]]) -> SpeedNoise:
     """Return the sizes that maximise the restricted likelihood of all stops' nodes (times, means)."""
-    parts = [(time[:_MOST_NODES] - time[0], rest[:_MOST_NODES]) for time, rest in rests]
+    parts = [_Part.of(time[:_MOST_NODES] - time[0], rest[:_MOST_NODES]) for time, rest in rests]
 
-    def cost(logs: np.ndarray) -> float:
+    def cost(logs: np.ndarray) -> tuple[float, np.ndarray]:
         noise = SpeedNoise(*np.exp(logs))
-        return sum(_restricted(noise, time, rest) for time, rest in parts)
+        costs, slopes = zip(*(_restricted(noise, part) for part in parts), strict=True)
+        return sum(costs), np.sum(slopes, axis=0)
 
     bounds = [tuple(np.log(one)) for one in _BOUNDS]
-    found = optimize.minimize(cost, np.log(_START), method="L-BFGS-B", bounds=bounds, options={"maxiter": 40, "ftol": 1e-7})
+    found = optimize.minimize(cost, np.log(_START), jac=True, method="L-BFGS-B", bounds=bounds, options=_CONVERGED)
     return SpeedNoise(*map(float, np.exp(found.x)))
+
+
+class _Part(NamedTuple):
+    """The nodes of one stop (n,), and what their covariance is made of."""
+
+    rest: np.ndarray
+    line: np.ndarray  # (n, 2)
+    apart: np.ndarray  # (n, n) [s]
+    course: np.ndarray  # (n, n) of a walk of 1
+
+    @classmethod
+    def of(cls, time: np.ndarray, rest: np.ndarray) -> "_Part":
+        return cls(rest, _line(time), np.abs(time[:, None] - time), SpeedNoise(0.0, 0.0, 1.0, 1.0).course(time, time))
 
 
 def _line(time: np.ndarray) -> np.ndarray:
     return np.column_stack([np.ones(len(time)), time])
 
 
-def _restricted(noise: SpeedNoise, time: np.ndarray, rest: np.ndarray) -> float:
-    """Minus the restricted log likelihood of one stop's nodes."""
-    root = linalg.cholesky(noise.covariance(time) + noise.course(time, time), lower=True)
-    white = linalg.solve_triangular(root, np.column_stack([rest, _line(time)]), lower=True)
-    normal, against = white[:, 1:].T @ white[:, 1:], white[:, 1:].T @ white[:, 0]
-    square = white[:, 0] @ white[:, 0] - against @ np.linalg.solve(normal, against)
-    return float(0.5 * square + np.log(np.diag(root)).sum() + 0.5 * np.linalg.slogdet(normal)[1])
+def _restricted(noise: SpeedNoise, part: _Part) -> tuple[float, np.ndarray]:
+    """Minus the restricted log likelihood of one stop's nodes, and its slope (4,) over the logs of the sizes."""
+    coloured = noise.coloured**2 * np.exp(-part.apart / noise.correlation_s)
+    covariance = coloured + noise.walk**2 * part.course
+    covariance[np.diag_indices_from(covariance)] += noise.white**2
+    root = linalg.cholesky(covariance, lower=True, check_finite=False)
+    inverse = inverse_of(root)
+    across = inverse @ part.line
+    normal = part.line.T @ across
+    kept = inverse - across @ np.linalg.solve(normal, across.T)  # the inverse on what is no line
+    weighted = kept @ part.rest
+    cost = 0.5 * part.rest @ weighted + np.log(np.diag(root)).sum() + 0.5 * np.linalg.slogdet(normal)[1]
+    misfit = kept - np.outer(weighted, weighted)
+    by_white = noise.white**2 * np.trace(misfit)
+    by_time = 0.5 * np.vdot(misfit, coloured * part.apart) / noise.correlation_s
+    return float(cost), np.array([by_white, np.vdot(misfit, coloured), by_time, noise.walk**2 * np.vdot(misfit, part.course)])
 
 
 def estimate(noise: SpeedNoise, time: np.ndarray, rest: np.ndarray, least_share: float = 0.001) -> SpeedEstimate:

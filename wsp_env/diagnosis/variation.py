@@ -179,7 +179,7 @@ def _in_time(column: np.ndarray, by_run: np.ndarray, own: np.ndarray, clock: np.
 
 def _present(group: Group) -> Group:
     """Leave out columns that touch no row."""
-    return group._replace(columns=group.columns[:, np.abs(group.columns).max(axis=0, initial=0.0) > 0.0])
+    return group._replace(columns=group.columns[:, group.columns.any(axis=0)])
 
 
 def _slips(balances: Balances | Replica, model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,0 +1,96 @@
+"""Matrices in which most columns concern one run alone, against the same matrices without blocks."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wsp_env.diagnosis.arrow import Arrow, Eliminated, Order, combined
+from wsp_env.diagnosis.gls import gram_of
+
+NUISANCES, SIDES = 9, 3
+
+
+def columns_of(seed: int, runs: int = 3, each: int = 12) -> tuple[np.ndarray, np.ndarray]:
+    """Return columns (n, 12) and runs (n,): two of each run alone, three common ones, three right-hand sides; in any order."""
+    rng = np.random.default_rng(seed)
+    run = rng.permutation(np.repeat(np.arange(runs), each))
+    columns = rng.standard_normal((len(run), NUISANCES + SIDES))
+    for one in range(runs):
+        columns[run != one, 2 * one : 2 * one + 2] = 0.0
+    columns[:, :NUISANCES] = columns[:, rng.permutation(NUISANCES)]
+    return columns, run
+
+
+def dense(order: Order, arrow: Arrow) -> np.ndarray:
+    """Return the whole matrix in the order of the columns."""
+    size = sum(map(len, order.own)) + len(order.common)
+    whole = np.zeros((size, size))
+    for mine, own, cross in zip(order.own, arrow.own, arrow.cross, strict=True):
+        whole[np.ix_(mine, mine)] = own
+        whole[np.ix_(mine, order.common)] = cross
+        whole[np.ix_(order.common, mine)] = cross.T
+    whole[np.ix_(order.common, order.common)] = arrow.common
+    return whole
+
+
+@given(st.integers(0, 10_000))
+@settings(deadline=None, max_examples=30)
+def test_blocks_hold_all_inner_products(seed):
+    columns, run = columns_of(seed)
+    order = Order.of(columns, run, SIDES)
+    assert [len(mine) for mine in order.own] == [2, 2, 2]
+    assert dense(order, Arrow.of(columns, run, np.unique(run), order)) == pytest.approx(columns.T @ columns)
+    assert gram_of(columns, run) == pytest.approx(columns.T @ columns)
+
+
+def test_the_last_columns_stay_whole_even_if_they_concern_one_run():
+    columns, run = columns_of(1)
+    columns[run != 0, -SIDES:] = 0.0
+    order = Order.of(columns, run, SIDES)
+    assert set(range(NUISANCES, NUISANCES + SIDES)) <= set(order.common)
+
+
+@given(st.integers(0, 10_000))
+@settings(deadline=None, max_examples=30)
+def test_solution_inverse_and_rest_are_those_of_the_whole_matrix(seed):
+    columns, run = columns_of(seed)
+    order = Order.of(columns, run, SIDES)
+    own = [np.full(len(mine), 0.5 + i) for i, mine in enumerate(order.own)]
+    common = np.append(np.full(len(order.common) - SIDES, 1.7), np.ones(SIDES))
+    half = Arrow.of(columns[::2], run[::2], np.unique(run), order), Arrow.of(columns[1::2], run[1::2], np.unique(run), order)
+    arrow = combined(half, np.array([2.0, 0.25])).scaled(own, common)
+    whole = dense(order, arrow)
+    solved = Eliminated(arrow, len(order.common) - SIDES)
+
+    nuisances = np.arange(NUISANCES)
+    normal = whole[:NUISANCES, :NUISANCES] + np.eye(NUISANCES)
+    inverse = np.linalg.inv(normal)
+    units, unit = solved.solution(len(order.common) - 1)
+    expected = inverse @ whole[:NUISANCES, -1]
+    for mine, one in zip((*order.own, order.common[:-SIDES]), (*units, unit), strict=True):
+        assert one == pytest.approx(expected[mine], abs=1e-10)
+
+    found = solved.inverse()
+    c = order.common[:-SIDES]
+    for mine, block, cross in zip(order.own, found.own, found.cross, strict=True):
+        assert block == pytest.approx(inverse[np.ix_(mine, mine)], abs=1e-10)
+        assert cross == pytest.approx(inverse[np.ix_(mine, c)], abs=1e-10)
+    assert found.common == pytest.approx(inverse[np.ix_(c, c)], abs=1e-10)
+
+    sides = np.arange(NUISANCES, NUISANCES + SIDES)
+    across = whole[np.ix_(nuisances, sides)]
+    left = whole[np.ix_(sides, sides)] - across.T @ inverse @ across
+    k = len(c)
+    mixed = solved.rest[:k, k:]
+    assert solved.rest[k:, k:] - mixed.T @ found.common @ mixed == pytest.approx(left, abs=1e-9)
+
+
+@given(st.integers(0, 10_000))
+@settings(deadline=None, max_examples=20)
+def test_inner_is_the_sum_over_all_entries(seed):
+    columns, run = columns_of(seed)
+    order = Order.of(columns, run, SIDES)
+    one = Arrow.of(columns, run, np.unique(run), order)
+    other = Arrow.of(columns[::-1] ** 3, run[::-1], np.unique(run), order)
+    assert one.inner(other) == pytest.approx(np.sum(dense(order, one) * dense(order, other)))

@@ -1,0 +1,129 @@
+"""Matrices of inner products in which most columns concern one run alone: an arrow of blocks, solved run by run."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg
+from scipy.linalg import lapack
+
+
+class Order(NamedTuple):
+    """Which columns concern one run alone, and which are common."""
+
+    own: tuple[np.ndarray, ...]  # indices of each run's
+    common: np.ndarray
+
+    @classmethod
+    def of(cls, columns: np.ndarray, run: np.ndarray, whole: int) -> "Order":
+        """Tell columns (n, k) of rows of runs (n,) apart; the last `whole` ones count as common."""
+        runs = np.unique(run)
+        concerned = np.array([columns[run == one].any(axis=0) for one in runs]).reshape(len(runs), -1)
+        alone = (concerned.sum(axis=0) == 1) & (np.arange(columns.shape[1]) < columns.shape[1] - whole)
+        return cls(tuple(np.flatnonzero(mine & alone) for mine in concerned), np.flatnonzero(~alone))
+
+
+class Arrow(NamedTuple):
+    """A symmetric matrix: the block of every run, its products with what is common, and the block of that."""
+
+    own: tuple[np.ndarray, ...]  # (k, k) of each run
+    cross: tuple[np.ndarray, ...]  # (k, c)
+    common: np.ndarray  # (c, c)
+
+    @classmethod
+    def of(cls, columns: np.ndarray, run: np.ndarray, runs: np.ndarray, order: Order) -> "Arrow":
+        """Return the inner products of columns (n, p) over rows of runs (n,); `runs`: all that there are, as in the order."""
+        own, cross, common = [], [], np.zeros((len(order.common),) * 2)
+        for one, mine in zip(runs, order.own, strict=True):
+            rows = columns[run == one]
+            part, shared = rows[:, mine], rows[:, order.common]
+            used = np.flatnonzero(shared.any(axis=0))  # zeros cost nothing
+            shared = shared[:, used]
+            own.append(part.T @ part)
+            cross.append(np.zeros((len(mine), len(order.common))))
+            cross[-1][:, used] = part.T @ shared
+            common[np.ix_(used, used)] += shared.T @ shared
+        return cls(tuple(own), tuple(cross), common)
+
+    def first(self, columns: np.ndarray) -> "Arrow":
+        """Return it with some of the common columns only, by index."""
+        return Arrow(self.own, tuple(one[:, columns] for one in self.cross), self.common[np.ix_(columns, columns)])
+
+    def scaled(self, own: Sequence[np.ndarray], common: np.ndarray) -> "Arrow":
+        """Return it with every column multiplied by a factor: (k,) of each run's, (c,) of the common ones."""
+        return Arrow(
+            tuple(one * np.outer(d, d) for one, d in zip(self.own, own, strict=True)),
+            tuple(one * np.outer(d, common) for one, d in zip(self.cross, own, strict=True)),
+            self.common * np.outer(common, common),
+        )
+
+    def inner(self, other: "Arrow") -> float:
+        """Return the sum of the products of all entries."""
+        total = float(np.vdot(self.common, other.common))
+        total += sum(float(np.vdot(a, b)) for a, b in zip(self.own, other.own, strict=True))
+        return total + 2.0 * sum(float(np.vdot(a, b)) for a, b in zip(self.cross, other.cross, strict=True))
+
+
+def combined(arrows: Sequence[Arrow], weights: np.ndarray) -> Arrow:
+    """Return the weighted sum of arrows."""
+
+    def total(parts: Sequence[np.ndarray]) -> np.ndarray:
+        result = weights[0] * parts[0]
+        for weight, part in zip(weights[1:], parts[1:], strict=True):
+            result += weight * part
+        return result
+
+    own = tuple(total(parts) for parts in zip(*(one.own for one in arrows), strict=True))
+    cross = tuple(total(parts) for parts in zip(*(one.cross for one in arrows), strict=True))
+    return Arrow(own, cross, total([one.common for one in arrows]))
+
+
+class Eliminated:
+    """An arrow plus 1 on the diagonal of its first columns, the runs' own taken out.
+
+    Parameters
+    ----------
+    arrow : all columns; of the common ones the first `nuisances` have the 1, the others are right-hand sides
+
+    """
+
+    def __init__(self, arrow: Arrow, nuisances: int) -> None:
+        self.nuisances = nuisances
+        self._roots = [linalg.cholesky(one + np.eye(len(one)), lower=True, check_finite=False) for one in arrow.own]
+        self._half = [_solved(root, one) for root, one in zip(self._roots, arrow.cross, strict=True)]
+        self.rest = arrow.common - sum(one.T @ one for one in self._half)  # (c, c) Schur complement
+        diagonal = np.arange(nuisances)
+        self.rest[diagonal, diagonal] += 1.0
+        self.factor = linalg.cho_factor(self.rest[:nuisances, :nuisances], lower=True, check_finite=False)
+
+    def solution(self, column: int) -> tuple[list[np.ndarray], np.ndarray]:
+        """Return the amplitudes of the runs' own columns and of the common nuisances, for a common column as the other side."""
+        common = linalg.cho_solve(self.factor, self.rest[: self.nuisances, column], check_finite=False)
+        sides = [half[:, column] - half[:, : self.nuisances] @ common for half in self._half]
+        return [_solved(root, side, True) for root, side in zip(self._roots, sides, strict=True)], common
+
+    def inverse(self) -> Arrow:
+        """Return the blocks of the inverse that an arrow has."""
+        common = inverse_of(self.factor[0])
+        own, cross = [], []
+        for root, half in zip(self._roots, self._half, strict=True):
+            back = _solved(root, half[:, : self.nuisances], True)
+            cross.append(-back @ common)
+            own.append(inverse_of(root) - cross[-1] @ back.T)
+        return Arrow(tuple(own), tuple(cross), common)
+
+
+def inverse_of(factor: np.ndarray) -> np.ndarray:
+    """Return the inverse (p, p) of a matrix from its lower Cholesky factor: a third of the work of solving for it."""
+    if not len(factor):
+        return factor
+    half = np.tril(lapack.dpotri(factor, lower=1)[0])
+    result: np.ndarray = half + np.tril(half, -1).T
+    return result
+
+
+def _solved(root: np.ndarray, y: np.ndarray, transposed: bool = False) -> np.ndarray:
+    if not len(root):
+        return y
+    result: np.ndarray = linalg.solve_triangular(root, y, lower=True, trans=int(transposed), check_finite=False)
+    return result
