@@ -40,9 +40,9 @@ def started(kind=MultibodyPlant, setup=None, n=1, track=None, blocked=False, **c
     return plant
 
 
-@pytest.mark.parametrize(("mu_cd", "cycling"), [(0.06, False), (0.03, True)])
+@pytest.mark.parametrize(("mu_cd", "cycling"), [(0.28, False), (0.06, False), (0.03, True)])
 def test_it_is_the_longitudinal_plant_in_its_limit(mu_cd, cycling):
-    """Suspensions blocked: 0.1 % in distance. Free: 1 %, as load moves to the leading axles."""
+    """Suspensions blocked: 0.1 % in distance, standstill included. Free: 1 %, as load moves to the leading axles."""
     stop = {"mu_cd": mu_cd, "initial_speed": 25.0}
     fine = Setup(substep_s=5e-4)
     one = brake(started(LongitudinalPlant, fine, **stop), cycling=cycling)

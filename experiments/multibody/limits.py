@@ -28,9 +28,6 @@ from wsp_env.plant.port import Setup, Stop
 from wsp_env.report import Table, terminal_table
 
 VEHICLE = dataclasses.replace(COACH, contact=CONTACT)
-#: Distances are compared until a stop is as slow as this [m/s]: the wheelsets of the blocked vehicle, which are solved one by
-#: one, do not come to rest on a dry rail.
-SLOWEST_MPS = 0.1
 #: Substeps [s] that are compared; the last is what the others stand against.
 SUBSTEPS_S = (2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4, 6.25e-5)
 FINE = Setup(substep_s=5e-4)  # for both plants, so that only dimensions differ
@@ -76,7 +73,7 @@ def brake(plant: LongitudinalPlant, case: Case) -> Braked:
     started(plant, case)
     loads, slowing = [], []
     begin, step = time.process_time(), 0
-    while plant.state.speed[0] > SLOWEST_MPS:
+    while plant.moving[0]:
         phase = (step + 11 * np.arange(VEHICLE.axles)) % 100
         command = np.where(case.cycling & (phase < 25), -1.0, np.where(case.cycling & (phase < 35), 0.0, 1.0))
         plant.step(command[None])
