@@ -56,7 +56,7 @@ def test_it_is_the_longitudinal_plant_in_its_limit(mu_cd, cycling):
         assert state.position[0] == pytest.approx(one.state.position[0], rel=tolerance)
         spent = state.brake_work[0] + state.contact_work[0].sum() + state.resistance_work[0] + three.bodies.damper_work[0]
         left = three.kinetic_energy[0] + three.stored_energy[0]
-        assert abs(before - left - spent) < 1e-3 * before
+        assert abs(before - left - spent) < (1e-9 if blocked else 1e-4) * before
         assert (state.wheel_speed == 0.0).all()
 
 
