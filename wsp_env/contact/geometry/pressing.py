@@ -86,6 +86,8 @@ def _next(row: int, count: int, rows: Array) -> int:
 def _widen(row: int, wheel: Wheel, pair: Pair, rows: Array) -> None:
     """Bring B to the width of the contact."""
     across, s, b = rows[row, AT_RAIL], rows[row, AT_WHEEL], rows[row, CURVATURE_B]
+    if not b > 0.0:
+        return
     z, slope, _ = height(pair.rail.breaks, pair.rail.pieces, across)
     length = math.sqrt(1.0 + slope * slope)
     up = z - rows[row, PENETRATION] * length
