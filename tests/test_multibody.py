@@ -40,9 +40,9 @@ def started(kind=MultibodyPlant, setup=None, n=1, track=None, blocked=False, **c
     return plant
 
 
-@pytest.mark.parametrize(("mu_cd", "cycling"), [(0.06, False), (0.03, True)])
+@pytest.mark.parametrize(("mu_cd", "cycling"), [(0.28, False), (0.06, False), (0.03, True)])
 def test_it_is_the_longitudinal_plant_in_its_limit(mu_cd, cycling):
-    """Suspensions blocked: 0.1 % in distance. Free: 1 %, as load moves to the leading axles."""
+    """Suspensions blocked: 0.1 % in distance, standstill included. Free: 1 %, as load moves to the leading axles."""
     stop = {"mu_cd": mu_cd, "initial_speed": 25.0}
     fine = Setup(substep_s=5e-4)
     one = brake(started(LongitudinalPlant, fine, **stop), cycling=cycling)
@@ -56,7 +56,7 @@ def test_it_is_the_longitudinal_plant_in_its_limit(mu_cd, cycling):
         assert state.position[0] == pytest.approx(one.state.position[0], rel=tolerance)
         spent = state.brake_work[0] + state.contact_work[0].sum() + state.resistance_work[0] + three.bodies.damper_work[0]
         left = three.kinetic_energy[0] + three.stored_energy[0]
-        assert abs(before - left - spent) < 1e-3 * before
+        assert abs(before - left - spent) < (1e-9 if blocked else 1e-4) * before
         assert (state.wheel_speed == 0.0).all()
 
 

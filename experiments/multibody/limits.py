@@ -28,11 +28,8 @@ from wsp_env.plant.port import Setup, Stop
 from wsp_env.report import Table, terminal_table
 
 VEHICLE = dataclasses.replace(COACH, contact=CONTACT)
-#: Distances are compared until a stop is as slow as this [m/s]: the wheelsets of the blocked vehicle, which are solved one by
-#: one, do not come to rest on a dry rail.
-SLOWEST_MPS = 0.1
 #: Substeps [s] that are compared; the last is what the others stand against.
-SUBSTEPS_S = (2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4, 6.25e-5)
+SUBSTEPS_S = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4, 3.125e-5)
 FINE = Setup(substep_s=5e-4)  # for both plants, so that only dimensions differ
 
 
@@ -76,7 +73,7 @@ def brake(plant: LongitudinalPlant, case: Case) -> Braked:
     started(plant, case)
     loads, slowing = [], []
     begin, step = time.process_time(), 0
-    while plant.state.speed[0] > SLOWEST_MPS:
+    while plant.moving[0]:
         phase = (step + 11 * np.arange(VEHICLE.axles)) % 100
         command = np.where(case.cycling & (phase < 25), -1.0, np.where(case.cycling & (phase < 35), 0.0, 1.0))
         plant.step(command[None])
@@ -125,13 +122,19 @@ def substeps(console: Console) -> None:
             found.append(brake(multibody.MultibodyPlant(VEHICLE, 1, Setup(substep_s=substep)), case))
         multibody.SUBSTEP_S = chosen
         fine, rows = found[-1], []
-        for substep, stop in zip(SUBSTEPS_S, found, strict=True):
+        before = (math.nan, math.nan, math.nan)  # substep and errors of the row above
+        for substep, stop in zip(SUBSTEPS_S[:-1], found[:-1], strict=True):
             n = min(len(stop.loads), len(fine.loads)) - 1  # the last interval ends within it
-            off = np.abs(stop.loads[:n] - fine.loads[:n]) / VEHICLE.static_wheel_load_n
-            figures = (1e2 * abs(stop.distance_m / fine.distance_m - 1.0), 1e2 * off.mean(), 1e2 * np.quantile(off, 0.99))
-            factor = stop.duration_s / stop.computed_s
-            rows.append((f"{1e3 * substep:g}", *(f"{value:.4f}" for value in figures), f"{factor:.0f}"))
-        header = ("substep [ms]", "distance off [%]", "wheel load off, mean [%]", "99 % below [%]", "times real time")
+            off = 1e2 * np.abs(stop.loads[:n] - fine.loads[:n]) / VEHICLE.static_wheel_load_n
+            errors = 1e2 * abs(stop.distance_m / fine.distance_m - 1.0), float(off.mean())
+            orders = [math.log(old / new) / math.log(before[0] / substep) for old, new in zip(before[1:], errors, strict=True)]
+            before = (substep, *errors)
+            cells = f"{1e3 * substep:g}", f"{errors[0]:.6f}", f"{errors[1]:.4f}", f"{np.quantile(off, 0.99):.4f}"
+            rows.append((*cells, *(f"{order:.1f}" for order in orders), f"{stop.duration_s / stop.computed_s:.0f}"))
+        header = (
+            "substep [ms]", "distance off [%]", "wheel load off, mean [%]", "99 % below [%]", "order: distance", "wheel load",
+            "times real time",
+        )  # fmt: skip
         console.print(terminal_table(Table(header, rows, f"{case.name}, mu_cd {case.mu_cd:g}, {case.speed_mps:g} m/s")))
 
 

@@ -44,8 +44,8 @@ def drive(cases: tuple[str, ...], controllers: tuple[str, ...], draws: int, out:
 
 
 def main(
-    cases: tuple[str, ...] = ("low-120", "low-160", "extremely-low-120"),
-    controllers: tuple[str, ...] = ("none", "rule-based", POLICY),
+    cases: tuple[str, ...] = ("low-120", "low-160", "extremely-low-120", "change-down-160", "patches-160"),
+    controllers: tuple[str, ...] = ("none", "rule-based", "adaptive", POLICY),
     draws: int = 2,
     workers: Annotated[Workers, tyro.conf.arg(name="")] = Workers(),
     out: Path = Path("out/multibody_policies"),

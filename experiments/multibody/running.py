@@ -121,7 +121,7 @@ def _draw(place: np.ndarray, shift: np.ndarray, load: np.ndarray, quotient: np.n
         axis.grid(alpha=0.3)
         axis.axvspan(ends[0], ends[3], color="#f1f1f1", zorder=0)
         axis.axvspan(ends[1], ends[2], color="#e2e2e2", zorder=0)
-    axes[0].legend(fontsize=8, ncols=4, loc="lower right")
+    axes[0].legend(fontsize=8, ncols=4, loc="upper center", bbox_to_anchor=(0.44, 1.0))
     axes[2].set_xlabel("place of the leading axle [m]; grey: transitions and full curve")
     drawn.savefig(path)
 

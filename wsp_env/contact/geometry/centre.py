@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wsp_env.compiled import loop
-from wsp_env.contact.geometry.detect import mismatch, write
+from wsp_env.contact.geometry.detect import write
 from wsp_env.contact.geometry.locus import placed
-from wsp_env.contact.geometry.port import AT_WHEEL, CURVATURE_B, PENETRATION, Pair, Pose
+from wsp_env.contact.geometry.overlap import mismatch
+from wsp_env.contact.geometry.port import AT_WHEEL, CURVATURE_B, PENETRATION, PRESSED, Pair, Pose
+from wsp_env.contact.geometry.pressing import VIRTUAL
 
-#: Share of the penetration that remains, Kik and Piotrowski's.
-VIRTUAL = 0.55
 #: Strips from the deepest point to the edge that a parabola would have, and most strips on either side.
 _STRIPS, _MOST = 12, 120
 
@@ -45,5 +45,5 @@ def centre_of_load(pose: Pose, side: float, pair: Pair, rows: NDArray[np.float64
 def centred(pose: Pose, side: float, pair: Pair, rows: NDArray[np.float64], row: int, out: NDArray[np.float64]) -> None:
     """Fill in row 0 of `out` with the place of the centre of load; penetration and curvatures stay the deepest point's."""
     write(0, centre_of_load(pose, side, pair, rows, row), placed(pose, side, pair), side, pair, out)
-    for column in (PENETRATION, CURVATURE_B - 1, CURVATURE_B):
+    for column in (PENETRATION, CURVATURE_B - 1, CURVATURE_B, PRESSED):
         out[0, column] = rows[row, column]

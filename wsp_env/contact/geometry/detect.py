@@ -1,7 +1,7 @@
 """Contact points: the places along the contact locus where wheel and rail come nearest to each other.
 
 At a local extremum of the gap the two surfaces have one direction; as the locus is the wheel's outline seen along the track,
-two angles are compared. `scan` looks along the whole profile, `follow` goes on from the last contacts.
+two angles are compared (see `overlap`). `scan` looks along the whole profile, `follow` goes on from the last contacts.
 """
 
 import math
@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wsp_env.compiled import loop
-from wsp_env.contact.geometry.locus import Place, Wheel, outline, place, placed
+from wsp_env.contact.geometry.locus import Place, Wheel, place, placed
+from wsp_env.contact.geometry.overlap import WIDTH, between, mismatch, rises
 from wsp_env.contact.geometry.port import (
     ANGLE,
     AT_RAIL,
@@ -26,61 +27,15 @@ from wsp_env.contact.geometry.port import (
     Y,
     Z,
 )
+from wsp_env.contact.geometry.pressing import press
 from wsp_env.contact.geometry.profile import height
 
 Array = NDArray[np.float64]
 
-#: Width [m] to which a contact is found. It then lies within 1e-9 m of the best place and its gap within 1e-16 m of the least.
-_WIDTH = 1e-9
 #: A candidate is dropped by `follow` when it moved further than this in one step [m]; a scan then finds where it went.
 _REACH = 2e-3
 #: Vertical gaps are longer than those along the normal, by no more than this [-] at the steepest place of a profile.
 _STEEP = 20.0
-
-
-@loop
-def mismatch(s: float, wheel: Wheel, pair: Pair) -> tuple[float, float, float]:
-    """Return angle of rail minus angle of wheel [rad] at profile coordinate s [m], its derivative [rad/m], and the overlap [m].
-
-    The overlap is measured upwards in the rail's frame. Beyond the rail's ends it is -inf.
-    """
-    at = place(s, wheel, pair)
-    ends = pair.rail.breaks
-    if not ends[0] <= at.across <= ends[ends.shape[0] - 1]:
-        return 1.0 if at.across < 0.0 else -1.0, -1.0, -math.inf
-    z, slope, bend = height(ends, pair.rail.pieces, at.across)
-    angle = math.atan(slope) - math.atan2(at.normal_y, -at.normal_z)
-    return angle, bend / (1.0 + slope * slope) * at.across_rate - at.angle_rate, z - at.up
-
-
-@loop
-def _rises(s: float, wheel: Wheel, pair: Pair) -> bool:
-    """Return whether the overlap grows with s: the sign of the mismatch, without its arctangents."""
-    across, _, n_y, n_z = outline(s, wheel, pair)
-    ends = pair.rail.breaks
-    if not ends[0] <= across <= ends[ends.shape[0] - 1]:
-        return across < 0.0
-    _, slope, _ = height(ends, pair.rail.pieces, across)
-    return slope * -n_z > n_y
-
-
-@loop
-def between(low: float, high: float, wheel: Wheel, pair: Pair) -> float:
-    """Return where the mismatch falls through 0 between two profile coordinates: Newton's method, bisection where it leaves."""
-    s = 0.5 * (low + high)
-    for _ in range(60):
-        angle, rate, _ = mismatch(s, wheel, pair)
-        if angle > 0.0:
-            low = s
-        else:
-            high = s
-        step = -angle / rate if rate < 0.0 else math.inf
-        if not low <= s + step <= high:
-            step = 0.5 * (low + high) - s
-        s += step
-        if abs(step) < _WIDTH:
-            break
-    return s
 
 
 @loop
@@ -179,11 +134,12 @@ def scan(pose: Pose, side: float, pair: Pair, rows: Array) -> int:
     steps = math.ceil((last - first) / pair.step)
     for i in range(steps + 1):
         s = min(first + i * pair.step, last)
-        rises = _rises(s, wheel, pair)
-        if uphill and not rises:
-            count = _insert(count, between(low, s, wheel, pair), wheel, side, pair, rows)
-        uphill, low = rises, s
+        upwards = rises(s, wheel, pair)
+        if uphill and not upwards:
+            count = _insert(count, between(low, s, 1.0, wheel, pair), wheel, side, pair, rows)
+        uphill, low = upwards, s
     _clear(count, rows)
+    press(count, wheel, pair, rows)
     return count
 
 
@@ -200,11 +156,12 @@ def follow(pose: Pose, side: float, pair: Pair, rows: Array) -> int:
             continue
         s, found = _followed(rows[row, AT_WHEEL], wheel, pair)
         for other in range(count):  # two that have grown together
-            found = found and abs(s - rows[other, AT_WHEEL]) > 1e3 * _WIDTH
+            found = found and abs(s - rows[other, AT_WHEEL]) > 1e3 * WIDTH
         if found:
             write(count, s, wheel, side, pair, rows)
             count += 1
     _clear(count, rows)
+    press(count, wheel, pair, rows)
     return count
 
 
@@ -220,7 +177,7 @@ def _followed(start: float, wheel: Wheel, pair: Pair) -> tuple[float, bool]:
         s += step
         if not abs(s - start) < _REACH:
             break
-        if abs(step) < _WIDTH:
+        if abs(step) < WIDTH:
             return s, True
     # Newton's method jumps to and fro where the curvature jumps: walk uphill until the sign changes.
     stride = 0.1 * _REACH
@@ -234,6 +191,6 @@ def _followed(start: float, wheel: Wheel, pair: Pair) -> tuple[float, bool]:
         if not overlap > -math.inf:
             return start, False
         if further * angle <= 0.0:
-            return between(min(s, s + way), max(s, s + way), wheel, pair), True
+            return between(min(s, s + way), max(s, s + way), 1.0, wheel, pair), True
         s += way
     return start, False

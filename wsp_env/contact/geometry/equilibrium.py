@@ -128,10 +128,10 @@ def _pressed(pose: Pose, motion: Motion, sign: float, friction: float, pair: Pai
     found = []
     for row in range(scan(pose, sign, pair, rows)):
         contact = Contact(*map(float, rows[row]))
-        if contact.penetration <= 0.0:
+        if contact.pressed <= 0.0:
             continue
         a, b = contact.curvature_a, contact.curvature_b
-        normal = stiffness_at(a, b, table) * contact.penetration**1.5
+        normal = stiffness_at(a, b, table) * contact.pressed**1.5
         patch = patch_at(a, b, normal, table)
         slip = slip_at(motion, pose, pair.radius, rows, row)
         t_x, t_y = fastsim(slip.x, slip.y, slip.spin, normal, friction, patch, STRIPS, ELEMENTS)

@@ -77,11 +77,12 @@ class Contact(NamedTuple):
     rolling_radius: float  # distance from the axle [m]
     angle: float  # contact angle in the track frame, rotation of the tangent plane about x [rad]
     curvature_a: float  # A [1/m], half the sum of the curvatures in rolling direction
-    curvature_b: float  # B [1/m], the same across
+    curvature_b: float  # B [1/m], the same across, over the width of a contact that touches
+    pressed: float  # penetration that its force belongs to [m]: less than its own where humps share one overlap, else 0 or more
 
 
 # Columns by name, constants for compiled code.
-AT_WHEEL, AT_RAIL, PENETRATION, X, Y, Z, ROLLING_RADIUS, ANGLE, CURVATURE_A, CURVATURE_B = range(len(Contact._fields))
+AT_WHEEL, AT_RAIL, PENETRATION, X, Y, Z, ROLLING_RADIUS, ANGLE, CURVATURE_A, CURVATURE_B, PRESSED = range(len(Contact._fields))
 
 
 def empty_contacts(wheels: int | None = None) -> NDArray[np.float64]:

@@ -82,7 +82,10 @@ class Touching(NamedTuple):
     creep: Array  # (A, 6) creep forces
     normal_by: Array  # (A, 6, 6) impulse that a change of the speeds takes away, of the normal forces
     creep_by: Array  # (A, 6, 6) the same of the creep forces
-    impulse: Array  # (A, 6) of the contacts
+    given: Array  # (A, 6) impulse of the contacts [N s], [N m s]
+    seen: Array  # (A, 6) change of its speeds that a wheelset was last solved with [m/s], [rad/s]
+    crept: Array  # (A, 6) that of the creep forces
+    left: Array  # (A,) what the brake of a held wheelset does not give [N m s]
     along: Array  # (3, 6) what the contact at hand moves forwards, across and along its normal per coordinate
     local: Array  # (6, 8) a wheelset's equations
 
@@ -115,5 +118,5 @@ def allocate(n: int, coordinates: int, axles: int) -> Bodies:
 
 def scratch(coordinates: int, axles: int) -> Scratch:
     """Return what a step works on."""
-    sizes: list[Any] = [(axles, 6)] * 2 + [(axles, 6, 6)] * 2 + [(axles, 6), (3, 6), (6, 8)]
+    sizes: list[Any] = [(axles, 6)] * 2 + [(axles, 6, 6)] * 2 + [(axles, 6)] * 3 + [(axles,), (3, 6), (6, 8)]
     return Scratch(Motion(*(np.zeros(coordinates) for _ in range(4))), Touching(*(np.zeros(size) for size in sizes)))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wsp_env.contact.geometry.port import PENETRATION, Y, Z
+from wsp_env.contact.geometry.port import PRESSED, Y, Z
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.track_geometry import TrackGeometry
 from wsp_env.parameters.vehicle import Vehicle
@@ -119,7 +119,7 @@ class MultibodyPlant(LongitudinalPlant):
         """
         m = self.bodies
         lost = self.given_up()
-        touches = m.rows[..., PENETRATION] > 0.0
+        touches = m.rows[..., PRESSED] > 0.0
         loaded = m.wheel_load > 0.0
         return {
             "wheel_load_n": m.wheel_load.copy(),

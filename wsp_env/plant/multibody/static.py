@@ -7,7 +7,7 @@ from wsp_env.contact.geometry.detect import scan
 from wsp_env.contact.geometry.equilibrium import contacts, settled
 from wsp_env.contact.geometry.forces import Slip, creeping
 from wsp_env.contact.geometry.patch import patch_at, stiffness_at
-from wsp_env.contact.geometry.port import ANGLE, CONTACTS, CURVATURE_A, CURVATURE_B, PENETRATION, Pair, Pose, empty_contacts
+from wsp_env.contact.geometry.port import ANGLE, CONTACTS, CURVATURE_A, CURVATURE_B, PRESSED, Pair, Pose, empty_contacts
 from wsp_env.plant.multibody.bodies import Rolling
 
 
@@ -25,7 +25,7 @@ def load_at(z: float, r: Rolling) -> Settled:
     scan(Pose(0.0, z, 0.0, 0.0), 1.0, r.pair, rows)
     load, stiffness = 0.0, 0.0
     for at in range(CONTACTS):
-        deep = float(rows[at, PENETRATION])
+        deep = float(rows[at, PRESSED])
         if deep > 0.0:
             curvatures = float(rows[at, CURVATURE_A]), float(rows[at, CURVATURE_B])
             own = stiffness_at(*curvatures, r.table) * deep**1.5

@@ -125,46 +125,73 @@ def _eliminate(a: Array, right: int) -> None:
 @loop
 def solve_wheelset(
     k: int, h: float, torque: float, bogie: int, inverse: Array, turning: float, change: Array, t: Touching
-) -> float:  # fmt: skip
-    """Write the impulse of the contacts of wheelset k; return the part of its brake's that a held wheelset leaves [N m s].
+) -> None:  # fmt: skip
+    """Bring the impulses of wheelset k up to date, and with them what all speeds change by.
 
-    With G the wheelset's block of the inverse and y0 what it changes by without contacts: y = y0 + G (h F - S y). `bogie` is
-    the pitch of the bogie that the brake's reaction acts on, `turning` the wheelset's speed [rad/s].
+    With G the wheelset's block of the inverse and y0 what its speeds change by but for its own impulses, they change by
+    y = y0 + G (h F - S y). A wheelset that the brake would turn backwards is held: the brake gives `t.left` less.
+
+    Parameters
+    ----------
+    torque : of the brake [N m], whole in `change`
+    bogie : pitch of the bogie that the brake's reaction acts on
+    turning : speed of the wheelset before the substep [rad/s]
+    change : of all speeds so far (n,), changed in place
+
     """
-    first, a = WHEELSETS + 6 * k, t.local
+    first, a, held = WHEELSETS + 6 * k, t.local, t.left[k]
     for row in range(6):
         for column in range(6):
             value = 1.0 if row == column else 0.0
             for n in range(6):
                 value += inverse[first + row, first + n] * (t.normal_by[k, n, column] + t.creep_by[k, n, column])
             a[row, column] = value
-        value = change[first + row]
-        for n in range(6):
-            value += inverse[first + row, first + n] * h * (t.normal[k, n] + t.creep[k, n])
-        a[row, 6] = value
         a[row, 7] = inverse[first + row, first + PITCH] - inverse[first + row, bogie]
+        value = change[first + row] - held * a[row, 7]
+        for n in range(6):
+            value += inverse[first + row, first + n] * (h * (t.normal[k, n] + t.creep[k, n]) - t.given[k, n])
+        a[row, 6] = value
     _eliminate(a, 2)
     left = 0.0
-    if turning + a[PITCH, 6] <= 0.0:  # the brake would turn it backwards: it takes up what holds the wheelset
+    if turning + a[PITCH, 6] <= 0.0:
         left = min(max(-(turning + a[PITCH, 6]) / a[PITCH, 7], 0.0), h * torque)
     for row in range(6):
-        a[row, 6] += left * a[row, 7]
+        t.seen[k, row] = a[row, 6] + left * a[row, 7]
     for row in range(6):
-        value = h * (t.normal[k, row] + t.creep[k, row])
+        pressing, creeping = h * t.normal[k, row], h * t.creep[k, row]
         for n in range(6):
-            value -= (t.normal_by[k, row, n] + t.creep_by[k, row, n]) * a[n, 6]
-        t.impulse[k, row] = value
-    return left
+            pressing -= t.normal_by[k, row, n] * t.seen[k, n]
+            creeping -= t.creep_by[k, row, n] * t.seen[k, n]
+        further = pressing + creeping - t.given[k, row] + (left - held if row == PITCH else 0.0)
+        for n in range(change.shape[0]):
+            change[n] += further * inverse[first + row, n]
+        t.given[k, row], t.crept[k, row] = pressing + creeping, creeping
+    if left != held:
+        for n in range(change.shape[0]):
+            change[n] -= (left - held) * inverse[bogie, n]
+    t.left[k] = left
 
 
 @loop
-def creep_work(k: int, h: float, speed: Array, change: Array, turning: float, t: Touching) -> float:
-    """Heat in the contacts of wheelset k over h [s], whose frame turns with `turning` [rad/s]: impulse times mean slip [J]."""
+def unsettled(k: int, change: Array, t: Touching) -> float:
+    """Return by how much the impulses of wheelset k are off [N s], [N m s]: others have moved it since it was solved."""
+    first, largest = WHEELSETS + 6 * k, 0.0
+    for row in range(6):
+        off = 0.0
+        for n in range(6):
+            off += (t.normal_by[k, row, n] + t.creep_by[k, row, n]) * (change[first + n] - t.seen[k, n])
+        largest = max(largest, abs(off))
+    return largest
+
+
+@loop
+def creep_work(k: int, share: float, speed: Array, change: Array, turning: float, t: Touching) -> float:
+    """Heat in the contacts of wheelset k in a substep or the `share` of it that is run: impulse times mean slip [J].
+
+    The wheelset's frame turns with `turning` [rad/s].
+    """
     first, spent = WHEELSETS + 6 * k, 0.0
     for row in range(6):
-        impulse = h * t.creep[k, row]
-        for n in range(6):
-            impulse -= t.creep_by[k, row, n] * change[first + n]
-        mean = speed[first + row] + 0.5 * change[first + row] + (turning if row == YAW else 0.0)
-        spent -= impulse * mean
+        mean = speed[first + row] + 0.5 * share * change[first + row] + (turning if row == YAW else 0.0)
+        spent -= share * t.crept[k, row] * mean
     return spent

@@ -21,7 +21,7 @@ from wsp_env.contact.geometry.port import (
     CONTACTS,
     CURVATURE_A,
     CURVATURE_B,
-    PENETRATION,
+    PRESSED,
     ROLLING_RADIUS,
     Pair,
     Pose,
@@ -43,8 +43,8 @@ Array = NDArray[np.float64]
 #: Lateral shift [m] beyond which the flange is near and contacts are searched along the whole profile (assumption: half the
 #: play of S1002 on UIC60).
 FLANGE_NEAR_M = 0.004
-#: Substeps between two searches then, and otherwise.
-_OFTEN, _SELDOM = 4, 40
+#: Time between two searches then, and otherwise [s].
+_OFTEN_S, _SELDOM_S = 2e-3, 2e-2
 
 
 class Met(NamedTuple):
@@ -101,7 +101,7 @@ def meet(
     s_y -= speed[X_] * (along[1, Y_] * own.y_rate + along[1, Z_] * own.z_rate)
     v_n -= speed[X_] * (along[2, Y_] * own.y_rate + along[2, Z_] * own.z_rate)
     spin = along[2, Y_] * speed[PITCH] + along[2, Z_] * (speed[YAW] + turning)
-    deep, a, b = rows[at, PENETRATION], rows[at, CURVATURE_A], rows[at, CURVATURE_B]
+    deep, a, b = rows[at, PRESSED], rows[at, CURVATURE_A], rows[at, CURVATURE_B]
     stiffness = stiffness_at(a, b, r.table)
     load = normal_force(deep, -v_n, stiffness, r.damping)
     patch = patch_at(a, b, load, r.table)
@@ -161,6 +161,7 @@ def touch(i: int, k: int, steps: int, turning: float, on_step: Stepping, m: Bodi
     on = surface(i, k, place, rolled, mu_cd, share, law.mu_cr, active)
     tau = recovery(active, i, k, c.tau[i])
     _clear(k, w.touching)
+    often, seldom = max(int(_OFTEN_S / p.substep + 0.5), 1), max(int(_SELDOM_S / p.substep + 0.5), 1)
     load, forward, limit_d, limit_r, kept, shift, on_rail = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, True
     for wheel in range(2 * CONTACTS):
         j, at = wheel // CONTACTS, wheel % CONTACTS
@@ -171,11 +172,11 @@ def touch(i: int, k: int, steps: int, turning: float, on_step: Stepping, m: Bodi
         rows = m.rows[i, k, j]
         if at == 0:
             shift += 0.5 * pose.y
-            wide = steps % _SELDOM == 0 or (abs(pose.y) > FLANGE_NEAR_M and steps % _OFTEN == 0)
+            wide = steps % seldom == 0 or (abs(pose.y) > FLANGE_NEAR_M and steps % often == 0)
             m.wheel_load[i, k, j] = m.guiding[i, k, j] = 0.0
             look(1.0 - 2.0 * j, pose, wide, r.pair, rows)
             on_rail = on_rail and abs(pose.y) < r.widest and abs(pose.z) < r.highest
-        if rows[at, PENETRATION] > 0.0:
+        if rows[at, PRESSED] > 0.0:
             worn = c.radius[i, k] - r.radius
             met = meet(rows, at, pose, own, turning, worn, m.speed[i, first : first + 6], r, w.touching.along)
             # The law's own stiffness is kept where the vehicle's contact parameters belong: centred, under its own weight.
