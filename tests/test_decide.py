@@ -272,7 +272,7 @@ def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, l
         return Fitted(model, tuple(variants), (), (), 50.0 + loss * (len(variants) < 2))
 
     monkeypatch.setattr(decide, "refit", refit)
-    monkeypatch.setattr(decide, "_weights", lambda _, __, variant: variant.title)
+    monkeypatch.setattr(decide, "weights_of", lambda _, __, variant: variant.title)
     first, last = (decide.Accepted(trial(one, 40.0), (one.name,), 1.0) for one in (GRADIENT, GAIN))
     accepted, fitted = decide._still_sure(None, [first, last], whole, None)
     kept = ["brake_gain_imbalance"] if loss < 10.0 else ["track_gradient", "brake_gain_imbalance"]
@@ -285,8 +285,8 @@ def test_the_form_of_a_mechanism_that_is_asked_for_does_not_stand_in_for_it(monk
     groups = tuple(Group(name, np.zeros((3, 1)), 1.0) for name in ("track", "form of track_gradient", "form of vehicle_mass"))
     seen = SimpleNamespace(groups=groups, sizes=Sizes(np.array([1.0, 2.0, 3.0]), np.ones(4)), whitening=None, small=groups[0])
     monkeypatch.setattr(decide, "weigh", lambda _, __, groups, sizes: ([one.name for one in groups], list(sizes.groups)))
-    assert decide._weights(None, seen) == (["track", "form of track_gradient", "form of vehicle_mass", "track"], [1, 2, 3, 1])
-    assert decide._weights(None, seen, GRADIENT) == (["track", "form of vehicle_mass", "track"], [1, 3, 1])
+    assert decide.weights_of(None, seen) == (["track", "form of track_gradient", "form of vehicle_mass", "track"], [1, 2, 3, 1])
+    assert decide.weights_of(None, seen, GRADIENT) == (["track", "form of vehicle_mass", "track"], [1, 3, 1])
 
 
 def test_a_term_s_form_may_miss_more_than_a_name_s():

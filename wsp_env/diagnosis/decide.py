@@ -122,7 +122,7 @@ def select(
         if len(accepted) == MOST:
             break
         progress(f"refitting {len(accepted) + 1} of {MOST}")
-        weights = _weights(replica, seen)
+        weights = weights_of(replica, seen)
         trials = _trials(replica, seen, fitted, weights, pool)
         # What the form of those before may leave of what they explain looks like another.
         form = sum(form_of(one.trial.listed) ** 2 * one.trial.evidence for one in accepted)
@@ -148,7 +148,7 @@ def select(
 def _still_sure(replica: Replica, accepted: list[Accepted], fitted: Fitted, seen: Screen) -> tuple[list[Accepted], Fitted]:
     """Take back what is no longer sure beside the last one: of two names for one effect the better may come second."""
     for one in accepted[:-1]:
-        weights = _weights(replica, seen, one.trial.variant)
+        weights = weights_of(replica, seen, one.trial.variant)
         beside = refit(replica, fitted.model, fitted.variants, weights)
         others = [variant for variant in fitted.variants if variant is not one.trial.variant]
         again = refit(replica, without(fitted.model, one.trial.variant), others, weights)
@@ -164,7 +164,7 @@ def _with_sensors_as_read(model: Model) -> Model:
     return dataclasses.replace(model, choice=true)
 
 
-def _weights(replica: Replica, seen: Screen, asked: Variant | None = None) -> Weights:
+def weights_of(replica: Replica, seen: Screen, asked: Variant | None = None) -> Weights:
     """Return the weights of a screen; not those of the form of a mechanism that is asked for, which would stand in for it."""
     kept = [i for i, group in enumerate(seen.groups) if asked is None or group.name != _form_name(asked)]
     sizes = Sizes(np.append(seen.sizes.groups[kept], 1.0), seen.sizes.noise)
