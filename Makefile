@@ -11,7 +11,7 @@ JOBS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint plain coverage fuzz studio docs benchmark picture clean
+.PHONY: help demo test lint plain coverage fuzz studio cluster platforms docs benchmark picture clean
 
 help:
 	@echo "make demo       from recordings to the physics that their validation concealed; writes out/demo.html"
@@ -20,6 +20,8 @@ help:
 	@echo "make coverage   the share of lines and branches that the whole test suite reaches; a table in out/coverage.txt"
 	@echo "make fuzz       20,000 damaged files at every reader and every JSON and TOML file; none may crash, hang or trace back"
 	@echo "make studio     the tests that drive the studio in a browser; the machine should have nothing else to do"
+	@echo "make cluster    the tests of work spread over machines, with a Ray cluster of this machine alone"
+	@echo "make platforms  exported C and FMUs of other platforms: built, and run by the emulators in EMULATORS"
 	@echo "make docs       the documentation, in docs/_build/html"
 	@echo "make benchmark  speed of the law and of the plant, as ratios"
 	@echo "make picture    the picture of the README: a diagnosis"
@@ -33,6 +35,16 @@ test: lint docs plain $(VENV)/.dev
 
 studio: $(VENV)/.dev
 	WSP_STUDIO_BROWSER=1 $(BIN)/pytest tests/test_studio_browser.py
+
+cluster: $(VENV)/.dev
+	$(PIP) --editable ".[cluster]"
+	$(BIN)/pytest tests/test_executor.py
+
+# such as EMULATORS='linux-aarch64 "qemu-aarch64 -L /usr/aarch64-linux-gnu" win64 wine64'
+platforms: $(VENV)/.dev
+	$(PIP) ziglang
+	$(BIN)/pytest tests/test_platforms.py
+	$(BIN)/python -m experiments.other_platforms $(if $(EMULATORS),--emulators $(EMULATORS))
 
 # Compiled code hides from coverage and from Python's own checks: some tests once more without the compiler.
 plain: $(VENV)/.dev

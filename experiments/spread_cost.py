@@ -2,11 +2,14 @@
 
 Overhead: the time until the workers have done their first tasks, and of each further task: of an empty one, of one that sends a
 megabyte and gets it back, and of one that counts for some milliseconds; the least of ten stretches, since others may use the
-machine too. Scaling: the same counting, and the wall time of the same stops, by the number of workers; and whether all results
-are equal.
+machine too. Scaling: the same counting, the wall time of the same stops by the number of workers, and the time of all
+processors that they took (local workers): divided by the number of workers, it is the wall time on a machine that does nothing
+else; and whether all results are equal.
 """
 
 import hashlib
+import math
+import multiprocessing
 import os
 import pickle
 import time
@@ -72,12 +75,21 @@ def jobs(names: tuple[str, ...], draws: int, far: bool) -> list[Job]:
     return [Job(run, carry("rule-based", far)) for run in runs]
 
 
-def stops(executor: Executor, tasks: list[Job]) -> tuple[float, str]:
-    """Return the wall time of all tasks [s], the start of the workers included, and a hash of their results."""
-    begun = time.perf_counter()
+def processors() -> float:
+    """Return the time of all processors that this process and its ended children have taken [s]."""
+    for process in multiprocessing.active_children():
+        process.join()
+    taken = os.times()
+    return taken.user + taken.system + taken.children_user + taken.children_system
+
+
+def stops(executor: Executor, tasks: list[Job]) -> tuple[float, float, str]:
+    """Return wall time and processors' time of all tasks [s], the start of the workers included, and a hash of the results."""
+    begun, before = time.perf_counter(), processors()
     found = {task.task.case.name: content for task, content, _ in executor.run(work, tasks)}
     taken = time.perf_counter() - begun
-    return taken, hashlib.sha256(pickle.dumps(sorted(found.items()))).hexdigest()[:12]
+    used = math.nan if executor.far else processors() - before  # Ray's workers are no children of this process
+    return taken, used, hashlib.sha256(pickle.dumps(sorted(found.items()))).hexdigest()[:12]
 
 
 def main(
@@ -106,12 +118,14 @@ def main(
             executor = Workers(name, workers).make()
             first, empty = overhead(executor, nothing, 0)
             heavy, busy = overhead(executor, give_back, MEGABYTE)[1], overhead(executor, count, 0)[1]
-            taken, digest = stops(executor, jobs(cases, draws, executor.far)) if draws else (0.0, "")
-            rows.append(
-                (name, str(workers), f"{first:.1f}", *(f"{ms:.2f}" for ms in (empty, heavy, busy)), f"{taken:.1f}", digest)
-            )
+            taken, used, digest = stops(executor, jobs(cases, draws, executor.far)) if draws else (0.0, 0.0, "")
+            figures = (*(f"{ms:.2f}" for ms in (empty, heavy, busy)), f"{taken:.1f}", f"{used:.1f}")
+            rows.append((name, str(workers), f"{first:.1f}", *figures, digest))
             print(*rows[-1], flush=True)
-    heads = ("executor", "workers", "start [s]", "empty [ms]", "1 MB [ms]", "counting [ms]", "stops [s]", "results")
+    heads = (
+        *("executor", "workers", "start [s]", "empty [ms]", "1 MB [ms]", "counting [ms]", "stops [s]"),
+        *("of all processors [s]", "results"),
+    )
     task = jobs(cases, draws or 1, False)[0]
     print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; {draws} draws of each case")
     Console(width=140).print(terminal_table(Table(heads, rows)))

@@ -4,7 +4,6 @@ import copy
 import csv
 import dataclasses
 import json
-import pickle
 import re
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,6 +12,7 @@ import numpy as np
 import onnxruntime
 import pytest
 import torch
+from elsewhere import Elsewhere
 from numpy.testing import assert_allclose, assert_array_equal
 from stable_baselines3 import PPO
 
@@ -29,7 +29,7 @@ from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.runner import Conduct, measure, start_plant
-from wsp_env.executor import Outcome, ThisProcess
+from wsp_env.executor import ThisProcess
 from wsp_env.observer.observation import Observer
 from wsp_env.parameters.uic_z1 import BOGIE, VEHICLES
 
@@ -61,17 +61,6 @@ def die_half_way(file, **_):
 def trained(tmp_path_factory):
     arguments = dataclasses.replace(TINY, out=tmp_path_factory.mktemp("run"))
     return arguments, *train(arguments)
-
-
-class Elsewhere(ThisProcess):
-    """Does as another machine does: it gets what is sent, and works in a folder of its own."""
-
-    far = True
-
-    def run(self, work, tasks, report=None):
-        for task in tasks:
-            there = pickle.loads(pickle.dumps(task))
-            yield Outcome(task, work(there))
 
 
 def test_a_training_on_another_machine_ends_with_the_same_weights(trained, tmp_path):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from elsewhere import Elsewhere
 from few_stops import TUNE, VALIDATE, few_stops
 
 from experiments.concealed import answers, bank, black_box, concealment, diagnoses, page, rivals, workers
@@ -60,8 +61,28 @@ def test_bank_is_readable_concealed_labelled_and_reproducible(small_bank):
     for file in (out / "campaigns" / parts[0].stem).iterdir():
         file.unlink()
     parts[0].unlink()
-    assert bank.make(out, len(SHARES), 11, ThisProcess()) == digest  # goes on, and makes the same again
+    assert bank.make(out, len(SHARES), 11, Elsewhere()) == digest  # goes on, and makes the same again
     assert parts[0].read_text(encoding="utf-8") == before
+
+
+@pytest.mark.slow
+def test_who_answers_the_cases_does_not_matter(small_bank, tmp_path, monkeypatch):
+    """Diagnoses and rivals of what is sent; how they come to their answers does not matter here."""
+
+    def of_its_files(folder):
+        return {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in folder.iterdir()} | {"is": folder.name}
+
+    monkeypatch.setattr(diagnoses, "answer", of_its_files)
+    monkeypatch.setattr(rivals, "examine", lambda folder: (dict.fromkeys(rivals.RULES, of_its_files(folder)), {}))
+    monkeypatch.setattr(rivals.black_box, "run", lambda labels, folder, executor: None)
+    made = []
+    for name, executor in (("here", ThisProcess()), ("there", Elsewhere())):
+        out = tmp_path / name
+        shutil.copytree(small_bank[0], out)
+        diagnoses.run(out, executor)
+        rivals.run(out, executor)
+        made.append({file.relative_to(out): file.read_bytes() for file in out.rglob("*") if file.is_file()})
+    assert made[0] == made[1]
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import shutil
 import warnings
 
 import pytest
+from elsewhere import Elsewhere
 from synthetic_stops import stop, write_campaign
 
 from wsp_env.cli import diagnose, main
@@ -103,7 +104,7 @@ def done(monkeypatch, found):
     return asked
 
 
-def test_several_campaigns_each_get_a_folder_and_are_not_diagnosed_again(tmp_path, done, capsys):
+def test_several_campaigns_each_get_a_folder_and_are_not_diagnosed_again(tmp_path, done, capsys, monkeypatch):
     for name in ("good", "bad", "odd"):
         shutil.copytree(demo_campaign(), tmp_path / name)
     command = ["diagnose", *(str(tmp_path / name) for name in ("good", "bad", "odd")), "--out", str(tmp_path / "out"), "--json"]
@@ -117,9 +118,17 @@ def test_several_campaigns_each_get_a_folder_and_are_not_diagnosed_again(tmp_pat
     for name in ("good", "odd"):
         assert json.loads((tmp_path / "out" / name / "diagnosis.json").read_text())["campaign"] == name
     assert done == ["good", "bad", "odd"]
+    monkeypatch.setattr(diagnose, "executor_of", lambda workers: Elsewhere())
+    with pytest.raises(SystemExit, match="1"):
+        main([*command[:-3], "--out", str(tmp_path / "there"), "--json"])
+    there = capsys.readouterr()
+    assert there.out == printed.out
+    assert f"wsp: {tmp_path / 'bad'}: {tmp_path / 'bad'} is bad" in there.err  # where it lies here
+    assert f"warning: {tmp_path / 'odd'}: a channel is odd" in there.err
+    monkeypatch.setattr(diagnose, "executor_of", lambda workers: ThisProcess())
     with (tmp_path / "odd" / "campaign.toml").open("a") as file:
         file.write("# changed\n")
     with pytest.raises(SystemExit, match="1"):
         main(command)
-    assert done[3:] == ["bad", "odd"]  # the good one is kept
+    assert done[6:] == ["bad", "odd"]  # the good one is kept
     assert list(json.loads(capsys.readouterr().out)) == ["good", "odd"]

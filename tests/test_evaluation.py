@@ -9,6 +9,7 @@ import numpy as np
 import polars
 import pytest
 from browser import BROWSER, open_page
+from elsewhere import Elsewhere
 from scipy import stats
 
 from wsp_env import cli
@@ -341,10 +342,12 @@ def test_a_result_is_written_whole_or_not_at_all(tmp_path):
 
 
 @pytest.mark.slow
-def test_results_do_not_depend_on_the_number_of_processes(tmp_path, own):
+def test_results_do_not_depend_on_who_does_the_work(tmp_path, own):
     one = run_small({"none": {}, own: {}}, tmp_path / "one", executor=Processes(1))
     two = run_small({"none": {}, own: {}}, tmp_path / "two", executor=Processes(2))
     assert one.stops.equals(two.stops)
+    far = run_small({"none": {}, own: {}}, tmp_path / "far", executor=Elsewhere())
+    assert one.stops.equals(far.stops)
 
 
 def test_bad_controllers_are_reported_and_the_others_evaluated(tmp_path, own):

@@ -131,7 +131,7 @@ def test_a_policy_in_c_decides_as_pythons(tmp_path: Path) -> None:
     """Guard and observer bit for bit, commands equal; only sums of floats in the network have another order."""
     pytest.importorskip("onnx")
     unit = make_unit(str(TRAINED / "bogie"), VEHICLES["bogie"])
-    given = [made for what, _, made in unit.reference() if what == "step"]
+    given = [made for what, _, made in unit.reference(1) if what == "step"]
     failed = [name for variable in unit.outputs for name, _ in variable.elements()].index("failed[0]")
     assert any(row[failed] for row in given)  # the guard has something to do
     check_vectors(unit, tmp_path)

@@ -23,6 +23,7 @@ from wsp_env.parameters.velim import CONTACT
 from wsp_env.plant.longitudinal.plant import LongitudinalPlant
 from wsp_env.plant.port import Setup
 
+TRAINED = Path(__file__).parents[1] / "agents" / "trained"
 COMPILER = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler on this machine")
 
@@ -113,6 +114,23 @@ def test_a_controllers_fmu_brakes_as_the_python_it_was_made_from(version: int, t
     )
     assert np.array_equal(own.command, other.command)
     assert np.array_equal(own.distance, other.distance)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_policy_becomes_an_fmu_too(version: int, tmp_path: Path) -> None:
+    """It has no parameters; what it decides first is what the Python decides."""
+    pytest.importorskip("onnx")
+    unit = make_unit(str(TRAINED / "bogie"), VEHICLES["bogie"])
+    write_fmu(unit, tmp_path / "policy.fmu", version)
+    fmu = Running(tmp_path / "policy.fmu", tmp_path / "unpacked")
+    assert fmu.numbers("parameter") == []
+    fmu.code.initialise(fmu.own)
+    rows = (row for row in unit.reference(1) if row[0] == "step")
+    for step, (_, seen, made) in zip(range(100), rows, strict=False):
+        fmu.code.set(fmu.own, fmu.numbers("input"), list(seen[1:]))  # the time is FMI's own
+        fmu.code.step(fmu.own, 0.02 * step, 0.02)
+        assert fmu.code.get(fmu.own, fmu.numbers("output")).tolist() == list(made)
 
 
 def changed(file: Path, out: Path, *changes: tuple[str, str], without: str = "/none/") -> Path:

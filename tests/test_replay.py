@@ -7,6 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from browser import BROWSER, open_page
+from elsewhere import Elsewhere
 
 import wsp_env  # noqa: F401  # registers the environments
 from wsp_env.cli import main
@@ -78,6 +79,14 @@ def test_the_replay_can_be_trusted_where_no_controller_acted(replayed):
     assert figures["A5", SIMULATED]["mean_slip_mps"] == pytest.approx(deep["mean_slip_mps"], rel=0.03)
     assert figures["A5", "rule-based"]["mean_slip_mps"] < deep["mean_slip_mps"]
     assert not any(course.figures["locked_s"] for course in replayed.courses)
+
+
+@pytest.mark.slow
+def test_who_brakes_the_stops_does_not_matter(campaign, replayed):
+    there = replay(campaign, {"none": {}, "rule-based": {}}, executor=Elsewhere())
+    assert there.to_json() == replayed.to_json()
+    for one, other in zip(there.courses, replayed.courses, strict=True):
+        np.testing.assert_array_equal(one.slip_mps, other.slip_mps)
 
 
 @pytest.mark.slow

@@ -3,8 +3,8 @@
 `kernel`, `inlined` and `loop` compile functions of scalars and arrays. `elementwise` makes a numpy ufunc of one, so that
 scalars and arrays of any shape are computed by one source. `generated` compiles source that is made from data. `by_type`
 chooses a kernel by the type of a record. `rebuilder` makes records from plain tuples. `with_math` compiles a kernel once more
-with other elementary functions. With `NUMBA_DISABLE_JIT=1` all of them fall back to plain Python (slow, for coverage and
-debugging).
+with other elementary functions. `cuda_kernel` compiles one for a GPU. With `NUMBA_DISABLE_JIT=1` all but the last fall back to
+plain Python (slow, for coverage and debugging).
 """
 
 import hashlib
@@ -164,6 +164,41 @@ def rebuilder(example: Any) -> Callable[..., Any]:
         return f"{name}({', '.join(call(item, f'{where}[{i}]') for i, item in enumerate(value))})"
 
     return generated("rebuild", f"def rebuild(plain):\n    return {call(example, 'plain')}\n", names)
+
+
+def row_taker(example: Any) -> Callable[..., Any]:
+    """Return the kernel (rows, i) -> `plain` tuples of arrays as `example` is, with row i alone of each: a batch of one."""
+
+    def call(value: Any, where: str) -> str:
+        if not isinstance(value, tuple):
+            return f"{where}[i : i + 1]"
+        return f"({''.join(call(item, f'{where}[{j}]') + ', ' for j, item in enumerate(value))})"
+
+    return generated("row", f"def row(rows, i):\n    return {call(example, 'rows')}\n", {})
+
+
+def cuda_kernel(function: Callable[..., None], arguments: str) -> Any:
+    """Compile a CUDA kernel whose thread i calls `function(i, arguments)`, while i is below the first argument's length.
+
+    It is launched as `kernel[blocks, threads](...)` with arrays of `on_device`.
+    """
+    from numba import cuda
+
+    jit: Any = cuda.jit
+    first = arguments.partition(",")[0]
+    source = f"def launch({arguments}):\n    i = cuda.grid(1)\n    if i < {first}.shape[0]:\n        function(i, {arguments})\n"
+    namespace: dict[str, Any] = {"cuda": cuda, "function": function}
+    exec(source, namespace)
+    return jit(namespace["launch"])
+
+
+def on_device(value: Any) -> Any:
+    """Return tuples within tuples with their arrays on the GPU; numbers stay."""
+    from numba import cuda
+
+    if isinstance(value, tuple):
+        return tuple(on_device(item) for item in value)
+    return cuda.to_device(value) if isinstance(value, np.ndarray) else value
 
 
 def by_type(

@@ -68,7 +68,7 @@ class NativeController:
         if measurement.pressure is not None:
             arrays.append(measurement.pressure)
         assert self._process is not None
-        _, command = self._process.ask({"do": "act"}, self._limit_s, *arrays)
+        command = self._process.ask({"do": "act"}, self._limit_s, *arrays)
         return command.reshape(n, self._axles).copy()
 
     def _opened(self) -> Isolated:

@@ -1,17 +1,14 @@
 """The other side of `wsp_env.evaluation.isolated`: opens the file, runs its instances, answers."""
 
 import ctypes
-import json
 import math
-import os
-import sys
 from pathlib import Path
-from typing import Any, BinaryIO, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
-from wsp_env import child
 from wsp_env.evaluation.isolated import RefusedError
+from wsp_env.servant import Message, serve
 
 #: Version of `wsp_controller.h`.
 INTERFACE = 1
@@ -114,41 +111,27 @@ def open_file(file: Path) -> Opened:
 
 
 def main() -> None:
-    """Serve requests from standard input until it ends; what native code prints goes nowhere."""
-    child.become_worker()
-    answers = os.fdopen(os.dup(1), "wb", buffering=0)
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    requests = os.fdopen(0, "rb", closefd=False)
+    """Serve requests until there are none."""
     opened: Opened | None = None
-    _send(answers, b"ready\n")
-    while line := requests.readline():
-        request = json.loads(line)
-        arrays = [np.frombuffer(requests.read(8 * length)) for length in request["lengths"]]
-        child.limit_processor(request["limit_s"])
+
+    def answer(request: dict[str, Any], arrays: list[np.ndarray]) -> Message:
+        nonlocal opened
+        made = np.empty(0)
         try:
             if request["do"] == "open":
                 opened = open_file(Path(request["file"]))
-                made = np.empty(0)
-            elif request["do"] == "reset":
-                assert opened is not None
+                return {}, [made]
+            assert opened is not None
+            if request["do"] == "reset":
                 opened.reset(request["n"], request["vehicle"])
-                made = np.empty(0)
             else:
-                assert opened is not None
-                n = arrays[0].size
-                tables = [np.ascontiguousarray(array.reshape(n, -1)) for array in arrays[2:]]
-                made = np.ascontiguousarray(opened.act(arrays[0], arrays[1], tables[0], tables[1] if len(tables) > 1 else None))
+                time, demand, *tables = arrays
+                wheel, *pressure = (table.reshape(time.size, -1) for table in tables)
+                made = opened.act(time, demand, wheel, pressure[0] if pressure else None)
         except RefusedError as error:
-            _send(answers, json.dumps({"error": str(error)}).encode() + b"\n")
+            return {"error": str(error)}, [made]
         except Exception as error:
-            _send(answers, json.dumps({"error": f"cannot be run: {type(error).__name__}: {error}"}).encode() + b"\n")
-        else:
-            _send(answers, json.dumps({"length": made.size}).encode() + b"\n" + made.tobytes())
-        child.limit_processor(math.inf)
-    sys.exit(0)
+            return {"error": f"cannot be run: {type(error).__name__}: {error}"}, [made]
+        return {}, [made]
 
-
-def _send(pipe: BinaryIO | Any, data: bytes) -> None:
-    left = memoryview(data)
-    while left:
-        left = left[pipe.write(left) :]
+    serve(answer)

@@ -2,14 +2,13 @@
 
 import copy
 import dataclasses
-from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from wsp_env.evaluation.controller import SHORT_NAMES, Controller, load
 from wsp_env.export import kinds
-from wsp_env.export.inputs import changed, commanded, measured, parameter, random_drive
+from wsp_env.export.inputs import commanded, driven, measured, parameter
 from wsp_env.export.observed import is_observed, observed_unit
 from wsp_env.export.translator import Translator
 from wsp_env.export.unit import Unit, Variable, assigned, flat
@@ -75,7 +74,9 @@ def controller_unit(name: str, vehicle: Vehicle, interval_s: float = 0.02) -> Un
             f"memcpy(y->command, result, {axles} * sizeof(double));",
             *(_told(what, axles) for what in running),
         ),
-        reference=lambda: _reference(name, vehicle, interval_s, [field.name for field in changeable]),
+        reference=lambda times: driven(
+            name, vehicle, interval_s, [field.name for field in changeable], outputs, drives=6 * times
+        ),
         interval_s=interval_s,
         tolerance=TOLERANCE,
         why_tolerance=WHY,
@@ -135,18 +136,6 @@ def _places(value: Any, place: str) -> list[str]:
         if name != "parameters" and hasattr(item, "__dict__") and not dataclasses.is_dataclass(item):
             found += _places(item, f"{place}.{kinds.safe(name)}")
     return found
-
-
-def _reference(
-    name: str, vehicle: Vehicle, interval_s: float, parameters: Sequence[str], drives: int = 6, steps: int = 500
-) -> Iterator[tuple[str, list[float], list[float]]]:
-    rng = np.random.default_rng(0)
-    for drive in range(drives):
-        controller: Any = changed(name, parameters, rng if drive else None)
-        controller.reset(1, vehicle)
-        yield "start", [float(getattr(controller.parameters, one)) for one in parameters], []
-        for seen in random_drive(vehicle, interval_s, steps, rng):
-            yield "step", flat((seen.time, seen.wheel_speed, seen.demand)), outputs(controller, seen)
 
 
 def outputs(controller: Controller, seen: Measurement) -> list[float]:

@@ -1,5 +1,6 @@
 """The files of an exported unit: C, header, CMake, test vectors and the runner that checks them."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 from wsp_env.export.single import in_floats
@@ -16,7 +17,7 @@ def write_unit(unit: Unit, folder: Path) -> list[str]:
     texts = {
         f"{unit.name}.h": written(header(unit)),
         f"{unit.name}.c": written(source(unit)),
-        "vectors.txt": vectors(unit),
+        "vectors.txt": "".join(vectors(unit)),
         "runner.c": runner(unit),
         "CMakeLists.txt": cmake(unit),
     }
@@ -26,16 +27,14 @@ def write_unit(unit: Unit, folder: Path) -> list[str]:
     return list(texts)
 
 
-def vectors(unit: Unit) -> str:
-    """Return the test vectors: what the Python makes, as exact hexadecimal numbers."""
-    lines = [
-        f"# {unit.title}",
-        f"# start: {' '.join(_names(unit.parameters))}",
-        f"# step: {' '.join(_names(unit.inputs))} -> {' '.join(_names(unit.outputs))}",
-    ]
-    for what, given, made in unit.reference():
-        lines.append(" ".join([what, *(float(value).hex() for value in (*given, *made))]))
-    return "\n".join([*lines, "end"]) + "\n"
+def vectors(unit: Unit, times: int = 1) -> Iterator[str]:
+    """Yield the lines of the test vectors: what the Python makes, as exact hexadecimal numbers."""
+    yield f"# {unit.title}\n"
+    yield f"# start: {' '.join(_names(unit.parameters))}\n"
+    yield f"# step: {' '.join(_names(unit.inputs))} -> {' '.join(_names(unit.outputs))}\n"
+    for what, given, made in unit.reference(times):
+        yield " ".join([what, *(float(value).hex() for value in (*given, *made))]) + "\n"
+    yield "end\n"
 
 
 def _names(variables: tuple[Variable, ...]) -> list[str]:

@@ -1,13 +1,13 @@
 """What units of controllers have in common: inputs, commands, parameters, and drives to compare them on."""
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from wsp_env.evaluation.controller import load
-from wsp_env.export.unit import Variable
+from wsp_env.export.unit import Variable, flat
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.port import Measurement
@@ -74,3 +74,23 @@ def random_drive(vehicle: Vehicle, interval_s: float, steps: int, rng: np.random
         wheel = np.maximum((speed - slip) / radius + rng.normal(0.0, 0.01, axles), 0.0)
         wheel[time >= fails] = rng.choice([0.0, np.nan])
         yield Measurement(np.array([time]), wheel[None, :], np.array([float(rng.choice([1.0, 0.7]))]))
+
+
+def driven(
+    name: str, vehicle: Vehicle, interval_s: float, parameters: Sequence[str],
+    outputs: Callable[[Any, Measurement], list[float]], *, drives: int, steps: int = 500, seed: int = 0,
+) -> Iterator[tuple[str, list[float], list[float]]]:  # fmt: skip
+    """Yield test vectors of a controller: random drives, from the second on with these parameters changed.
+
+    Parameters
+    ----------
+    outputs : returns what the C gives for a measurement, by the Python
+
+    """
+    rng = np.random.default_rng(seed)
+    for drive in range(drives):
+        controller = changed(name, parameters, rng if drive else None)
+        controller.reset(1, vehicle)
+        yield "start", [float(getattr(controller.parameters, one)) for one in parameters], []
+        for seen in random_drive(vehicle, interval_s, steps, rng):
+            yield "step", flat((seen.time, seen.wheel_speed, seen.demand)), outputs(controller, seen)

@@ -77,8 +77,8 @@ def law_unit(record: Any) -> Unit:
     )
     outputs = tuple(Variable(name, *said(made[name])[::-1]) for name in Adhesion._fields)
 
-    def reference() -> Iterator[tuple[str, list[float], list[float]]]:
-        states = random_states(500)
+    def reference(times: int) -> Iterator[tuple[str, list[float], list[float]]]:
+        states = random_states(500 * times)
         result = np.empty((len(states), len(outputs)))
         evaluate_many(states, record, result)
         yield "start", flat(record), []

@@ -5,18 +5,16 @@ kernel takes; `_control(settings, plan, state, given)`, which writes commands in
 """
 
 import inspect
-from collections.abc import Iterator, Sequence
 from typing import Any
-
-import numpy as np
 
 from wsp_env.evaluation.controller import load
 from wsp_env.export import kinds
 from wsp_env.export.guarded import found, guarded_observer, kernels_names, rebuilders
-from wsp_env.export.inputs import changed, commanded, measured, parameter, random_drive
+from wsp_env.export.inputs import commanded, driven, measured, parameter
 from wsp_env.export.translator import Translator
 from wsp_env.export.unit import Unit, assigned, flat
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.port import Measurement
 
 #: The kernel and the record of its settings, as such a controller's file names them.
 KERNEL, SETTINGS = "_control", "Settings"
@@ -68,24 +66,24 @@ def observed_unit(name: str, title: str, prefix: str, vehicle: Vehicle, interval
             f"memcpy(y->command, self->plan.command, {axles} * sizeof(double));",
             *seen.tell,
         ),
-        reference=lambda: _reference(name, vehicle, interval_s, [*settings, *_TIMERS]),
+        reference=lambda times: driven(
+            name,
+            vehicle,
+            interval_s,
+            [*settings, *_TIMERS],
+            lambda own, now: _outputs(own, now, interval_s),
+            drives=4 * times,
+            seed=2,
+        ),
         interval_s=interval_s,
         controller=True,
         axles=axles,
     )
 
 
-def _reference(
-    name: str, vehicle: Vehicle, interval_s: float, parameters: Sequence[str], drives: int = 4, steps: int = 500
-) -> Iterator[tuple[str, list[float], list[float]]]:
-    rng = np.random.default_rng(2)
-    for drive in range(drives):
-        controller: Any = changed(name, parameters, rng if drive else None)
-        controller.reset(1, vehicle)
-        yield "start", [float(getattr(controller.parameters, one)) for one in parameters], []
-        for seen in random_drive(vehicle, interval_s, steps, rng):
-            command = controller.act(seen)
-            if not controller._begun:  # the C knows the interval from the start, and begins with the first measurement
-                controller._begin(controller._first, interval_s)
-            told = found(controller._observer, controller.wheels)
-            yield "step", flat((seen.time, seen.wheel_speed, seen.demand)), flat((command, *told))
+def _outputs(controller: Any, seen: Measurement, interval_s: float) -> list[float]:
+    """Return what the C gives for a measurement, by the Python."""
+    command = controller.act(seen)
+    if not controller._begun:  # the C knows the interval from the start, and begins with the first measurement
+        controller._begin(controller._first, interval_s)
+    return flat((command, *found(controller._observer, controller.wheels)))

@@ -122,7 +122,7 @@ def plant_unit(vehicle: Vehicle, options: PlantOptions | None = None, mechanisms
         start=("memset(self, 0, sizeof *self);", *assigned("self->batch", example, own), *_begin(axles, o.track_nodes)),
         read=tuple(_read(axles)),
         step=("self->batch.conditions.demand = u->demand;", f"{call.code};", "wsp_plant_read(self, y);"),
-        reference=lambda: _reference(vehicle, setup),
+        reference=lambda times: _reference(vehicle, setup, 3 * times),
         interval_s=o.control_interval_s,
         axles=axles,
     )
@@ -271,7 +271,7 @@ def plant_outputs(plant: LongitudinalPlant) -> list[float]:
 
 
 def _reference(
-    vehicle: Vehicle, setup: Setup, stops: int = 3, longest: int = 400, seed: int = 0
+    vehicle: Vehicle, setup: Setup, stops: int, longest: int = 400, seed: int = 0
 ) -> Iterator[tuple[str, list[float], list[float]]]:
     """Yield stops under commands that hold for random times."""
     rng = np.random.default_rng(seed)

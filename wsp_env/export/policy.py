@@ -56,7 +56,7 @@ def policy_unit(folder: Path) -> Unit:
             f"memcpy(y->command, self->command, {axles} * sizeof(double));",
             *seen.tell,
         ),
-        reference=lambda: _reference(folder),
+        reference=lambda times: _reference(folder, 4 * times),
         interval_s=contract.control_interval_s,
         tolerance=0.0 if valve else TOLERANCE,
         why_tolerance=WHY,
@@ -66,7 +66,7 @@ def policy_unit(folder: Path) -> Unit:
     )  # fmt: skip
 
 
-def _reference(folder: Path, drives: int = 4, steps: int = 400) -> Iterator[tuple[str, list[float], list[float]]]:
+def _reference(folder: Path, drives: int, steps: int = 400) -> Iterator[tuple[str, list[float], list[float]]]:
     rng = np.random.default_rng(1)
     policy = load_policy(folder)
     vehicle = VEHICLES[policy.contract.vehicle]

@@ -45,7 +45,8 @@ class Unit:
     """A unit of C.
 
     `start` and `step` are the bodies of its two functions, which see `self`, the parameters `p`, the inputs `u` and the outputs
-    `y`. `reference()` yields what the Python makes: ("start", parameters) and ("step", inputs, outputs), flat.
+    `y`. `reference(times)` yields what the Python makes: ("start", parameters) and ("step", inputs, outputs),
+    flat; so many times the test vectors that come along.
     """
 
     name: str
@@ -57,7 +58,7 @@ class Unit:
     state: tuple[str, ...]
     start: tuple[str, ...]
     step: tuple[str, ...]
-    reference: Callable[[], Iterator[tuple[str, Sequence[float], Sequence[float]]]]
+    reference: Callable[[int], Iterator[tuple[str, Sequence[float], Sequence[float]]]]
     read: tuple[str, ...] = ()  # C that fills in `y` without a step; none: outputs come of steps
     interval_s: float | None = None  # between two steps; None: it has no time
     tolerance: float = 0.0  # by which C and Python may differ, relative from 1 on

@@ -29,6 +29,10 @@ typedef struct {
     int old; /* the outputs do not belong to the inputs */
 } instance;
 
+/* Numbers count parameters, inputs, outputs. Not "number < FIRST_INPUT": a unit may have no parameters, nothing is below 0. */
+static int is_parameter(unsigned number) { return number + 1 <= FIRST_INPUT; }
+static int is_input(unsigned number) { return number < FIRST_OUTPUT && !is_parameter(number); }
+
 /* Where each variable is, in the order of modelDescription.xml. */
 static const size_t AT[COUNT] = {
     @offsets@};
@@ -72,7 +76,7 @@ static void initialise(instance *own)
 /* Set a variable; 0 where it cannot be set now. */
 static int set(instance *own, unsigned number, double value)
 {
-    if (number >= FIRST_OUTPUT || (number < FIRST_INPUT && own->initialised)) {
+    if (number >= FIRST_OUTPUT || (is_parameter(number) && own->initialised)) {
         return 0;
     }
     *variable(own, number) = value;
@@ -201,7 +205,7 @@ static int sensitivity(instance *own, const unsigned *of, size_t outputs, const 
     for (n = 0; n < outputs; n++) {
         result[n] = 0.0;
         for (m = 0; m < inputs; m++) {
-            if (of[n] < FIRST_OUTPUT || of[n] >= COUNT || by[m] < FIRST_INPUT || by[m] >= FIRST_OUTPUT) {
+            if (of[n] < FIRST_OUTPUT || of[n] >= COUNT || !is_input(by[m])) {
                 return 0;
             }
             result[n] += derivative(own, of[n], by[m]) * seed[m];

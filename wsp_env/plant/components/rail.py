@@ -21,8 +21,11 @@ class RailConstants(NamedTuple):
 def along_track(i: int, place: float, table: np.ndarray, step: float) -> float:
     """Value of stop i at a place [m], linear between the nodes of `table` (N, M), which lie `step` [m] apart."""
     x = min(max(place / step, 0.0), table.shape[1] - 1.0)
-    node = min(int(x), max(table.shape[1] - 2, 0))
-    following = min(node + 1, table.shape[1] - 1)
+    last = table.shape[1] - 1
+    node = int(x)  # no min and max of whole numbers: compiled for CUDA they are floats, which are no index
+    if node >= last:
+        node = last - 1 if last > 0 else 0
+    following = node + 1 if node < last else last
     return table[i, node] + (x - node) * (table[i, following] - table[i, node])
 
 
