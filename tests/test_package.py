@@ -81,7 +81,8 @@ def blocks(*languages):
 def commands():
     """Every command of the documents, as (document, words): what follows a pipe or goes into a file is left out."""
     for name, text in blocks("console", "sh", ""):
-        for line in text.replace("\\\n", " ").splitlines():
+        lines = text.replace("\\\n", " ").splitlines()
+        for line in [one for one in lines if one.startswith("$ ")] or lines:  # the others are what a command prints
             for part in re.split(r"&&|\|", line.strip().removeprefix("$ ")):
                 words = shlex.split(part.partition(">")[0], comments=True)
                 while words and "=" in words[0]:  # a variable of the environment

@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 
 import pytest
 from browser import BROWSER
@@ -21,7 +22,7 @@ pytestmark = [
 ]
 
 #: For one step of a page on a busy machine [ms]; what computes has more.
-PATIENCE_MS, WORK_MS = 60_000, 300_000
+PATIENCE_MS, WORK_MS = 180_000, 1_200_000
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
              "--disable-component-update", "--disable-sync"]  # fmt: skip
 
@@ -34,7 +35,7 @@ def address(tmp_path_factory):
         yield re.search(r"http\S+", server.stdout.readline())[0]
         assert list(place.glob("wsp-studio-*"))
         server.terminate()
-        server.wait(60.0)
+        server.wait(PATIENCE_MS / 1000.0)
     assert not list(place.glob("wsp-studio-*"))  # what was uploaded ends with the server
 
 
@@ -132,17 +133,19 @@ def test_by_keyboard_alone(open_tab, six):
     tab = open_tab()
     keys = tab.keyboard
 
-    def to(name, most=60):
-        """Go on by the tab key until what is named has the focus."""
-        for _ in range(most):
+    def to(name):
+        """Go on by the tab key until what is named has the focus; a page that is late has its time."""
+        seen, until = [], time.monotonic() + PATIENCE_MS / 1000.0
+        while time.monotonic() < until:
             keys.press("Tab")
             focused = tab.evaluate(
-                "(() => { const e = document.activeElement; return [e.innerText, e.getAttribute('aria-label'), "
-                "e.labels && e.labels[0] && e.labels[0].innerText].join(' ') })()"
+                "(() => { const e = document.activeElement; return e === document.body ? '' : [e.innerText, "
+                "e.getAttribute('aria-label'), e.labels && e.labels[0] && e.labels[0].innerText].join(' ') })()"
             )
             if name in focused:
                 return
-        pytest.fail(f"{name} cannot be reached by the tab key")
+            seen.append(focused[:40])
+        pytest.fail(f"{name} cannot be reached by the tab key, which goes over {list(dict.fromkeys(seen))}")
 
     to("Read recordings")
     keys.press("Enter")

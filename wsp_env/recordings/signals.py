@@ -1,5 +1,6 @@
 """A page with every signal of a campaign as it was read, before any model; what was repaired or is not trusted is shaded."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,19 @@ _MOST_STRETCHES = 200  # shaded ones of a figure
 
 
 def write_signals(
-    path: Path, campaign: Campaign, made_from: Origin = Origin("wsp inspect"), options: PageOptions = PageOptions()
+    path: Path,
+    campaign: Campaign,
+    made_from: Origin = Origin("wsp inspect"),
+    options: PageOptions = PageOptions(),
+    suspicions: Sequence[str] = (),
 ) -> None:
-    """Write the page; `ModuleNotFoundError` without plotly."""
+    """Write the page; `ModuleNotFoundError` without plotly.
+
+    Parameters
+    ----------
+    suspicions : a line for each channel that contradicts the others
+
+    """
     sections: list[Section] = []
     for name, run in campaign.runs.items():
         group = "tunes" if name in campaign.tune else "validates" if name in campaign.validate else "in no group"
@@ -28,6 +39,9 @@ def write_signals(
     lead = (
         "Every channel as it was read, on one clock. Shaded: repaired, or not to be trusted, on the axle of that colour or all."
     )
+    if suspicions:
+        said = [f"Suspect: {one}." for one in suspicions]
+        sections.insert(0, Section("Channels that contradict the others", said, fold=False))
     write_page(path, f"Signals of campaign {campaign.name}", lead, sections, made_from, options)
 
 

@@ -144,7 +144,7 @@ def tune(folder: Path, request: Request, tell: Tell) -> Request:
     tuning = recordings.tune(campaign)
     table = adhesion_table(tuning)
     shown = {"header": list(table.header), "rows": [list(row) for row in table.rows], "caption": table.caption}
-    return tuning.to_json() | {"sentence": tuning.sentence, "table": shown}
+    return tuning.to_json() | {"sentence": tuning.sentence, "table": shown, "absurd": tuning.absurd}
 
 
 def validate(folder: Path, request: Request, tell: Tell) -> Request:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from wsp_env.output import write_text
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.parameters.vehicle_file import read_vehicle
@@ -253,7 +254,7 @@ class Workspace:
 
     def write_campaign(self) -> None:
         """Write campaign.toml beside the files."""
-        (self.recordings / "campaign.toml").write_text(self.campaign_text(), encoding="utf-8")
+        write_text(self.recordings / "campaign.toml", self.campaign_text())
 
 
 def _with(text: str, begins: str, line: str) -> str:
