@@ -1,5 +1,6 @@
 """The child of `apart`: answers requests for files, one line of JSON each, until there are none."""
 
+import gc
 import importlib
 import json
 import logging
@@ -31,6 +32,7 @@ def main() -> None:
     answers.flush()
     last: tuple[Any, ChannelFile] | None = None
     limited = False
+    used: set[str] = set()
     for line in sys.stdin.buffer:
         request = json.loads(line)
         reader = importlib.import_module(f"wsp_env.recordings.readers.{request['reader']}")
@@ -39,6 +41,9 @@ def main() -> None:
             limited = True
         child.limit_processor(request["seconds"])
         last = _answer(answers, reader, request, last)
+        if request["reader"] not in used:
+            used.add(request["reader"])
+            gc.freeze()  # every damaged file ends in a collection of what it left: what was imported is not looked at again
         answers.flush()
 
 
