@@ -133,6 +133,7 @@ class Workspace:
             file.looked, file.error = True, answer.get("error", "")
             if not file.error:
                 file.channels, file.rows = [channel_of(one) for one in answer["channels"]], answer["rows"]
+                file.slid = answer["slid"]
         self._suggest()
 
     @property
@@ -163,7 +164,7 @@ class Workspace:
         self.columns = suggested | kept
         axles = [int(match[1]) for name in self.columns if (match := re.match(r"axle(\d+)_", name))]
         self.axles = max(axles, default=self.axles)
-        _, validates = split(tuple(file.path for file in chosen))
+        _, validates = split(tuple(file.path for file in sorted(chosen, key=lambda file: file.slid)))
         for file in self.usable:
             if file.group != "left out":
                 file.group = "validate" if file.path in validates else "tune"
