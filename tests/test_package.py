@@ -132,6 +132,18 @@ def test_no_page_is_too_long():
         assert len(document.read_text(encoding="utf-8").splitlines()) <= 200, document.name
 
 
+def test_every_block_that_is_run_shows_what_it_prints():
+    """`make docs` compares the words; here nothing is run."""
+    marked = r"^<!-- run(?: \d+)? -->\n```(console|python)\n(.*?)^```(?:\n\n?```text\n(.*?)^```)?"
+    found = 0
+    for document in DOCUMENTS:
+        for language, block, text in re.findall(marked, document.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
+            printed = text if language == "python" else "".join(one for one in block.splitlines() if not one.startswith("$ "))
+            assert printed.strip(), f"{document.name}: {block[:60]}"
+            found += 1
+    assert found > 10
+
+
 def test_missing_extra_is_named(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "plotly", None)
     monkeypatch.setitem(sys.modules, "plotly.graph_objects", None)
