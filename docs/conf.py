@@ -1,10 +1,16 @@
 """Sphinx configuration of the documentation; `make docs` builds it, a warning is an error."""
 
 import re
+import sys
+from pathlib import Path
 
 from sphinx.application import Sphinx
+from sphinx.util import logging
 
 from wsp_env import __version__
+
+sys.path.insert(0, str(Path(__file__).parent))
+import outputs
 
 project = "wsp-env"
 author = "The wsp-env authors"
@@ -40,6 +46,15 @@ def _prepare(app: Sphinx, what: str, name: str, obj: object, options: object, li
     lines[:] = prepared
 
 
+def _run(app: Sphinx, docname: str, content: list[str]) -> None:
+    """Show what the commands of a page print today; a page that says something else is a warning."""
+    anew = outputs.kept(content[0])
+    if outputs.words(anew) != outputs.words(content[0]):
+        logging.getLogger(__name__).warning("its outputs are of another version; python docs/outputs.py %s.md", docname)
+    content[0] = anew
+
+
 def setup(app: Sphinx) -> None:
-    """Connect what prepares docstrings, before napoleon reads them."""
+    """Connect what prepares docstrings, before napoleon reads them, and what runs the commands of pages."""
     app.connect("autodoc-process-docstring", _prepare, priority=100)
+    app.connect("source-read", _run)

@@ -211,7 +211,8 @@ def test_page_is_filled_and_filled_again(tmp_path):
     docs, out = tmp_path / "docs", tmp_path / "out"
     docs.mkdir()
     (out / "rivals" / "bic").mkdir(parents=True)
-    shutil.copy(DOCS / page.PAGE, docs)
+    for name in page.PAGES:
+        shutil.copy(DOCS / name, docs)
     labels = {"n": truth("null"), "s": truth("single", "track_gradient", size=0.001)}
     answers = {"n": answer("adequate"), "s": answer("named", "track_gradient")}
     figures = json.dumps(plain(score(labels, answers)))
@@ -220,17 +221,17 @@ def test_page_is_filled_and_filled_again(tmp_path):
     (out / "bank.json").write_text('{"cases": 2, "seed": 1}', encoding="utf-8")
     (out / "labels.sha256").write_text("abc  labels.json\n", encoding="utf-8")
     Page(out, docs).run()
-    text = (docs / page.PAGE).read_text(encoding="utf-8")
+    text, more = ((docs / name).read_text(encoding="utf-8") for name in page.PAGES)
     assert "| false alarms on nulls | at most 5 % | 0.0 % (0 of 1; 0.0 % to 95.0 %) | yes |" in text
     assert "`abc`" in text
     required = text.partition("<!-- begin: required -->")[2].partition("<!-- end: required -->")[0]
     assert "90 % intervals of the change of stopping distance cover" in required
-    pictures = [line.split("(")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")]
+    pictures = [line.split("(")[1].rstrip(")") for line in f"{text}\n{more}".splitlines() if line.startswith("![")]
     assert pictures
     assert all((docs / picture).is_file() for picture in pictures)
     Page(out, docs).run()
-    assert (docs / page.PAGE).read_text(encoding="utf-8") == text
-    (docs / page.PAGE).write_text(text.replace("<!-- begin: power -->", ""), encoding="utf-8")
+    assert [(docs / name).read_text(encoding="utf-8") for name in page.PAGES] == [text, more]
+    (docs / page.PAGES[1]).write_text(more.replace("<!-- begin: power -->", ""), encoding="utf-8")
     with pytest.raises(BankError, match="markers"):
         Page(out, docs).run()
     (out / "score.json").unlink()

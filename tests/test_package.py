@@ -81,7 +81,8 @@ def blocks(*languages):
 def commands():
     """Every command of the documents, as (document, words): what follows a pipe or goes into a file is left out."""
     for name, text in blocks("console", "sh", ""):
-        for line in text.replace("\\\n", " ").splitlines():
+        lines = text.replace("\\\n", " ").splitlines()
+        for line in [one for one in lines if one.startswith("$ ")] or lines:  # the others are what a command prints
             for part in re.split(r"&&|\|", line.strip().removeprefix("$ ")):
                 words = shlex.split(part.partition(">")[0], comments=True)
                 while words and "=" in words[0]:  # a variable of the environment
@@ -128,8 +129,19 @@ def test_every_toml_and_json_in_the_documents_is_valid():
 
 def test_no_page_is_too_long():
     for document in DOCUMENTS:
-        if document.name not in ("api.md", "agents.md", "concealed.md"):  # the last two: laboratory notes on their way out
-            assert len(document.read_text(encoding="utf-8").splitlines()) <= 200, document.name
+        assert len(document.read_text(encoding="utf-8").splitlines()) <= 200, document.name
+
+
+def test_every_block_that_is_run_shows_what_it_prints():
+    """`make docs` compares the words; here nothing is run."""
+    marked = r"^<!-- run(?: \d+)? -->\n```(console|python)\n(.*?)^```(?:\n\n?```text\n(.*?)^```)?"
+    found = 0
+    for document in DOCUMENTS:
+        for language, block, text in re.findall(marked, document.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
+            printed = text if language == "python" else "".join(one for one in block.splitlines() if not one.startswith("$ "))
+            assert printed.strip(), f"{document.name}: {block[:60]}"
+            found += 1
+    assert found > 10
 
 
 def test_missing_extra_is_named(monkeypatch, capsys):

@@ -208,6 +208,10 @@ def test_the_commands_tell_suspect_channels(tmp_path, capsys):
     assert "warning: suspect channel axle2_brake_torque" in capsys.readouterr().err
     assert main(["inspect", str(folder / "A1.csv")]) == 0
     assert "suspect channel axle2_brake_torque" in capsys.readouterr().err
+    (folder / "campaign.toml").rename(folder / "kept.toml")
+    assert main(["inspect", str(folder), "--vehicle", "coach"]) == 0
+    assert "suspect channel axle2_brake_torque" in capsys.readouterr().err
+    assert "Suspect: axle2_brake_torque" in (folder / "signals.html").read_text()
 
 
 # --- places that nobody knows ----------------------------------------------------------------------------------------

@@ -17,7 +17,9 @@ from wsp_env.parameters.velim import CONTACT
 from wsp_env.recordings import (
     CampaignError,
     CampaignWarning,
+    RunScore,
     Smoothing,
+    Tuning,
     demo_campaign,
     derive,
     limits,
@@ -27,6 +29,7 @@ from wsp_env.recordings import (
     tune,
 )
 from wsp_env.recordings.bootstrap import Blocks, interval95
+from wsp_env.recordings.tuning import warn_of_errors
 
 #: wsp_env/data/README.md: what the demo campaign was made with.
 DEMO_TAU = 2.338e-4
@@ -268,3 +271,11 @@ def test_command_prints_a_table(capsys):
 def test_command_says_what_is_wrong(tmp_path, capsys):
     assert main(["tune", str(tmp_path)]) == 2
     assert "campaign.toml does not exist" in capsys.readouterr().err
+
+
+def test_an_axle_that_no_law_could_miss_so_far_is_told():
+    runs = {"A1": RunScore("tune", 0.06, True, (0.02, 0.51, None)), "B1": RunScore("validate", 0.06, True, (0.49, 0.1, 0.2))}
+    tuning = Tuning(2e-4, (1.9e-4, 2.1e-4), runs)
+    with pytest.warns(CampaignWarning, match=r"run A1, axle 2: .* by 51 %") as said:
+        warn_of_errors(tuning)
+    assert len(said) == 1

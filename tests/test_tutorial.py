@@ -28,7 +28,7 @@ def test_tutorial_from_top_to_bottom(tmp_path, monkeypatch, capsys):
             assert tomllib.loads(block)["channels"] == draft["channels"], "the draft's guesses are what the tutorial shows"
             assert draft["vehicle"]["axle_positions_m"] == [0.0, 2.56, 19.0, 21.56]
         else:
-            words = shlex.split(block.removeprefix("$ "))
+            words = shlex.split(block.partition("\n")[0].removeprefix("$ "))
             program, *arguments = words[: words.index(">")] if ">" in words else words
             assert program == "wsp"
             with warnings.catch_warnings():

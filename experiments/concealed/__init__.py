@@ -5,6 +5,6 @@ equations wherever the literature offers a choice, another integrator, another W
 from it and keeps those that the seed paper's own validation lets pass (`concealment`). `diagnoses` (`answers`, `distances`)
 runs the released diagnosis over them, `outside` over campaigns that somebody else made, `rivals` (with `black_box`) answer in
 simpler ways. `truths` reads labels of both kinds, `promised` counts the figures that all campaigns have, `score` those of the
-bank, `required` compares them with what has to be shown, `page` (with `figures`) puts them into docs/concealed.md.
+bank, `required` compares them with what has to be shown, `page` (with `figures`) puts them into docs/concealed*.md.
 `python -m experiments.concealed` does all of the bank but the page.
 """

@@ -115,7 +115,7 @@ class Outside:
 
 @dataclasses.dataclass(frozen=True)
 class Page:
-    """Put the figures of OUT, and of OUT/outside/*, into docs/concealed.md and the pictures beside it."""
+    """Put the figures of OUT, and of OUT/outside/*, into docs/concealed*.md, and the pictures beside them."""
 
     out: Path = Path("out/concealed")  # folder of the bank, its answers and its figures
     docs: Path = Path("docs")  # folder of the page

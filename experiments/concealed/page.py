@@ -1,4 +1,4 @@
-"""Puts the figures of scored campaigns into the page: every table and picture of docs/concealed.md is made here."""
+"""Puts the figures of scored campaigns into the pages: their tables and pictures, docs/concealed*.md."""
 
 import json
 import re
@@ -11,7 +11,7 @@ from experiments.concealed.figures import COMPARED, draw, of
 from experiments.concealed.rates import percent, put, restored
 from experiments.concealed.required import Check, checks, common
 
-PAGE, PICTURES = "concealed.md", "concealed"
+PAGES, PICTURES = ("concealed.md", "concealed_figures.md"), "concealed"
 #: The rivals in words, by the names of their folders.
 RIVALS = {"bic": "BIC only", "held_out": "held-out only", "black_box": "black box"}
 #: Folder, beside the bank's answers, of those to other people's campaigns.
@@ -175,27 +175,31 @@ def _calibration(figures: dict[str, Any]) -> str:
 
 
 def fill(out: Path, docs: Path) -> None:
-    """Fill the page's blocks and draw its pictures from a scored bank, and from others' campaigns scored beside it.
+    """Fill the pages' blocks and draw their pictures from a scored bank, and from others' campaigns scored beside it.
 
     Raises
     ------
     BankError
-        when the bank has not been scored, or the page's markers are not those of the blocks
+        when the bank has not been scored, or the pages' markers are not those of the blocks
 
     """
-    score, page = out / "score.json", docs / PAGE
+    score, pages = out / "score.json", [docs / name for name in PAGES]
     if not score.is_file():
         raise BankError(f"{out} holds no score.json: run `score --out {out}` first")
     figures = _read(score)
     files = {words: out / "rivals" / name / "score.json" for name, words in RIVALS.items()}
     rivals = {words: _read(file) for words, file in files.items() if file.is_file()}
     made = blocks(figures, rivals, _bank(out), [_read(file) for file in sorted((out / OUTSIDE).glob("*/score.json"))])
-    text = page.read_text(encoding="utf-8")
-    marked = [match["name"] for match in _BLOCK.finditer(text)]
+    texts = {page: page.read_text(encoding="utf-8") for page in pages}
+    marked = [match["name"] for text in texts.values() for match in _BLOCK.finditer(text)]
     if sorted(marked) != sorted(made):
-        raise BankError(f"{page} has markers for {', '.join(marked)}; expected each once: {', '.join(made)}")
+        raise BankError(
+            f"{docs / PAGES[0]} and the page of figures have markers for {', '.join(marked)}; "
+            f"expected each once: {', '.join(made)}"
+        )
     draw(figures, rivals, docs / PICTURES)
-    page.write_text(_BLOCK.sub(lambda match: match[1] + made[match["name"]] + match[3], text), encoding="utf-8")
+    for page, text in texts.items():
+        page.write_text(_BLOCK.sub(lambda match: match[1] + made[match["name"]] + match[3], text), encoding="utf-8")
 
 
 def _read(file: Path) -> dict[str, Any]:

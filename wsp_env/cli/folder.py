@@ -12,6 +12,7 @@ from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.recordings import CampaignError, CampaignWarning, read_campaign
 from wsp_env.recordings.folder import ASKED, Found, find, of_vehicle, open_questions, split, unused, write
 from wsp_env.recordings.origin import origin
+from wsp_env.recordings.suspect import suspects, tell
 from wsp_env.report import PageOptions
 
 _SHOWN = 12  # names of a list
@@ -56,7 +57,10 @@ def pictured(folder: Path, page: Path, console: Console, options: PageOptions = 
 
     try:
         campaign = read_campaign(folder)
-        write_signals(page, campaign, origin("wsp inspect", campaign, folder), options)
+        found = suspects(campaign)
+        tell(found)
+        lines = [one.line for one in found]
+        write_signals(page, campaign, origin("wsp inspect", campaign, folder), options, lines)
     except (CampaignError, ModuleNotFoundError) as error:
         console.print(f"no page of signals: {error}", markup=False)
     else:

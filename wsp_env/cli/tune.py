@@ -9,6 +9,7 @@ import tyro
 from wsp_env.recordings import Tuning, read_campaign, tune
 from wsp_env.recordings.derive import Smoothing
 from wsp_env.recordings.suspect import warn_of_suspects
+from wsp_env.recordings.tuning import warn_of_errors
 
 
 def main(
@@ -35,6 +36,7 @@ def main(
     recorded = read_campaign(campaign)
     warn_of_suspects(recorded)
     tuning = tune(recorded, smoothing, tune_friction=not fixed_mu_cd)
+    warn_of_errors(tuning)
     if as_json:
         print(json.dumps(tuning.to_json()))
     else:

@@ -14,6 +14,7 @@ from wsp_env.recordings import Campaign, read_campaign
 from wsp_env.recordings.derive import Smoothing
 from wsp_env.recordings.origin import origin
 from wsp_env.recordings.suspect import warn_of_suspects
+from wsp_env.recordings.tuning import warn_of_errors
 from wsp_env.recordings.validation import CLOSED_LOOP_BY, ClosedLoop, validate
 from wsp_env.report import PageOptions
 
@@ -58,7 +59,9 @@ def main(
     if as_json:
         recorded = read_campaign(campaign)
         warn_of_suspects(recorded)
-        found = validate(recorded, smoothing, not fixed_mu_cd).to_json()
+        validation = validate(recorded, smoothing, not fixed_mu_cd)
+        warn_of_errors(validation.tuning)
+        found = validation.to_json()
         if controller:
             figures = {name: slide.figures() for name, slide in _closed_loop(recorded, controller, smoothing).items()}
             found["closed_loop"] = {"controller": controller, "compared_by": CLOSED_LOOP_BY, "runs": figures}
@@ -76,6 +79,7 @@ def main(
     recorded = read_campaign(campaign)
     warn_of_suspects(recorded)
     validation = validate(recorded, smoothing, not fixed_mu_cd)
+    warn_of_errors(validation.tuning)
     console.print(validation.tuning.sentence, markup=False)
     tables = [report.adhesion_table(validation.tuning)]
     tables += [table(validation) for table in (report.slide_table, report.window_table, report.criteria_table)]

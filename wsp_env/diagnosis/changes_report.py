@@ -89,7 +89,7 @@ def _picture(tunings: Sequence[Tuning], names: tuple[str, str]) -> Figure:
             name=name, legendgroup=name, showlegend=False, marker={"color": colour, "size": 9}, row=1, col=2,
         )  # fmt: skip
     axes(figure, "campaign [-]", "", height=400, showlegend=False)
-    figure.update_yaxes(title_text="recovery rate tau [m/J]", rangemode="tozero", row=1, col=1)
+    figure.update_yaxes(title_text="recovery rate tau [m/J]", rangemode="tozero", exponentformat="power", row=1, col=1)
     figure.update_yaxes(title_text="friction mu_cd [-]", row=1, col=2)
     figure.update_xaxes(range=[-0.5, 1.5])
     result: Figure = figure

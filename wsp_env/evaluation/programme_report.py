@@ -13,13 +13,16 @@ from wsp_env.evaluation.figures import CAUSES, FIGURES
 from wsp_env.evaluation.programme_viewer import Viewer
 from wsp_env.evaluation.results import TRACE_SAMPLES
 from wsp_env.evaluation.summary import Verdict, decided
-from wsp_env.report import COLOURS, Figure, Origin, PageOptions, Section, Table, axes, plotly, write_page
+from wsp_env.report import COLOURS, Facts, Figure, Origin, PageOptions, Section, Table, axes, plotly, write_page
 
 #: What the mark beside a ratio to the bound says.
 LEFT_LIMIT = (
     "* at least one draw left the slide limit: it violates it, the bound does not hold for it, and the recovery there is "
     "beyond what the law was fitted on (see --cap-recovery)"
 )
+
+#: Where cases are named beside their last mark, in turn: names of neighbours stay apart.
+_NAMED_AT = ("top left", "bottom left", "top right", "bottom right")
 
 _DIGITS = {"m": 0, "m/s": 2, "s": 1, "Nl": 0, "MJ": 3, "bar": 2, "-": 3}
 _SLIP_TICKS = [digit * 10.0**power for power in range(-4, 3) for digit in (1, 2, 5)]
@@ -33,24 +36,23 @@ def write_report(
     """Write the page; `ModuleNotFoundError` names the extra where plotly is missing."""
     plotly()
     contaminated = _contaminated(summary)
-    sections = [_front(contaminated)] if contaminated.height else []
+    rows = [(head, rest) for head, _, rest in (line.partition(": ") for line in decided(verdicts))]
+    sections = [Section("", (), [Facts(rows)])] if rows else []
+    sections += [_front(contaminated)] if contaminated.height else []
     sections.append(Section("Requirements", _complaints(result), [_verdicts(verdicts)] if verdicts else [], fold=True))
     sections += [_overall(contaminated), _lost(contaminated)] if contaminated.height else []
     sections += [_courses(result), _all_figures(summary)]
-    lead = " ".join([*_headline(contaminated), *_passed(verdicts), *_failed(result)])
+    lead = " ".join([*_headline(contaminated), *_failed(result)])
     write_page(path, f"Wheel slide protection: {title}", lead, sections, made_from, options)
 
 
 def _headline(contaminated: polars.DataFrame) -> list[str]:
     """Say in a sentence how the controllers stop on contaminated rail, all cases and laws together."""
-    parts = [
-        f"{row['controller']} stops within {row['ratio_bound']:.2f} times the shortest possible way at a mean slip of "
-        f"{row['mean_slip_mps']:.2f} m/s"
-        for row in _means(contaminated)
-    ]
+    parts = [f"{row['controller']} {row['ratio_bound']:.2f} at {row['mean_slip_mps']:.2f} m/s" for row in _means(contaminated)]
     if not parts:
         return ["No stop on contaminated rail was braked to its end."]
-    return [f"Mean of all stops on contaminated rail: {'; '.join(parts)}. A way counts only beside its slide."]
+    said = f"Stopping distance over the shortest possible one, and mean slip, on contaminated rail: {'; '.join(parts)}."
+    return [f"{said} A distance counts only beside its slide."]
 
 
 def _means(contaminated: polars.DataFrame) -> list[dict[str, Any]]:
@@ -63,10 +65,6 @@ def _means(contaminated: polars.DataFrame) -> list[dict[str, Any]]:
     kept = ended.join(common, on=["case", "law"], how="semi")
     means = kept.group_by("controller", maintain_order=True).agg(*(polars.col(name).mean() for name in figures), polars.len())
     return means.to_dicts()
-
-
-def _passed(verdicts: Sequence[Verdict]) -> list[str]:
-    return [f"{line}." for line in decided(verdicts)]
 
 
 def _failed(result: ProgrammeResult) -> list[str]:
@@ -174,11 +172,12 @@ def _front(summary: polars.DataFrame) -> Section:
 
 def _name_cases(figure: Any, rows: polars.DataFrame, column: int) -> None:
     """Join the marks of each case by a thin line, and name it at the end with the larger slip."""
-    for case in rows["case"].unique(maintain_order=True):
+    for index, case in enumerate(rows["case"].unique(maintain_order=True)):
         own = rows.filter(polars.col("case") == case).sort("mean_slip_mps")
         figure.add_scatter(
             x=own["mean_slip_mps"].to_list(), y=own["ratio_bound"].to_list(), mode="lines+text", showlegend=False,
-            line={"color": "#bbb", "width": 0.8}, text=[*[""] * (own.height - 1), case], textposition="top left",
+            line={"color": "#bbb", "width": 0.8}, text=[*[""] * (own.height - 1), case],
+            textposition=_NAMED_AT[index % len(_NAMED_AT)],
             textfont={"size": 10, "color": "#555"}, hoverinfo="skip", row=1, col=column,
         )  # fmt: skip
 

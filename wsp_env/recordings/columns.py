@@ -72,7 +72,7 @@ def _check_axles(opened: ChannelFile, required: list[str], optional: list[str]) 
     """Refuse native columns that speak of other axles than the vehicle has; those of missing ones may be there."""
     believed = {int(match[1]) for name in required if (match := re.match(r"axle(\d+)_", name))}
     missing = {int(match[1]) for name in optional if (match := re.match(r"axle(\d+)_", name))} - believed
-    pattern = r"axle(\d+)_(wheel_speed_radps|brake_torque_nm)$"
+    pattern = r"axle(\d{1,4})_(wheel_speed_radps|brake_torque_nm)$"
     seen = {int(match[1]) for name in opened.units if (match := re.match(pattern, name))}
     if seen and seen - missing != believed:
         raise CampaignError(

@@ -13,6 +13,7 @@ from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.inspection import InspectedChannel, draft, inspect
 from wsp_env.recordings.readers import FORMATS
+from wsp_env.recordings.sliding import slid
 
 #: What a draft must say of the vehicle, with what it is; the last only where pressures stand for torques.
 ASKED = {
@@ -23,14 +24,14 @@ ASKED = {
 }
 
 _MOST_FILES = 500  # of a folder that are looked at
-_VALIDATES = 3  # one run of so many validates
+_VALIDATES = 3  # one run of so many validates, and one at least
 
 
 @dataclasses.dataclass(frozen=True)
 class Found:
     """What is in a folder."""
 
-    runs: tuple[Path, ...]  # with the same columns, by the speed they begin with
+    runs: tuple[Path, ...]  # with the same columns, by how much their wheels slide
     channels: list[InspectedChannel]  # of the first of them
     left: dict[Path, str]  # file -> why it is no run
 
@@ -68,13 +69,18 @@ def find(folder: Path) -> Found:
             if group is chosen
             else {file: f"{file}: its columns are others than those of {chosen[0].name}" for file in group}
         )
-    runs = tuple(sorted(chosen, key=lambda file: (_speed(inspected[file]), file)))
+    runs = tuple(sorted(chosen, key=lambda file: (_slid(file, inspected[file]), _speed(inspected[file]), file)))
     return Found(runs, inspected[runs[0]], left)
 
 
 def split(runs: tuple[Path, ...]) -> tuple[list[Path], list[Path]]:
-    """Return which runs tune and which validate: every third validates, so that both have slow stops and fast ones."""
-    validate = [run for index, run in enumerate(runs) if index % _VALIDATES == 1]
+    """Return which runs tune and which validate: a third of them validates, spread evenly over their order.
+
+    Runs come in the order of their sliding. Both groups then have gentle stops and hard ones; the run that slides most, which
+    says most of tau, tunes.
+    """
+    count = max(len(runs) // _VALIDATES, 1) if len(runs) > 1 else 0
+    validate = [runs[(one + 1) * (len(runs) - 1) // (count + 1)] for one in range(count)]
     return [run for run in runs if run not in validate], validate
 
 
@@ -95,7 +101,8 @@ def write(found: Found, folder: Path, known: Mapping[str, float | list[float]]) 
     for key, group in (("tune", tune), ("validate", validate)):
         start = text.index(f"\n{key} = ") + 1
         listed = ", ".join(f'"{names[run]}"' for run in group)
-        text = f"{text[:start]}{key} = [{listed}]   # every third by speed validates\n{text[text.index(chr(10), start) + 1 :]}"
+        rest = text[text.index("\n", start) + 1 :]
+        text = f"{text[:start]}{key} = [{listed}]   # a third validates, spread over how much the wheels slide\n{rest}"
     return with_vehicle(text, known)
 
 
@@ -142,6 +149,13 @@ def open_questions(text: str) -> list[str]:
 def unused(channels: list[InspectedChannel]) -> list[str]:
     """Return the columns that no channel was found for."""
     return [channel.name for channel in channels if not channel.guess]
+
+
+def _slid(file: Path, channels: list[InspectedChannel]) -> float:
+    try:
+        return slid(file, channels)
+    except CampaignError:  # its samples are damaged, which is said when the campaign is read
+        return 0.0
 
 
 def _speed(channels: list[InspectedChannel]) -> float:

@@ -33,6 +33,7 @@ _AXLE = re.compile(r"(?:axle|axl|ax|wheelset|wheel|ws|achse|rad|w|a)[ _.-]?(\d{1
 _ALONE = {"time": ("t",), "vehicle_speed": ("v",)}  # letters that need no number
 _LAST_NUMBER = re.compile(r"(?<=[A-Za-z_ .-])(\d{1,2})$")
 _BY_UNIT = ("wheel_speed", "brake_torque", "cylinder_pressure")  # what a unit and a number in the name may speak for
+_MOST_DIGITS = 4  # of an axle's number: a damaged name may have thousands
 _MOST_AXLES = 8
 _ALIKE = (0.8, 1.25)  # highest wheel speed over the vehicle's where both have one unit; wheels slide, tyres wear
 
@@ -80,13 +81,13 @@ def _as_the_vehicle(guessed: dict[str, Source], opened: ChannelFile, highest: di
 def named(column: str, unit: str) -> str:
     """Name the channel that a column may be, "" for none."""
     for name, kind in CHANNELS.items():
-        pattern = re.escape(kind.column).replace(r"\{k\}", r"(\d+)")
+        pattern = re.escape(kind.column).replace(r"\{k\}", rf"(\d{{1,{_MOST_DIGITS}}})")
         if match := re.fullmatch(pattern, column):
             return name.replace("{k}", match[1]) if match.groups() else name
     leaf = re.sub(r"\.(\d+)$", r"_\1", column).rsplit(".", 1)[-1]  # of structures, `data.t`; columns of matrices, `omega.1`
     words = [word.lower() for word in re.findall(r"[A-Za-z]+?(?=[A-Z][a-z]|\d|[^A-Za-z]|$)", leaf)]
     axle = _AXLE.search(leaf) or _LAST_NUMBER.search(re.sub(r"\s*[\[(].*", "", leaf))
-    if axle and not 1 <= int(axle[1]) <= _MOST_AXLES:
+    if axle and not _is_axle(axle[1]):
         axle = None
     for kind_name, (beginnings, _) in _WORDS.items():
         name = f"axle{axle[1]}_{kind_name}" if axle and f"axle{{k}}_{kind_name}" in CHANNELS else kind_name
@@ -108,9 +109,12 @@ def _measured(column: str, unit: str) -> str:
     number = re.search(r"(\d+)\D*$", re.sub(r"[\[(].*", "", column))
     if not number:
         return "vehicle_speed" if _fits(unit, "vehicle_speed") else ""
-    axle = int(number[1])
-    names = [f"axle{axle}_{kind}" for kind in _BY_UNIT] if 1 <= axle <= _MOST_AXLES else []
+    names = [f"axle{int(number[1])}_{kind}" for kind in _BY_UNIT] if _is_axle(number[1]) else []
     return next((name for name in names if _fits(unit, name)), "")
+
+
+def _is_axle(digits: str) -> bool:
+    return len(digits) <= _MOST_DIGITS and 1 <= int(digits) <= _MOST_AXLES
 
 
 def _fits(unit: str, name: str) -> bool:

@@ -28,6 +28,9 @@ LEAST_SLIDING_S = 2.0
 #: Residuals in different stretches of track of this length [m] count as independent: twice and more what mu_cd varies over.
 STRETCH_M = 40.0
 
+#: A relative error beyond this [-] is a channel's rather than the law's: ten times the worst of the paper's Table 4.
+_ABSURD_ERROR = 0.5
+
 #: The gain between cylinder pressure and torque is known within this share [-]: assumption, disc brakes of one make.
 GAIN_SPREAD = 0.01
 
@@ -67,6 +70,17 @@ class Tuning:
         """Whether the runs tuned on tell tau from none and from any."""
         low, high = _TAU_BOUNDS
         return low < self.interval95[0] and self.interval95[1] < high
+
+    @property
+    def absurd(self) -> list[str]:
+        """Say which axles the law misses by so much that a channel is to be doubted first."""
+        return [
+            f"run {name}, axle {k}: the tuned law misses the measured adhesion by {100.0 * error:.0f} %; look at the units and "
+            "wires of that axle's wheel speed and torque before anything else"
+            for name, score in self.runs.items()
+            for k, error in enumerate(score.error, 1)
+            if error is not None and error > _ABSURD_ERROR
+        ]
 
     @property
     def sentence(self) -> str:
@@ -207,3 +221,9 @@ def _errors(campaign: Campaign, derived: Derived, tau: float, mu_cd: float) -> t
     norms = np.linalg.norm(measured, axis=0)
     errors = np.linalg.norm(missed, axis=0) / np.maximum(norms, np.finfo(float).tiny)
     return tuple(float(error) if norm > 0.0 else None for error, norm in zip(errors, norms, strict=True))
+
+
+def warn_of_errors(tuning: Tuning) -> None:
+    """Give one `CampaignWarning` for every axle that the tuned law misses absurdly."""
+    for one in tuning.absurd:
+        warnings.warn(one, CampaignWarning, stacklevel=2)

@@ -15,13 +15,14 @@ from wsp_env.report import Facts, Origin, PageOptions, Section, Table, write_pag
 def adhesion_table(tuning: Tuning) -> Table:
     """Table 4: e_j per axle and run."""
     axles = len(next(iter(tuning.runs.values())).error)
-    header = ("run", "group", "mu_cd [-]", *(f"e_{k} [%]" for k in range(1, axles + 1)))
+    header = ("run", "used to", "friction mu_cd [-]", *(f"axle {k} [%]" for k in range(1, axles + 1)))
     rows = []
     for name, score in tuning.runs.items():
         mark = "" if score.mu_cd_tuned else " (believed)"
         errors = ("no slide" if error is None else f"{100 * error:.1f}" for error in score.error)
         rows.append((name, score.group, f"{score.mu_cd:.4f}{mark}", *errors))
-    return Table(header, rows, "relative errors e_j of the adhesion coefficient, as the seed paper's Table 4")
+    caption = "per axle the relative error e_j of the adhesion coefficient, as in the seed paper's Table 4"
+    return Table(header, rows, caption)
 
 
 def slide_table(validation: Validation) -> Table:
@@ -122,7 +123,7 @@ def _facts(validation: Validation) -> Facts:
     scored = ", ".join(campaign.validate) or "none: the verdict rests on the runs tuned on"
     rows = [("Tuned on", f"{', '.join(campaign.tune)}: {tuning.sentence}"), ("Only scored", scored)]
     if ways := [_ways(stop) for name, stop in validation.stops.items() if name in (campaign.validate or campaign.tune)]:
-        off = [simulated - recorded for recorded, simulated in ways]
+        off = [round(simulated - recorded, 1) + 0.0 for recorded, simulated in ways]  # no "-0.0"
         share = max(abs(simulated / recorded - 1.0) for recorded, simulated in ways)
         apart = f"{min(off):+.1f} to {max(off):+.1f} m" if len(off) > 1 else f"{off[0]:+.1f} m"
         rows.append(

@@ -18,6 +18,7 @@ class File:
     path: Path
     channels: list[InspectedChannel] = dataclasses.field(default_factory=list)
     rows: int = 0
+    slid: float = 0.0  # share of its speed that its wheels lack
     error: str = ""  # why it cannot be read
     group: str = "tune"  # or "validate", or "left out"
     looked: bool = False

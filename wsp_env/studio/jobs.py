@@ -10,6 +10,8 @@ import time
 from pathlib import Path
 from typing import Any, Literal
 
+from wsp_env.output import OutputError, write_text
+
 #: Time [s] that a child has to end by itself once it is asked to, before it is ended.
 _GRACE_S = 2.0
 
@@ -62,7 +64,7 @@ class Job:
         """Do the work; returns when it is done, has failed or was cancelled."""
         try:
             code, words = await self._work()
-        except OSError as error:  # no process, no memory, a full disk
+        except (OSError, OutputError) as error:  # no process, no memory, a full disk
             code, words = 1, str(error)
         except asyncio.CancelledError:  # the server ends
             self.end()
@@ -74,7 +76,7 @@ class Job:
     async def _work(self) -> tuple[int, str]:
         """Return the exit status of the child and its last words."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        (self.folder / "request.json").write_text(json.dumps(self._request), encoding="utf-8")
+        write_text(self.folder / "request.json", json.dumps(self._request))
         (self.folder / "result.json").unlink(missing_ok=True)
         path = json.dumps([os.path.abspath(place) for place in sys.path])
         pipe = asyncio.subprocess.PIPE

@@ -140,7 +140,8 @@ class RecordingsRoom:
                 ui.label(f"Cannot be read: {file.error}").classes("grow")
                 shell.secondary("Remove", functools.partial(space.remove, file.name)).props(f"aria-label='remove {file.name}'")
         if space.usable:
-            ui.label("Every third stop by speed is kept back to validate what the others tune.").classes("quiet small")
+            kept_back = "A third of the stops, gentle and hard ones, is kept back to validate what the others tune."
+            ui.label(kept_back).classes("quiet small")
             with ui.grid(columns="minmax(12rem, 2fr) 1fr 1fr 1fr auto").classes("w-full items-center").style("gap: .4rem 1rem"):
                 for head in ("file", "rows", "highest speed", "used to", ""):
                     ui.label(head).classes("quiet small")

@@ -125,6 +125,8 @@ class ResultsView:
 
     def _tuned(self, job: Any) -> None:
         shell.note(f"{job.result['sentence']}.", "good" if job.result["determined"] else "warn")
+        for one in job.result["absurd"]:
+            shell.note(f"{_capital(one)}.")
         shell.table(job.result["table"])
         ui.label(f"{_capital(job.result['table']['caption'])}.").classes("quiet small")
 

@@ -29,6 +29,8 @@ from wsp_env.studio.workspace import Workspace
 #: Workspaces and desks of one server: more tabs than anyone has open.
 MOST_WORKSPACES = 40
 
+_GRACE_S = 3  # for open pages once the server is asked to end: a page that does not answer is not waited for
+
 _TERMINATED = 143  # exit status of a process that was asked to end (128 + SIGTERM)
 
 _TYPES = {".html": "text/html; charset=utf-8", ".pdf": "application/pdf", ".json": "application/json",
@@ -187,7 +189,13 @@ def serve(port: int = 0, show: bool = True, kept: Path | None = None, most_bytes
         if show:
             webbrowser.open(address)
         config = uvicorn.Config(
-            gate, loop="asyncio", log_level="error", access_log=False, server_header=False, ws_max_size=2**24
+            gate,
+            loop="asyncio",
+            log_level="error",
+            access_log=False,
+            server_header=False,
+            ws_max_size=2**24,
+            timeout_graceful_shutdown=_GRACE_S,
         )
         signal.signal(signal.SIGTERM, lambda *_: sys.exit(_TERMINATED))  # so that the folder is removed then too
         uvicorn.Server(config).run(sockets=[listening])

@@ -68,12 +68,14 @@ def look(folder: Path, request: Request, tell: Tell) -> Request:
 
 def _looked(folder: Path, file: Path, request: Request) -> Request:
     from wsp_env.recordings.inspection import inspect, suspicions
+    from wsp_env.recordings.sliding import slid
 
     found = inspect(file)
     names = [channel.name for channel in found if channel.guess] + [channel.name for channel in found if not channel.guess]
     write_whole(folder / f"{file.name}.npz", _curves(file, names[: request["most_curves"]], found))
     channels = [asdict(channel) | {"quality": _finite(asdict(channel.quality))} for channel in found]
-    return {"channels": channels, "suspicions": suspicions(found), "rows": max(channel.samples for channel in found)}
+    rows = max(channel.samples for channel in found)
+    return {"channels": channels, "suspicions": suspicions(found), "rows": rows, "slid": slid(file, found)}
 
 
 def _curves(file: Path, names: list[str], found: list[Any]) -> Callable[[Any], None]:
@@ -144,7 +146,7 @@ def tune(folder: Path, request: Request, tell: Tell) -> Request:
     tuning = recordings.tune(campaign)
     table = adhesion_table(tuning)
     shown = {"header": list(table.header), "rows": [list(row) for row in table.rows], "caption": table.caption}
-    return tuning.to_json() | {"sentence": tuning.sentence, "table": shown}
+    return tuning.to_json() | {"sentence": tuning.sentence, "table": shown, "absurd": tuning.absurd}
 
 
 def validate(folder: Path, request: Request, tell: Tell) -> Request:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from wsp_env.output import write_text
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.parameters.vehicle_file import read_vehicle
@@ -132,6 +133,7 @@ class Workspace:
             file.looked, file.error = True, answer.get("error", "")
             if not file.error:
                 file.channels, file.rows = [channel_of(one) for one in answer["channels"]], answer["rows"]
+                file.slid = answer["slid"]
         self._suggest()
 
     @property
@@ -162,7 +164,7 @@ class Workspace:
         self.columns = suggested | kept
         axles = [int(match[1]) for name in self.columns if (match := re.match(r"axle(\d+)_", name))]
         self.axles = max(axles, default=self.axles)
-        _, validates = split(tuple(file.path for file in chosen))
+        _, validates = split(tuple(file.path for file in sorted(chosen, key=lambda file: file.slid)))
         for file in self.usable:
             if file.group != "left out":
                 file.group = "validate" if file.path in validates else "tune"
@@ -253,7 +255,7 @@ class Workspace:
 
     def write_campaign(self) -> None:
         """Write campaign.toml beside the files."""
-        (self.recordings / "campaign.toml").write_text(self.campaign_text(), encoding="utf-8")
+        write_text(self.recordings / "campaign.toml", self.campaign_text())
 
 
 def _with(text: str, begins: str, line: str) -> str:

@@ -61,9 +61,11 @@ def _curve(one: ShownCurve, extended: bool) -> Any:
     figure.add_scatter(x=percent, y=one.baseline, mode="lines", name="baseline", line={"color": COLOURS[1], "dash": "dash"})
     if extended:
         figure.add_scatter(x=percent, y=one.fitted, mode="lines", name="with the mechanisms found", line={"color": COLOURS[2]})
-    figure.update_layout(title=f"{one.name}, {one.speed_mps:g} m/s", height=460)
+    figure.update_layout(title={"text": f"{one.name}, {one.speed_mps:g} m/s", "x": 0.06, "font": {"size": 14}}, height=460)
     figure.update_xaxes(type="log", tickvals=_TICKS)
-    return axes(figure, "creepage [%]", "adhesion coefficient [-]", legend={"orientation": "h", "y": 1.1, "x": 0.3})
+    return axes(
+        figure, "creepage [%]", "adhesion coefficient [-]", legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0.0}
+    )
 
 
 def _what(found: CreepDiagnosis) -> Section:

@@ -1,5 +1,6 @@
 """The child of `apart`: answers requests for files."""
 
+import gc
 import importlib
 import logging
 import sys
@@ -23,6 +24,7 @@ class _Files:
         self._opened: ChannelFile | None = None
         self._key: Any = None
         self._limited = False
+        self._used: set[str] = set()  # readers
 
     def answer(self, request: dict[str, Any], arrays: list[np.ndarray]) -> Message:
         """Return what a file states, or the samples of the channels asked for."""
@@ -30,6 +32,9 @@ class _Files:
         if not self._limited:  # what libraries map when they are imported is not the file's
             child.limit_memory(memory_limit())
             self._limited = True
+        if request["reader"] not in self._used:
+            self._used.add(request["reader"])
+            gc.freeze()  # every damaged file ends in a collection of what it left: what was imported is not looked at again
         file = Path(request["file"])
         try:
             opened = self._open(reader, file)

@@ -5,6 +5,7 @@ campaign itself is left as it is.
 """
 
 import warnings
+from collections.abc import Iterable
 
 from threadpoolctl import threadpool_limits
 
@@ -14,7 +15,7 @@ from wsp_env.recordings.suspect import copies, dead, delays, factors, offsets, s
 from wsp_env.recordings.suspect.channel import SuspectChannel
 from wsp_env.recordings.suspect.search import Search
 
-__all__ = ["SuspectChannel", "suspects", "warn_of_suspects"]
+__all__ = ["SuspectChannel", "suspects", "tell", "warn_of_suspects"]
 
 _STEPS = (
     dead.find,
@@ -38,6 +39,11 @@ def suspects(campaign: Campaign) -> tuple[SuspectChannel, ...]:
 
 def warn_of_suspects(campaign: Campaign) -> None:
     """Give one `CampaignWarning` for every suspect channel that the reader has not told already."""
-    for one in suspects(campaign):
+    tell(suspects(campaign))
+
+
+def tell(found: Iterable[SuspectChannel]) -> None:
+    """Give one `CampaignWarning` for each of these that the reader has not told already."""
+    for one in found:
         if one.kind != "dead":
             warnings.warn(f"suspect channel {one.line}", CampaignWarning, stacklevel=2)
