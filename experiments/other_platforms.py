@@ -151,14 +151,14 @@ def without_time(unit: Unit) -> Unit:
     return with_rows(dataclasses.replace(unit, outputs=unit.outputs[1:]), rows)
 
 
-def host(unit: Unit, library: str) -> str:
-    """Return the C of the host."""
+def host(unit: Unit, library: str, made_from: Unit) -> str:
+    """Return the C of the host: of a unit by the FMU of the one that it was made from."""
     counts = [
         sum(len(list(variable.elements())) for variable in group if variable.name != "time") for group in unit.groups.values()
     ]
     return _HOST.format(
-        name=unit.name, library=library, token=token(unit, 3), interval=repr(unit.interval_s or 0.02), most=max(*counts, 1),
-        clock=int(any(variable.name == "time" for variable in unit.inputs)),
+        name=unit.name, library=library, token=token(made_from, 3), interval=repr(unit.interval_s or 0.02),
+        most=max(*counts, 1), clock=int(any(variable.name == "time" for variable in unit.inputs)),
         **dict(zip(("parameters", "inputs", "outputs"), counts, strict=True)),
     )  # fmt: skip
 
@@ -195,7 +195,7 @@ def measure(platform: str, unit: Unit, folder: Path, emulator: Sequence[str] | N
     place.mkdir()
     (place / file).write_bytes(library)
     clear = without_time(unit)
-    texts = {f"{unit.name}.h": header(clear), "host.c": host(clear, file if platform == "win64" else f"./{file}")}
+    texts = {f"{unit.name}.h": header(clear), "host.c": host(clear, file if platform == "win64" else f"./{file}", unit)}
     compile_for(platform, place, ["host.c"], texts, clear)
     return ("built", "built") if emulator is None else (ran(folder / "c", emulator), ran(place, emulator))
 
