@@ -106,8 +106,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     found = quality(replica, outcome)
     # A finding is repeated: at the size that was fitted to the others, the held-out runs alone make it as sure. They are asked
     # this one question, so that how rare a name is does not count again.
-    agreed = [one for one, same in zip(outcome.accepted, found.agreed, strict=True) if same]
-    repeated = [one for one, sure in zip(outcome.accepted, found.repeated, strict=True) if sure and one in agreed]
+    repeated = [one for one, sure in zip(outcome.accepted, found.repeated, strict=True) if sure]
     missing = [one for one in outcome.missing if one in repeated]
     worse = max(found.fit.extended[group] / found.fit.baseline[group] for group in found.fit.baseline) > _WORSE
     removed = found.fit.removed_validate
@@ -133,11 +132,11 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         for one in outcome.accepted
         if one not in outcome.missing
     ]
-    for one in outcome.missing:
-        if one not in agreed:
-            small.append(f"seen, but at another size in every run, so that it is no finding: {one.words}")
-        elif one not in repeated:
-            small.append(f"seen, but not confirmed by the held-out runs, or at a size that cannot be: {one.words}")
+    small += [
+        f"seen, but not confirmed by the held-out runs, or at a size that cannot be: {one.words}"
+        for one in outcome.missing
+        if one not in repeated
+    ]
     if worthless:
         small += [f"seen in the runs to tune on, but worth nothing on those held out: {one.words}" for one in missing]
     if holds and missing and left > _STRUCTURED:

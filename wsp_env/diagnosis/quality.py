@@ -6,11 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wsp_env.diagnosis.agreement import AGREED, agreement
 from wsp_env.diagnosis.answer import FitQuality
 from wsp_env.diagnosis.candidates import Variant, columns, without
 from wsp_env.diagnosis.covariance import Sizes
-from wsp_env.diagnosis.decide import SURE, Accepted, Outcome, at_bound, weights_of
+from wsp_env.diagnosis.decide import SURE, Outcome, at_bound
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights, refit, weigh
 from wsp_env.diagnosis.gls import fit
@@ -31,7 +30,6 @@ class Quality:
     after: Model
     held_out: tuple[float, ...]  # by how much each accepted mechanism reduces chi-square of the runs to validate
     repeated: tuple[bool, ...]  # whether they make it sure by themselves, if any is held out, at a size that can be
-    agreed: tuple[bool, ...]  # whether the runs agree on each of them
     weights: Weights  # of all rows
     expected: Weights  # the same with the sizes and the noise that are expected of sound recordings
 
@@ -78,12 +76,10 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
         0.5 * gain > SURE and not at_bound(one.trial.listed, outcome.fitted.model)
         for gain, one in zip(gains or (np.inf,) * len(outcome.accepted), outcome.accepted, strict=True)
     )
-    agreed = tuple(_agreed(outcome, one) for one in outcome.accepted)
-    holds = [sure and same for sure, same in zip(repeated, agreed, strict=True)]
-    for one, sure in zip(outcome.accepted, holds, strict=True):
+    for one, sure in zip(outcome.accepted, repeated, strict=True):
         if not sure:
             after = without(after, one.trial.variant)
-    kept = [one.trial.variant for one, sure in zip(outcome.accepted, holds, strict=True) if sure]
+    kept = [one.trial.variant for one, sure in zip(outcome.accepted, repeated, strict=True) if sure]
     figures = left(replica, after, kept, every, {"tune": ~held} | ({"validate": held} if held.any() else {}))
     base, extended = ({name: one[i] for name, one in figures.items()} for i in (0, 1))
     return Quality(
@@ -92,15 +88,9 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
         after,
         gains,
         repeated,
-        agreed,
         every,
         weigh(replica, outcome.first.whitening, groups),
     )
-
-
-def _agreed(outcome: Outcome, one: Accepted) -> bool:
-    weights = weights_of(outcome.replica, outcome.last, one.trial.variant)
-    return agreement(outcome.replica, outcome.fitted.model, one.trial.variant, weights).evidence > AGREED
 
 
 def left(
