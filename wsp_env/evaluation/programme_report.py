@@ -22,7 +22,7 @@ LEFT_LIMIT = (
 )
 
 #: Where cases are named beside their last mark, in turn: names of neighbours stay apart.
-_NAMED_AT = ("top left", "bottom left", "top right", "bottom right")
+_NAMED_AT = ("top left", "bottom left", "middle left")
 
 _DIGITS = {"m": 0, "m/s": 2, "s": 1, "Nl": 0, "MJ": 3, "bar": 2, "-": 3}
 _SLIP_TICKS = [digit * 10.0**power for power in range(-4, 3) for digit in (1, 2, 5)]
