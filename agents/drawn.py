@@ -2,7 +2,7 @@
 
 Held-out stops with nominal brakes, and with brakes, radii, sensors and wear drawn. Controllers are told the nominal vehicle.
 Prints each one's figures over those that the lower envelope of the others' fronts (see `agents.rivals`), measured in the same
-world, has at its own slip; by `--json` the means.
+world, has at its own slip, the distance with its standard error; by `--json` the means.
 """
 
 import dataclasses
@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 import tyro
 
-from agents.measure import HELD_OUT, Yardstick, low_adhesion, means
+from agents.measure import HELD_OUT, Yardstick, low_adhesion
 from agents.rivals import at_slip, classical, envelope
 from wsp_env.evaluation.controller import Controller
 from wsp_env.evaluation.policy import load_policy
@@ -37,10 +37,17 @@ DRAWS = 8
 WORN = (0.01, 0.02, 0.03, 0.04)
 NOISE = 0.3
 
-#: Figures that are reported as ratios to the envelope.
+#: Figures that are reported as ratios to the envelope, and all that is kept of every stop.
 REPORTED = ("distance_m", "slip_deviation_mps", "contact_energy_mj", "air_nl")
+KEPT = (*REPORTED, "mean_slip_mps", "locked_s")
+
+#: Sets of stops drawn anew from those measured, with replacement, for a standard error (assumption: known to a twentieth).
+RESAMPLED = 200
 
 World = list[tuple[Vehicle, dict[str, dict[str, float]], list[Stop]]]
+
+#: What is kept of a controller: figure -> its value in every stop (N,).
+Stops = Mapping[str, Sequence[float]]
 
 
 class Believing:
@@ -139,11 +146,33 @@ class Drawn:
         found = [part.figures(Believing(controller, self.believed)) for part in self.parts]
         return {name: np.concatenate([own[name] for own in found]) for name in found[0]}
 
+    @property
+    def blocks(self) -> np.ndarray:
+        """Number of the draw (N,) that each stop shares with others: its vehicle, or itself where there is but one vehicle."""
+        sizes = [len(part.stops) for part in self.parts]
+        return np.arange(sizes[0]) if len(sizes) == 1 else np.repeat(np.arange(len(sizes)), sizes)
 
-def means_of(yardstick: Drawn, controller: Controller) -> dict[str, float]:
+
+def means_of(found: Stops) -> dict[str, float]:
     """Return the means of a controller's figures, and the longest lock of its stops, `worst_locked_s` [s]."""
-    found = yardstick.figures(controller)
-    return means(found) | {"worst_locked_s": float(found["locked_s"].max())}
+    own = {name: float(np.mean(values)) for name, values in found.items()}
+    return own | {"worst_locked_s": float(np.max(found["locked_s"]))}
+
+
+def standard_error(own: Stops, rivals: Sequence[Stops], blocks: np.ndarray) -> float:
+    """Return the standard error of the ratio of distances of `against`: its scatter over stops drawn anew from those measured.
+
+    Blocks (N,) of stops are drawn whole, and the same for everybody. nan without a rival.
+    """
+    sound = [rival for rival in rivals if np.max(rival["locked_s"]) == 0.0]
+    rng, numbers, ratios = np.random.default_rng(0), np.unique(blocks), []
+    for _ in range(RESAMPLED if sound else 0):
+        chosen = np.concatenate([np.flatnonzero(blocks == one) for one in rng.choice(numbers, len(numbers))])
+        other, mine = (
+            [{name: np.mean(np.take(who[name], chosen)) for name in KEPT} for who in some] for some in (sound, [own])
+        )
+        ratios.append(mine[0]["distance_m"] / at_slip(other, float(mine[0]["mean_slip_mps"]))["distance_m"])
+    return float(np.std(ratios, ddof=1)) if ratios else float("nan")
 
 
 def against(own: Mapping[str, float], rivals: Sequence[Mapping[str, float]]) -> dict[str, Any]:
@@ -181,12 +210,20 @@ def compare(arguments: Arguments) -> list[dict[str, Any]]:
             for key, controller in every.items():
                 what = f"{arguments.vehicle} {arguments.stops} {arguments.drawn_by} {name} {law}"
                 label = f"{what} {' '.join(key)} {_settings(controller)}"
-                found[key] = _kept(arguments.keep, label) or means_of(yardstick, controller)
+                found[key] = _kept(arguments.keep, label) or measured(yardstick, controller)
                 _keep(arguments.keep, label, found[key])
             for (family, who), own in found.items():
                 rivals = [value for (other, _), value in found.items() if other not in ("", family)]
-                rows.append({"world": name, "law": law, "controller": f"{family} {who}".strip()} | own | against(own, rivals))
+                row = means_of(own) | against(means_of(own), [means_of(rival) for rival in rivals])
+                row["distance_error"] = standard_error(own, rivals, yardstick.blocks)
+                rows.append({"world": name, "law": law, "controller": f"{family} {who}".strip()} | row)
     return rows
+
+
+def measured(yardstick: Drawn, controller: Controller) -> Stops:
+    """Return what is kept of a controller's stops."""
+    found = yardstick.figures(controller)
+    return {name: found[name].tolist() for name in KEPT}
 
 
 def under(vehicle: Vehicle, law: str) -> Vehicle:
@@ -202,17 +239,17 @@ def _settings(controller: Controller) -> str:
     return hashlib.sha256(repr(what).encode()).hexdigest()[:8]
 
 
-def _kept(path: Path | None, label: str) -> dict[str, float] | None:
+def _kept(path: Path | None, label: str) -> Stops | None:
     """Return what was measured before under a label."""
     found = json.loads(path.read_text(encoding="utf-8")) if path and path.exists() else {}
-    kept: dict[str, float] | None = found.get(label)
+    kept: Stops | None = found.get(label)
     return kept
 
 
-def _keep(path: Path | None, label: str, measured: Mapping[str, float]) -> None:
+def _keep(path: Path | None, label: str, found: Stops) -> None:
     if path:
-        found = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-        path.write_text(json.dumps(found | {label: dict(measured)}, indent=1) + "\n", encoding="utf-8")
+        before = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+        path.write_text(json.dumps(before | {label: dict(found)}) + "\n", encoding="utf-8")
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -223,6 +260,7 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
     ]
     for row in rows:
         ratios = [f"{row[f'{figure}_ratio']:.{3 if figure == 'distance_m' else 2}f}" for figure in REPORTED]
+        ratios[0] += f" ± {row['distance_error']:.3f}"
         mark = " (beyond the front)" if row["beyond_front"] else ""
         cells = [row["world"], row["law"], row["controller"], f"{row['distance_m']:.0f}", f"{row['mean_slip_mps']:.2f}{mark}"]
         lines.append("| " + " | ".join([*cells, *ratios, f"{row['worst_locked_s']:.2f}"]) + " |")

@@ -1,14 +1,16 @@
 """Whether PPO improves on what was imitated: `python -m agents.improve --base agents/trained/bogie --cosine 6`.
 
-With `--cosine K` the policy gradients of K independent rollouts at the frozen policy are compared, and nothing is learned but
-the value function: the mean cosine between them says how much of one is signal. Without it PPO learns a residual
-(`agents.held`), and its score over that of the frozen policy is printed, on stops of other draws.
+The world is `agents.varied`: brakes, gains, radii and sensor noise drawn, on low adhesion. With `--cosine K` the policy
+gradients of K independent rollouts at the frozen policy are compared, and nothing is learned but the value function: the mean
+cosine between them says how much of one is signal. Without it PPO learns a residual (`agents.held`), and its score over
+the frozen policy's is printed, on stops and vehicles of other draws, below those of teacher, ideal and bound.
 """
 
 import dataclasses
 import itertools
 import json
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,21 +19,38 @@ import torch
 import tyro
 from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
+from stable_baselines3.common.vec_env import VecEnv
 
 from agents.held import Base, Held, ResidualPolicy
+from agents.measure import INITIAL_SPEED_MPS, RECOVERY_M_PER_J
 from agents.settings import Arguments, task_options
 from agents.steering import make_steering
+from agents.teacher import ideal
 from agents.varied import varied_parts
 from agents.worlds import Joined, Stopped
 from wsp_env.envs.task import make_task
+from wsp_env.evaluation.bound import ceiling
 from wsp_env.evaluation.policy import NETWORK
+from wsp_env.evaluation.reference import nearest, wanted_pressure
 from wsp_env.evaluation.summary import interval
+from wsp_env.parameters.uic_z1 import VEHICLES
+from wsp_env.plant.command import to_action
+from wsp_env.plant.port import Plant, Stop
 
 #: Discount of a decision of 20 ms, as in `agents.train`.
 GAMMA = 0.99
 
 #: Seed of the stops on which the residual is judged.
 JUDGED_BY = 9_000_011
+
+#: An ideal stop on extremely low adhesion is over after so long [s].
+_LONGEST_S = 400.0
+
+#: Full brake on low adhesion, about as `agents.measure.low_adhesion` draws it: an initial adhesion of 0.05 to 0.08.
+LOW: dict[str, Any] = {
+    "mu_cd": (0.023, 0.045), "tau": RECOVERY_M_PER_J, "initial_speed": INITIAL_SPEED_MPS, "demand": (1.0, 1.0),
+    "tracks": ("constant",),
+}  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,7 +77,8 @@ class Improvement:
 
 def make_held(given: Improvement, envs: int, seed: int) -> Held:
     """Return the varied world of a seed with the frozen policy inside."""
-    options = task_options(Arguments(vehicle=given.vehicle))
+    torque = VEHICLES[given.vehicle].brake.torque_per_bar_nm
+    options = task_options(Arguments(vehicle=given.vehicle, torque_per_bar_nm=torque)) | {"scenario": LOW}
     classic = round(given.classic_share * envs)
     laws = {"recovering": envs - classic, "classic": classic}
     shares = ((law, count) for law, count in laws.items() if count)
@@ -137,11 +157,15 @@ def cosines(given: Improvement) -> dict[str, float]:
 def brake(given: Improvement, model: PPO | None) -> np.ndarray:
     """Return metres travelled and metres slid (2, N) of the judged stops; without a model those of the frozen policy."""
     world = make_held(given, given.judged, JUDGED_BY)
-    seen, found = np.asarray(world.reset()), np.full((2, given.judged), np.nan)
     none = np.zeros((given.judged, world.steering.axles))
+    return _until_all_stand(world, lambda seen: none if model is None else model.predict(seen, deterministic=True)[0])
+
+
+def _until_all_stand(world: VecEnv, act: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Return metres travelled and metres slid (2, N) of the first stop of each environment."""
+    seen, found = np.asarray(world.reset()), np.full((2, world.num_envs), np.nan)
     while np.isnan(found).any():
-        action = none if model is None else model.predict(seen, deterministic=True)[0]
-        observed, _, done, infos = world.step(action)
+        observed, _, done, infos = world.step(act(seen))
         seen = np.asarray(observed)
         for i in np.flatnonzero(done & np.isnan(found[0])):
             stopped: Stopped = infos[i]["stopped"]
@@ -149,11 +173,48 @@ def brake(given: Improvement, model: PPO | None) -> np.ndarray:
     return found
 
 
+def marks(given: Improvement) -> dict[str, np.ndarray]:
+    """Return metres travelled and slid (2, N) of who knows all, on the judged stops: teacher with the real valves, and ideal.
+
+    "bound" holds the shortest distances (N,) within the slide limit, whatever they slide.
+    """
+    world = make_held(given, given.judged, JUDGED_BY)
+
+    def command(_: np.ndarray) -> np.ndarray:
+        plants = [(part.batch.plant, teacher.targets()) for part, teacher in zip(world.parts, world.teachers, strict=True)]
+        return to_action(np.concatenate([nearest(plant, wanted_pressure(plant, target)) for plant, target in plants]))
+
+    world.reset()
+    each = [(part.batch.plant.vehicle, stops_of(part.batch.plant)) for part in world.parts]
+    perfect = [np.array(ideal(vehicle, stops, given.slide_price, _LONGEST_S)) for vehicle, stops in each]
+    bound = np.concatenate([ceiling(vehicle, stops).shortest()[0] for vehicle, stops in each])
+    world.venv.seed(JUDGED_BY)
+    return {"teacher": _until_all_stand(world.venv, command), "ideal": np.concatenate(perfect, axis=1), "bound": bound}
+
+
+def stops_of(plant: Plant) -> list[Stop]:
+    """Return the conditions that a plant runs under, stop by stop."""
+    c = plant.conditions
+    single = ("mu_cd", "tau", "mass", "demand", "gradient", "noise")
+    return [
+        Stop(
+            **{name: float(getattr(c, name)[i]) for name in single},
+            initial_speed=float(plant.truth().speed[i]),
+            key=0,
+            radius=c.radius[i].copy(),
+            profile=c.profile[i].copy(),
+            coverage=c.coverage[i].copy(),
+        )
+        for i in range(plant.n)
+    ]
+
+
 def improve(given: Improvement) -> list[dict[str, float]]:
     """Let PPO learn a residual; return a row for each look: paid metres over those of the frozen policy, with the interval."""
     world = make_held(given, given.envs, given.seed)
     model = make_model(given, world)
     base, rows = brake(given, None), list[dict[str, float]]()
+    print(json.dumps(_over(given, marks(given), base)), flush=True)
     each, spent = given.envs * model.n_steps, 0.0
     for update in range(given.updates + 1):
         if update % given.look == 0 or update == given.updates:
@@ -168,6 +229,13 @@ def improve(given: Improvement) -> list[dict[str, float]]:
             model.learn(each, reset_num_timesteps=update == 0)
             spent += time.process_time() - begun
     return rows
+
+
+def _over(given: Improvement, found: dict[str, np.ndarray], base: np.ndarray) -> dict[str, float]:
+    """Return what `marks` pay over what the frozen policy does, mean of the stops; of the bound the distance."""
+    paid = {name: own[0] + given.slide_price * own[1] for name, own in found.items() if name != "bound"}
+    ratios = {name: float(np.mean(own / (base[0] + given.slide_price * base[1]))) for name, own in paid.items()}
+    return ratios | {"bound_distance": float(np.mean(found["bound"] / base[0]))}
 
 
 def main(given: Improvement) -> None:

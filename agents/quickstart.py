@@ -174,6 +174,9 @@ def train(arguments: Arguments, judge: Judge) -> tuple[Learned, list[dict[str, f
     model = make(arguments.algorithm, env, arguments.seed)
     curve = Curve(judge, arguments)
     limit = arguments.decisions if arguments.cpu_s == 0.0 else 10**9
+    if arguments.cpu_s > 0.0:  # a learning rate that falls does so with the time that is left
+        falling = model.lr_schedule
+        model.lr_schedule = lambda _: falling(max(1.0 - curve.spent / arguments.cpu_s, 0.0))
     model.learn(limit, callback=curve)
     if curve.num_timesteps - curve.rows[-1]["decisions"] > 0.5 * arguments.every or len(curve.rows) == 1:
         curve.look()

@@ -78,6 +78,7 @@ class RuleSearch:
     trials: int = 16  # of a generation
     elite: int = 5  # of them that the next generation is drawn around
     classic_share: float = 0.25  # of the stops under the classic law, as in the training
+    air_price: float = 0.0  # metres travelled that a normal litre of air of one axle is worth
     slide_prices: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0)  # metres travelled that a metre of sliding is worth
     seed: int = 1
     out: Path = Path("agents/trained")
@@ -88,7 +89,7 @@ class Trials:
     """Many sets of thresholds braking the same stops at once."""
 
     def __init__(self, arguments: RuleSearch) -> None:
-        self.trials, self.kind = arguments.trials, KINDS[arguments.controller]
+        self.trials, self.kind, self.air_price = arguments.trials, KINDS[arguments.controller], arguments.air_price
         stops = mixed(arguments.vehicle, arguments.each, arguments.classic_share, SEARCHED)
         self.yardstick = Yardstick(arguments.vehicle, stops * arguments.trials)
         self.low, self.high = (np.array(ends) for ends in zip(*self.kind.ranges.values(), strict=True))
@@ -105,6 +106,7 @@ class Trials:
         found = self.yardstick.figures(self.kind.controller(_rows(self.kind, columns)))
         slid = found["mean_slip_mps"] * found["duration_s"]
         paid = found["distance_m"] + slide_price * slid + LOCKED_PRICE_MPS * found["locked_s"]
+        paid = paid + self.air_price * found["air_nl"] / self.yardstick.vehicle.axles
         means: np.ndarray = paid.reshape(self.trials, each).mean(axis=1)
         return means
 
@@ -182,11 +184,15 @@ def main(arguments: RuleSearch) -> None:
         return
     folder.mkdir(parents=True, exist_ok=True)
     left_out = ("out", "slide_prices", "show")
-    own = {name: value for name, value in dataclasses.asdict(arguments).items() if name not in left_out}
+    own, usual = (
+        {name: value for name, value in dataclasses.asdict(one).items() if name not in left_out}
+        for one in (arguments, RuleSearch(controller=arguments.controller))
+    )
     file = folder / KINDS[arguments.controller].file
     found: dict[str, dict[str, float]] = {}
     trials: Trials | None = None
-    if file.exists() and (before := json.loads(file.read_text(encoding="utf-8")))["search"] == own:
+    # What a search of before does not name had its default.
+    if file.exists() and usual | (before := json.loads(file.read_text(encoding="utf-8")))["search"] == own:
         found = before["thresholds"]  # an interrupted search goes on
     for price in arguments.slide_prices:
         if f"{price:g}" not in found:

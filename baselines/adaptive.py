@@ -21,7 +21,7 @@ from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.command import APPLIES, HOLDS, VENTS
 from wsp_env.plant.port import Measurement
 
-_TUNED = "assumption: chosen by the search of agents.rules"
+_TUNED = "assumption: chosen by the search of agents.rules, bogie, price 3, --air-price 0.1"
 
 #: Time between two looks at which slip is worth its price [s]: the belief changes more slowly (assumption).
 PLAN_S = 0.1
@@ -44,11 +44,11 @@ _GRAVITY_MPS2 = 9.81
 class AdaptiveParameters(SafetyParameters):
     """Price and gains."""
 
-    slide_price: float = quantity(1.5, "-", _TUNED + "; metres travelled that a metre of sliding is worth", 0.0, 100.0)
-    settling_s: float = quantity(0.15, "s", _TUNED + "; time constant by which the slip comes to the wanted one", 0.02, 5.0)
-    dead_band: float = quantity(0.08, "-", _TUNED + "; share of the wanted brake within which the valve rests", 0.0, 1.0)
-    reached_share: float = quantity(0.3, "-", _TUNED + "; share of the dead band at which a moving valve rests", 0.0, 1.0)
-    smallest_slip_mps: float = quantity(0.05, "m/s", _TUNED + "; the least slip that is wanted", 0.0, 2.0)
+    slide_price: float = quantity(1.3562, "-", _TUNED + "; metres travelled that a metre of sliding is worth", 0.0, 100.0)
+    settling_s: float = quantity(0.1675, "s", _TUNED + "; time constant by which the slip comes to the wanted one", 0.02, 5.0)
+    dead_band: float = quantity(0.1868, "-", _TUNED + "; share of the wanted brake within which the valve rests", 0.0, 1.0)
+    reached_share: float = quantity(0.3872, "-", _TUNED + "; share of the dead band at which a moving valve rests", 0.0, 1.0)
+    smallest_slip_mps: float = quantity(0.03, "m/s", _TUNED + "; the least slip that is wanted", 0.0, 2.0)
     pressure_sensors: float = quantity(0.0, "-", "1: the cylinder pressures are measured; 0: they are estimated", 0.0, 1.0)
 
 

@@ -8,7 +8,7 @@ import pytest
 import torch
 from numpy.testing import assert_allclose, assert_array_equal
 
-from agents.improve import Improvement, cosines, make_held, make_model
+from agents.improve import Improvement, cosines, make_held, make_model, marks, stops_of
 from wsp_env.parameters.uic_z1 import BOGIE
 from wsp_env.plant.command import to_action
 
@@ -76,3 +76,20 @@ def test_gradients_of_independent_rollouts_are_compared():
     found = cosines(SMALL)
     assert -1.0 <= found["cosine"] <= 1.0
     assert_allclose(cosines(SMALL)["cosine"], found["cosine"])  # of the same seeds the same
+
+
+def test_who_knows_all_pays_less_than_the_teacher_with_valves_and_travels_further_than_the_bound():
+    found = marks(dataclasses.replace(SMALL, judged=8))
+    paid = {name: own[0] + SMALL.slide_price * own[1] for name, own in found.items() if name != "bound"}
+    assert paid["ideal"].mean() < paid["teacher"].mean() < 1.1 * paid["ideal"].mean()
+    assert (found["ideal"][0] > found["bound"]).all()
+
+
+def test_the_judged_stops_are_those_of_the_plants(world):
+    world.reset()
+    for part in world.parts:
+        plant = part.batch.plant
+        for i, stop in enumerate(stops_of(plant)):
+            assert stop.initial_speed == plant.truth().speed[i] > 20.0
+            assert stop.mu_cd == plant.conditions.mu_cd[i]
+            assert_array_equal(stop.radius, plant.conditions.radius[i])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from agents.drawn import DRAWS, FILL_S, REPORTED, WORN, against, world
+from agents.drawn import DRAWS, FILL_S, REPORTED, WORN, against, standard_error, world
 from agents.faults import Broken, longest_lock
 from agents.measure import low_adhesion
 from agents.rivals import at_slip, classical, envelope
@@ -148,6 +148,25 @@ def test_who_is_compared_is_compared_with_the_best_of_all_fronts_that_lock_no_wh
     assert not found["beyond_front"]
     assert against(measured(1.5, 800.0), first)["beyond_front"]
     assert np.isnan(against(measured(0.5, 800.0), locks)["distance_m_ratio"])
+
+
+def stops(distance):
+    level = dict.fromkeys(REPORTED, distance)
+    return level | {"mean_slip_mps": np.full(len(distance), 0.5), "locked_s": np.zeros(len(distance))}
+
+
+def test_the_error_of_a_ratio_of_distances_is_that_of_its_scatter_over_the_draws():
+    rng = np.random.default_rng(1)
+    rival = rng.uniform(600.0, 1200.0, 60)
+    alone = np.arange(60)
+    assert standard_error(stops(0.9 * rival), [stops(rival)], alone) < 1e-12  # long stops are long for both
+    scattered = rival * (1.0 + 0.05 * rng.normal(size=60))
+    expected = np.std(scattered - rival, ddof=1) / np.sqrt(60) / rival.mean()
+    assert standard_error(stops(scattered), [stops(rival)], alone) == pytest.approx(expected, rel=0.2)
+    thrice = np.repeat(np.arange(60), 3)  # three stops that are the same tell no more than one
+    own, other = (stops(np.repeat(one, 3)) for one in (scattered, rival))
+    assert standard_error(own, [other], thrice) == pytest.approx(expected, rel=0.2)
+    assert np.isnan(standard_error(stops(rival), [stops(rival) | {"locked_s": np.ones(60)}], alone))
 
 
 def test_every_classical_family_has_a_front(tmp_path):

@@ -37,6 +37,13 @@ def test_trials_that_brake_together_cost_what_each_costs_alone(trials):
     assert_allclose(found[:2], found[2:], rtol=1e-12)
 
 
+def test_air_has_its_price(trials):
+    points = np.stack([point(trials, RuleBasedParameters())] * TINY.trials)
+    dear = Trials(dataclasses.replace(TINY, air_price=0.5)).cost(points, 2.0)[0]
+    air = trials.yardstick.figures(RuleBasedWSP())["air_nl"][: TINY.each].mean()
+    assert_allclose(dear - trials.cost(points, 2.0)[0], 0.5 * air, rtol=1e-9)
+
+
 @pytest.mark.slow
 def test_search_never_ends_worse_than_the_defaults_and_within_its_ranges(trials):
     best = search(trials, TINY, 2.0)
@@ -55,6 +62,14 @@ def test_thresholds_are_written_read_and_shown(tmp_path, monkeypatch, capsys):
     capsys.readouterr()
     assert read_best(tmp_path / "wheelset")["2"].slip_base_mps == 0.25
     assert json.loads((tmp_path / "wheelset/rules.json").read_text())["search"]["stops"] == 16
+    file = tmp_path / "wheelset/rules.json"
+    older = json.loads(file.read_text())
+    for name in ("controller", "air_price"):  # a search of before that did not know them had their defaults: it goes on
+        del older["search"][name]
+    file.write_text(json.dumps(older))
+    monkeypatch.setattr("agents.rules.search", lambda *_: {"slip_base_mps": 0.5})
+    main(dataclasses.replace(TINY, out=tmp_path, slide_prices=(2.0,)))
+    assert read_best(tmp_path / "wheelset")["2"].slip_base_mps == 0.25
     main(dataclasses.replace(TINY, out=tmp_path, show="2"))
     assert "rule-based.slip_base_mps=0.25 " in capsys.readouterr().out
     with pytest.raises(SystemExit, match="no price 7; valid: 2"):

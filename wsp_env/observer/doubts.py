@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.compiled import inlined, rebuilder
-from wsp_env.observer.estimator import ROLLING_ADHESION, EstimatorConstants, VehicleEstimate
+from wsp_env.observer.estimator import MASS_DEVIATION, ROLLING_ADHESION, EstimatorConstants, VehicleEstimate
 
 #: A circumferential speed that changes faster [m/s2] is none of a wheel (assumption: a full brake alone changes it by 16 m/s2).
 JUMP_MPS2 = 100.0
@@ -25,6 +25,12 @@ FROZEN_S, FROZEN_ABOVE_MPS, FROZEN_CHANGE_MPS = 0.3, 1.0, 0.05
 #: A wheel below the one speed while the vehicle runs above the other [m/s] stands. After its brake has been empty for so long
 #: [s] it would turn on any rail: the sensor is dead (assumption: adhesion of 0.015 turns it by 2 m/s in that time).
 STANDING_MPS, RUNNING_MPS, DEAD_S = 0.3, 2.8, 1.0
+
+#: Rail never slows a braked wheel. One whose balance says that it does, by more than this adhesion [-] for so long [s], has a
+#: valve that does not obey: the axle is left out. The running speed may have been taken from it, when it seemed to roll: its
+#: standard deviation is then this [m/s], and nothing is known of the mass (assumptions: usual noise makes 0.003, a vent that
+#: takes 1.5 times as long 0.02).
+DISOBEYS_ADHESION, DISOBEYS_S, MISLED_MPS = 0.03, 0.3, 1.0
 
 #: Noise of a sensor, standard deviation [rad/s]: beyond the first it is filtered, beyond the second the sensor is left out
 #: (assumptions: what policies are trained with; 0.45 m/s at the tread, more than slips worth their price).
@@ -48,6 +54,7 @@ class Doubts(NamedTuple):
     held_at: np.ndarray  # (N, A) running speed since which they did [m/s]
     others_at: np.ndarray  # (N, A) and mean of the other wheels [m/s]
     empty: np.ndarray  # (N, A) for how long a standing wheel's brake was empty [s]
+    disobeys: np.ndarray  # (N, A) for how long a wheel was slowed by more than its brake could [s]
     difference: np.ndarray  # (N, A) of the last two readings [rad/s]
     second: np.ndarray  # (N, A) difference of the last two differences [rad/s]
     variance: np.ndarray  # (N, A) of the noise [rad2/s2]
@@ -107,7 +114,8 @@ def judge(
     d.variance[i, k] += c.slow * (third * third / 20.0 - d.variance[i, k])  # white noise makes 20 times its variance
     d.failed[i, k] |= d.variance[i, k] > MOST_NOISE * MOST_NOISE
     d.raw[i, k], d.difference[i, k], d.second[i, k] = reading, change, second
-    d.standing[i, k] = reading * c.radius < STANDING_MPS and e.speed[i] > RUNNING_MPS
+    stands(i, k, reading, d, c, e)
+    _obeys(i, k, d, c, e)
     empty = d.standing[i, k] and brake.full_brake * e.pressure[i, k] < ROLLING_ADHESION
     d.empty[i, k] = d.empty[i, k] + c.interval if empty else 0.0
     d.failed[i, k] |= d.empty[i, k] >= DEAD_S
@@ -116,6 +124,22 @@ def judge(
         d.speed[i, k], d.rate[i, k] = reading, change
         return
     _filter(i, k, reading, noise, d, c)
+
+
+@inlined
+def stands(i: int, k: int, reading: float, d: Doubts, c: GuardConstants, e: VehicleEstimate) -> None:
+    """Report a wheel that stands while the vehicle runs, or a sensor that says so: also one that is not believed."""
+    d.standing[i, k] = reading * c.radius < STANDING_MPS and e.speed[i] > RUNNING_MPS
+
+
+@inlined
+def _obeys(i: int, k: int, d: Doubts, c: GuardConstants, e: VehicleEstimate) -> None:
+    """Look whether the valve obeys."""
+    d.disobeys[i, k] = d.disobeys[i, k] + c.interval if e.adhesion[i, k] < -DISOBEYS_ADHESION else 0.0
+    if d.disobeys[i, k] >= DISOBEYS_S - 1e-9:
+        d.failed[i, k] = True
+        e.speed_variance[i], e.covariance[i] = max(e.speed_variance[i], MISLED_MPS * MISLED_MPS), 0.0
+        e.mass_ratio[i], e.mass_variance[i] = 1.0, MASS_DEVIATION * MASS_DEVIATION
 
 
 @inlined

@@ -6,6 +6,8 @@ learned policies and the adaptive controller share it.
 - Sensors that are lost, frozen, noisy or dead are found and left out for the rest of the stop: what has failed once is not
   believed again while the brake depends on it. The observer is then given a wheel that rolls with the estimated running speed,
   and takes no correction from it.
+- An axle whose valve does not obey is left out as well: its wheel slows more than its brake is taken to do. A wheel that stands
+  is reported whether its sensor is believed or not.
 - While a reading repeats, the wheel is taken to slow with the vehicle: a frozen one must not keep the estimated speed up.
 - Wheel radii are learned while all wheels roll, before the brake acts: the observer is given speeds as of nominal wheels.
 - Noise beyond what is usual is measured and filtered.
@@ -32,6 +34,7 @@ from wsp_env.observer.doubts import (
     judge,
     learn,
     others,
+    stands,
 )
 from wsp_env.observer.estimator import approach
 from wsp_env.observer.observation import Observer, constants_of, memory_of
@@ -133,7 +136,9 @@ def _doubt(raw: np.ndarray, state: Any, given: Any, memory: Any, constants: Any)
     brake = constants_of(constants).estimator
     for i in range(raw.shape[0]):
         for k in range(raw.shape[1]):
-            if not d.failed[i, k]:
+            if d.failed[i, k]:
+                stands(i, k, raw[i, k], d, c, e)
+            else:
                 judge(i, k, raw[i, k], d, c, e, brake)
         learn(i, d, e, brake)
         for k in range(raw.shape[1]):
