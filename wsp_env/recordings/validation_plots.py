@@ -8,8 +8,8 @@ from wsp_env.recordings.derive import braking, limits, transition
 from wsp_env.recordings.validation import Validation
 from wsp_env.report import COLOURS, Figure, axes, plotly
 
-_POINTS = 220  # of a line that is one of many
-_CLOUD = 1500  # points of a cloud
+_POINTS = 130  # of a line that is one of many
+_CLOUD = 1200  # points of a cloud
 _LEAST_SPEED_MPS = 1.0  # below, the creepage has no meaning
 
 
