@@ -261,10 +261,11 @@ def test_a_tau_that_the_runs_leave_open_is_said(demo):
     assert json.loads(json.dumps(tuning.to_json(), allow_nan=False))["interval95"] == [0.0, None]
 
 
-def test_command_prints_a_table(capsys):
+def test_command_prints_a_table(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "110")  # of a terminal that shows every column
     assert main(["tune", str(demo_campaign()), "--fixed-mu-cd"]) == 0
     printed = capsys.readouterr().out
-    for expected in ("tau =", "e_4 [%]", "validate", "0.0587 (believed)"):
+    for expected in ("tau =", "axle 4 [%]", "validate", "0.0587 (believed)"):
         assert expected in printed
 
 

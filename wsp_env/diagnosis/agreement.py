@@ -20,7 +20,7 @@ AGREED = float(np.log(19.0))
 #: Share of what the recordings say of a size, below which a run says nothing of it.
 _LEAST_SHARE = 0.02
 #: Runs, counted by their shares, from which on their scatter can be told; where fewer say something, axles of runs are asked.
-_LEAST_RUNS = 2.0
+_LEAST_RUNS = 3.0
 
 
 class Agreement(NamedTuple):
