@@ -36,11 +36,12 @@ def law_of(name):
 def test_derivatives_are_the_slopes_of_the_law(name, slip, speed, mu_cd, layer):
     law, on = law_of(name), Surface(mu_cd, 0.28, layer, 0.0)
     here, h = traction(slip, speed, LOAD, on, TAU, law), 1e-5
+    step = min(h, 2e-4 * slip)  # on little friction a wheel slides from some mm/s on: the curve bends on that scale
 
     def f(s, v):
         return traction(s, v, LOAD, on, TAU, law).f
 
-    by_slip = (f(slip + h, speed) - f(slip - h, speed)) / (2.0 * h)
+    by_slip = (f(slip + step, speed) - f(slip - step, speed)) / (2.0 * step)
     by_speed = (f(slip, speed + h) - f(slip, speed - h)) / (2.0 * h)
     # FASTSIM's elements switch from adhesion to slip one by one: its slope is that of a polygon.
     tolerance = {"rtol": 0.05, "atol": 2e-3} if name == "fastsim" else {"rtol": 1e-4, "atol": 1e-6}
