@@ -117,10 +117,10 @@ def rendering(place: Path) -> None:
     controller.reset(1, BOGIE)
     ended = False
     while not ended:
-        batch = env.unwrapped.batch  # type: ignore[attr-defined]
+        batch = env.unwrapped.batch  # type: ignore[attr-defined]  # gymnasium: any environment
         _, _, terminated, truncated, _ = env.step(controller.act(batch.measurement())[0].astype(int) + 1)
         ended = terminated or truncated
-    Image.fromarray(env.render()).save(DOCS / "rendering.png")  # type: ignore[arg-type]
+    Image.fromarray(env.render()).save(DOCS / "rendering.png")  # type: ignore[arg-type]  # rgb_array: an array
     _in_few_colours(DOCS / "rendering.png")
 
 

@@ -135,8 +135,9 @@ def test_safety_timer_ends_endless_venting(make):
         commands = controller.act(measured(time, [rolling, np.clip(25.0 - 20.0 * (time - 1.0), 0.0, rolling)]))
         unbraked = 0.0 if commands[0, 1] > 0.0 else unbraked + INTERVAL_S
         longest = max(longest, unbraked)
-    # A guard may find earlier that the valve does not do what it is told.
-    assert 0.5 < longest <= controller.parameters.safety_timer_s + 2 * INTERVAL_S
+    # The guarded one finds earlier that the wheel does not do what its valve is told.
+    least = 0.5 if make is AdaptiveController else 2.0
+    assert least < longest <= controller.parameters.safety_timer_s + 2 * INTERVAL_S
     assert controller.wheels.standing.tolist() == [[False, True]]
 
 

@@ -19,7 +19,8 @@ from wsp_env.diagnosis.variation import law_columns
 AGREED = float(np.log(19.0))
 #: Share of what the recordings say of a size, below which a run says nothing of it.
 _LEAST_SHARE = 0.02
-#: Runs, counted by their shares, from which on their scatter can be told; where fewer say something, axles of runs are asked.
+#: Runs, counted by their shares, from which on their scatter can be told (assumption: that of two says next to nothing).
+#: Where fewer say something, axles of runs are asked; what the vehicle's balance alone shows is then not asked.
 _LEAST_RUNS = 3.0
 
 
@@ -46,7 +47,7 @@ class Agreement(NamedTuple):
 
 
 def agreement(replica: Replica, model: Model, variant: Variant, weights: Weights) -> Agreement:
-    """Return what every run says of a mechanism that is on, tau and each run's mu_cd free; of axles, where one run says all."""
+    """Return what every run says of a mechanism that is on, tau and each run's mu_cd free; of axles, where too few runs do."""
     base = replica.raw(model)
     off = weights(replica.raw(without(model, variant)) - base)
     law, left = weights(law_columns(replica, model, base)), weights(base)
