@@ -117,7 +117,9 @@ def loads() -> list[float]:
             if 6 * index + own not in built.free:
                 _hold(built, mbs.GetObject(number)["nodeNumber"], own)
     mbs.Assemble()
-    mbs.SolveStatic()
+    settings = built.exu.SimulationSettings()
+    settings.solutionSettings.writeSolutionToFile = False
+    mbs.SolveStatic(settings)
     own_n = (m.wheelset_mass_kg + 2.0 * m.axle_box_mass_kg) * built.g
     found = []
     for bogie, boxes in ((built.bodies[1], built.bodies[2:6]), (built.bodies[6], built.bodies[7:11])):
