@@ -341,7 +341,7 @@ def test_energy_on_the_rail_does_not_depend_on_the_steps(steps, start):
     spent = leading_axle_cleaning.Spent(np.zeros((1, 400)), np.zeros((1, 1)))
     place = float(start)
     for step in steps:
-        leading_axle_cleaning.remember(p, spent, 0, 0, Passage(place, place + step, step, 0.0, 0.0, 0.0, 1.0, 0.0))
+        leading_axle_cleaning.remember(p, spent, 0, 0, Passage(place, place + step, step, *[0.0] * 3, 1.0, *[0.0] * 3))
         place += step
     passed = [cell % 400 for cell in range(start, math.floor(place))]
     assert_allclose(spent.ring[0, passed], 1.0, rtol=1e-9)

@@ -48,9 +48,9 @@ def running_gears(draw):
 @given(gear=running_gears())
 def test_the_loads_of_any_vehicle_sum_to_zero_and_balance_its_moments(gear):
     positions, bodies = gear
-    body_arms, pivot_arms = map(np.array, arms(positions, bodies))
+    body_arms, bogie_arms = map(np.array, arms(positions, bodies))
     places, axles, first = np.array(positions), len(positions), 0
-    assert_allclose([body_arms.sum(), pivot_arms.sum()], 0.0, atol=1e-12)
+    assert_allclose([body_arms.sum(), bogie_arms.sum()], 0.0, atol=1e-12)
     for body in bodies:
         centres = []
         under = slice(first, first + sum(body))
@@ -58,9 +58,9 @@ def test_the_loads_of_any_vehicle_sum_to_zero_and_balance_its_moments(gear):
             own = slice(first, first + count)
             first += count
             centres.append(places[own].mean())
-            moment = -2.0 * np.sum(pivot_arms[own] * places[own])  # of the changes of the wheels' load, per M a h
-            assert_allclose(moment, count / axles if count > 1 else 0.0, atol=1e-9)
-            assert_allclose(pivot_arms[own].sum(), 0.0, atol=1e-12)
+            moment = -2.0 * np.sum(bogie_arms[own] * places[own])  # of the changes of the wheels' load, per the bogie's own
+            assert_allclose(moment, 1.0 if count > 1 else 0.0, atol=1e-9)
+            assert_allclose(bogie_arms[own].sum(), 0.0, atol=1e-12)
         moment = -2.0 * np.sum(body_arms[under] * np.repeat(centres, body))
         assert_allclose(moment, sum(body) / axles if len(body) > 1 else 0.0, atol=1e-9)
         assert (np.diff(body_arms[under]) <= 1e-15).all() or len(set(body)) > 1  # the front is loaded, the rear relieved
@@ -71,9 +71,9 @@ def test_the_arms_of_the_named_vehicles_are_those_of_two_supports():
     assert arms(WHEELSET.axle_positions_m, WHEELSET.running_gear) == ((0.0,), (0.0,))
     lever = 1.0 / 2.56
     assert arms(BOGIE.axle_positions_m, BOGIE.running_gear) == ((0.0, 0.0), (lever / 2, -lever / 2))
-    body, pivot = 1.0 / 19.0 / 4, 0.25 / 2.56
-    rear = 0.25 / (21.56 - 19.0)
-    assert arms(COACH.axle_positions_m, COACH.running_gear) == ((body, body, -body, -body), (pivot, -pivot, rear, -rear))
+    body, bogie = 1.0 / 19.0 / 4, lever / 2
+    rear = 1.0 / (21.56 - 19.0) / 2
+    assert arms(COACH.axle_positions_m, COACH.running_gear) == ((body, body, -body, -body), (bogie, -bogie, rear, -rear))
 
 
 @pytest.mark.parametrize("axles", range(1, 65))

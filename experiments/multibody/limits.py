@@ -22,7 +22,7 @@ from wsp_env.evaluation.controller import load
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.parameters.velim import CONTACT, TAU_M_PER_J
 from wsp_env.plant.longitudinal.plant import LongitudinalPlant
-from wsp_env.plant.mechanisms.load_transfer import arms
+from wsp_env.plant.mechanisms.load_transfer import Parameters, steadily
 from wsp_env.plant.multibody import plant as multibody
 from wsp_env.plant.port import Setup, Stop
 from wsp_env.report import Table, terminal_table
@@ -87,9 +87,9 @@ def brake(plant: LongitudinalPlant, case: Case) -> Braked:
 
 def heights(stop: Braked) -> dict[str, float]:
     """Return the heights of `load_transfer` that the wheel loads of a stop say, least squares."""
-    change = (stop.loads.mean(axis=2) - VEHICLE.static_wheel_load_n) / VEHICLE.mass_kg
+    change = stop.loads.mean(axis=2) - VEHICLE.static_wheel_load_n
     lever = stop.slowing @ change / (stop.slowing @ stop.slowing)
-    own = np.array(arms(VEHICLE.axle_positions_m, VEHICLE.running_gear)).T
+    own = np.array([steadily(Parameters(*one), VEHICLE) for one in np.eye(2)]).T
     (body, pivot), *_ = np.linalg.lstsq(own, lever, rcond=None)
     return {"body_height_m": float(body), "pivot_height_m": float(pivot)}
 

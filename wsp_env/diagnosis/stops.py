@@ -13,6 +13,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from wsp_env.diagnosis.speed import SpeedEstimator, SpeedNoise, estimate, estimate_noise, nodes
+from wsp_env.plant.card import LOCKED_MPS
 from wsp_env.recordings import Campaign, Recording
 from wsp_env.recordings.quality import describe
 
@@ -28,7 +29,6 @@ SLIP_MPS = 0.1  # smallest change of a slip that is of interest
 #: Creepage and slip speed beyond both of which a wheel slides: the contact limits its force, and no error of a sensor that
 #: hardly matters makes rolling look like it (assumption: twice as much).
 SLIDES, SLIDES_MPS = 0.01, 2.0 * SLIP_MPS
-LOCKED_MPS = 0.5  # circumferential speed below which a wheel counts as locked: its torque is a reaction
 ROLLING_SHARE = 0.05  # of the largest torque, below which a wheel rolls freely
 PRESSED_SHARE = (
     0.5  # of an axle's torque that its own pressure leaves unexplained, from which on the two do not belong together

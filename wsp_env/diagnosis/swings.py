@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wsp_env.diagnosis.stops import LOCKED_MPS, PreparedStop
+from wsp_env.diagnosis.stops import PreparedStop
+from wsp_env.plant.card import LOCKED_MPS
 
 _MOST = 3  # frequencies proposed
 _LOWEST_HZ, _HIGHEST_HZ, _STEP_HZ = 0.15, 1.5, 0.01  # trains swing between some tenths of a hertz and one hertz

@@ -90,6 +90,14 @@ class Multibody(Checked):
                 "two or more, both rising, the first force 0"
             )
 
+    @property
+    def drawing_height_m(self) -> float:
+        """Height [m] at which a bogie draws the body: traction rod and secondary springs side by side."""
+        rod, springs = self.traction_rod_stiffness_n_per_m, 2.0 * self.secondary_stiffness_x_n_per_m
+        if not rod + springs > 0.0:
+            return self.traction_rod_height_m
+        return (rod * self.traction_rod_height_m + springs * self.secondary_height_m) / (rod + springs)
+
     def carbody_kg(self, vehicle_kg: float, axles: int) -> float:
         """Return the carbody's mass [kg] in a vehicle of so many [kg] on two bogies; `ParameterError` if nothing is left."""
         rest = vehicle_kg - 2.0 * self.bogie_mass_kg - axles * (self.wheelset_mass_kg + 2.0 * self.axle_box_mass_kg)

@@ -22,6 +22,9 @@ ACTS_ON = ("contact", "brake", "vehicle", "sensor")
 #: Share of the largest torque of one axle from which on its brake counts as applied (assumption).
 APPLIED_SHARE = 0.05
 
+#: Circumferential speed [m/s] below which a wheel counts as locked (assumption): its brake torque is a reaction.
+LOCKED_MPS = 0.5
+
 #: What the curve of a mechanism may be drawn over.
 Over = Literal["slip", "work", "place", "time", "speed", "axle", "deceleration"]
 
@@ -43,7 +46,7 @@ SLOTS = {
     "axle_friction": "i, k",
     "recovery": "i, k, tau",
     "contact": "adhesion, slip, speed, load",
-    "wheel_load": "load, k, mass, deceleration",
+    "wheel_load": "i, k, load, mass, deceleration",
     "force": "i, speed, believed, moment",
     "torque_factor": "i, k, wheel_mps, pressure",
     "torque": "i, k, torque, doing",
@@ -190,6 +193,8 @@ class Passage(NamedTuple):
     torque_nm: float  # of the brake, believed [N m]
     full_torque_nm: float  # the same at full pressure [N m]
     slip_mps: float  # v - r w, mean [m/s]
+    force_n: float  # T of the wheelset against the motion [N]; along a recording that at the end, as the next
+    turning_nm: float  # J dw/dt [N m]
 
 
 @inlined

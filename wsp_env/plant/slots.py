@@ -108,9 +108,9 @@ after_passage = _slot("after_passage", "", "{call}", "None")
 
 
 @inlined
-def wheel_load(k: int, mass: float, deceleration: float, static: float, active: Active) -> float:
+def wheel_load(i: int, k: int, mass: float, deceleration: float, static: float, active: Active) -> float:
     """Load of one wheel of axle k [N] under the vehicle's deceleration [m/s2]; `static` at rest [N]."""
-    load: float = _wheel_load(active, static, k, mass, deceleration)
+    load: float = _wheel_load(active, i, k, static, mass, deceleration)
     return load
 
 

@@ -19,12 +19,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wsp_env.compiled import loop
+from wsp_env.compiled import inlined, loop
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.resistance import running_resistance
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import mechanisms
-from wsp_env.plant.card import Doing, Moment, Passage, doing_at, note_doing
+from wsp_env.plant.card import LOCKED_MPS, Doing, Moment, Passage, doing_at, note_doing
 from wsp_env.plant.longitudinal.state import PlantConstants, constants, physics
 from wsp_env.plant.mechanisms import Active, Mechanisms
 from wsp_env.plant.port import Choice, Setup
@@ -157,7 +157,7 @@ def along(trajectory: Trajectory, run: Belief, m: PlantModel, doings: np.ndarray
     per_axle = np.empty((7, samples, axles))
     per_vehicle = np.empty((2, samples))
     active = Active(m.mechanisms, m.constants.derived, mechanisms.remember(1, m.axle_positions_m))
-    conditions = _Believed(mu_cd, float(tau), float(mass), float(gradient), radius)
+    conditions = _Believed(mu_cd, float(tau), float(mass), float(gradient), radius, m.inertia_kgm2)
     doings = np.empty((len(Doing._fields), 1, axles)) if doings is None else doings
     kept = np.zeros((_KEPT, axles))
     _evaluate(_columns(trajectory), conditions, m.constants, m.law, active, per_axle, per_vehicle, kept, doings)
@@ -174,6 +174,7 @@ class _Believed(NamedTuple):
     mass: float
     gradient: float
     radius: np.ndarray
+    inertia: np.ndarray
 
 
 class _Columns(NamedTuple):
@@ -193,6 +194,16 @@ def _columns(trajectory: Trajectory) -> _Columns:
 
 
 _SLIP = Doing._fields.index("slip")
+
+
+@inlined
+def _held_back(j: int, k: int, measured: _Columns, c: _Believed) -> tuple[float, float]:
+    """Return T [N] and J dw/dt [N m] of a wheelset by its own balance; of a locked one its share of the vehicle's force."""
+    if c.radius[k] * measured.wheel[j, k] < LOCKED_MPS:
+        return -c.mass * measured.acceleration[j] / measured.wheel.shape[1], 0.0
+    turning = c.inertia[k] * measured.wheel_acceleration[j, k]
+    return (measured.torque[j, k] + turning) / c.radius[k], turning
+
 
 # Rows of the scratch array `kept` (_KEPT, axles): at the last sample the friction power of one wheel and the braking power of
 # the axle [W] and the slip speed [m/s]; so far the heat in both contacts [J] and the angle turned [rad]; the wheels' speed now
@@ -222,10 +233,11 @@ def _evaluate(
         mean_wheel, braking = 0.0, 0.0
         for k in range(axles):
             offset = p.axle_offset[k]
+            force, turning = _held_back(j, k, measured, c)
             passage = Passage(
                 measured.position[before] - offset, measured.position[j] - offset, kept[_FRICTION, k] * duration,
                 kept[_BRAKING, k] * duration, duration, measured.torque[j, k], full_torque,
-                kept[_SLID, k],
+                kept[_SLID, k], force, turning,
             )  # fmt: skip
             after_passage(active, 0, k, passage)
             last = kept[_WHEEL, k]
@@ -252,7 +264,7 @@ def _evaluate(
         rolled = speed * duration
         for k in range(axles):
             wheel, slip = kept[_WHEEL, k], doings[_SLIP, at, k]
-            load = wheel_load(k, c.mass, deceleration, static, active)
+            load = wheel_load(0, k, c.mass, deceleration, static, active)
             on = surface(0, k, measured.position[j] - p.axle_offset[k], rolled, c.mu_cd[j, k], 1.0, law.mu_cr, active)
             adhesion = contact(slip, speed, load, on, recovery(active, 0, k, c.tau), law, active)
             after_contact(active, 0, k, rolled, adhesion.kept)

@@ -90,13 +90,14 @@ def turn_axle(
     state, c, p, _, active, _, _ = on_step
     before = state.wheel_speed[i, k]
     turned = 0.5 * h * (before + wheel)
+    turning = on_step.inertia[i, k] * (wheel - before) / h
     state.contact_work[i, k] += spent
     state.brake_work[i] += braking * turned
     place = state.position[i] - p.axle_offset[k]
     passage = Passage(
         place, place + travelled, 0.5 * spent, braking * turned, h,
         brake.torque(state.brake.pressure[i, k], 1.0, p.brake), brake.torque(p.brake.full_pressure, 1.0, p.brake),
-        (travelled - c.radius[i, k] * turned) / h,
+        (travelled - c.radius[i, k] * turned) / h, (braking + turning) / c.radius[i, k], turning,
     )  # fmt: skip
     after_passage(active, i, k, passage)
     state.wheel_speed[i, k] = wheel

@@ -69,7 +69,7 @@ def _start(i: int, on_step: Stepping) -> float:
     rolled = speed * p.substep
     for k in range(state.wheel_speed.shape[1]):
         place = state.position[i] - p.axle_offset[k]
-        load = wheel_load(k, mass, state.deceleration[i], static, active)
+        load = wheel_load(i, k, mass, state.deceleration[i], static, active)
         mu_cd, layer = rail.look(i, place, c, p.rail)
         on = surface(i, k, place, rolled, mu_cd, layer, law.mu_cr, active)
         slip = speed - c.radius[i, k] * state.wheel_speed[i, k]

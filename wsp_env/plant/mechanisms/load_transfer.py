@@ -1,17 +1,27 @@
 """Braking shifts load to the leading bogie, and within each bogie to its leading axle.
 
-Quasi-static moments about the rail: the carbody's inertia force acts at a height above the bogie pivots and loads the leading
-bogie; each bogie's brake forces act at the rail, its share of the vehicle's inertia at the pivot height above it, and loads its
-leading axle. Textbook statics, e.g. K. Knothe, S. Stichel, Rail Vehicle Dynamics (2017), chapter on traction and braking.
+Quasi-static moments, the wheels' own rotation included. The carbody's inertia force acts at a height above the pivots, at which
+the bogies draw it, and loads the leading bogie. A bogie with its wheelsets stands in balance about the rail,
+
+    moment = h sum T + a (m_frame h_frame + sum m_wheelset r - (m_frame + sum m_wheelset) h) - sum J dw/dt:
+
+its wheels are held back by T at the rail, the body pulls at h with what its own masses leave of it, and wheelsets that slow
+down give up their angular momentum, whatever part of it their brakes hand to the frame as torque. The moment loads the leading
+axle. Textbook statics, e.g. K. Knothe, S. Stichel, Rail Vehicle Dynamics (2017), chapter on traction and braking.
+
+Masses and heights of frame and wheelsets are the vehicle's own (`parameters.multibody`). Their part and that of J dw/dt are
+exact at the vehicle's own height of drawing and in proportion to `pivot_height_m` elsewhere (assumption: so the mechanism is
+linear in its two heights, and the recordings need not tell a third size).
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from wsp_env.compiled import inlined
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.card import Card, Parameter, Said, Signature, itself
+from wsp_env.plant.card import Card, Parameter, Passage, Said, Signature, itself
 
 
 class Parameters(NamedTuple):
@@ -21,22 +31,38 @@ class Parameters(NamedTuple):
     pivot_height_m: float
 
 
-class Arms(NamedTuple):
-    """Wheel load change = M a (h_body * body + h_pivot * pivot) of every axle."""
+class Levers(NamedTuple):
+    """What moments do to the load of one wheel of every axle (A,), and what is known of the vehicle beside the heights."""
 
-    body: np.ndarray  # (A,) [1/m]
-    pivot: np.ndarray  # (A,) [1/m]
+    body: np.ndarray  # per M a h_body, with the carbody's share of M [1/m]
+    bogie: np.ndarray  # per moment of its bogie [1/m]
+    first: np.ndarray  # first axle of its bogie
+    end: np.ndarray  # the axle behind the last one of its bogie
+    borne: np.ndarray  # moment of its bogie's own masses about the height of drawing, per deceleration [kg m]
+    drawn_m: float  # height of drawing, at which `borne` and J dw/dt count in full [m]
+
+
+class Driven(NamedTuple):
+    """What the wheelsets of N vehicles with A axles do."""
+
+    force: np.ndarray  # (N, A) T of the wheelset [N]
+    turning: np.ndarray  # (N, A) J dw/dt [N m]
+
+
+def memory(n: int, axle_positions_m: Sequence[float]) -> Driven:
+    """Return wheelsets that do nothing."""
+    return Driven(*(np.zeros((n, len(axle_positions_m))) for _ in Driven._fields))
 
 
 def arms(
     axle_positions_m: tuple[float, ...], bodies: tuple[tuple[int, ...], ...]
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return per axle the factors [1/m] of body and pivot height: wheel load change = M a (h_body * body + h_pivot * pivot).
+    """Return what the load of one wheel of every axle changes by [1/m]: per M a h of the body, per moment of its bogie.
 
-    Every body and bogie has the share of the mass that its axles carry, and brakes itself: couplings carry no moment. On two
-    supports the change is what balances the moment; on more it grows linearly with the distance from their centre (assumption:
-    a rigid body on springs as stiff as the axles below them are many); a single support takes no moment (assumption: a bogie or
-    wheelset by itself leaves it to the rest of the vehicle). The factors of a vehicle sum to zero.
+    Every body has the share of the mass that its axles carry, and brakes itself: couplings carry no moment. On two supports the
+    change is what balances the moment; on more it grows linearly with the distance from their centre (assumption: a rigid body
+    on springs as stiff as the axles below them are many); a single support takes no moment (assumption: a bogie or wheelset by
+    itself leaves it to the rest of the vehicle). The changes of a vehicle sum to zero.
 
     Parameters
     ----------
@@ -46,16 +72,16 @@ def arms(
     """
     axles = len(axle_positions_m)
     body_arms: list[float] = []
-    pivot_arms: list[float] = []
+    bogie_arms: list[float] = []
     for body in bodies:
         centres = []
         for count in body:
-            own = axle_positions_m[len(pivot_arms) : len(pivot_arms) + count]
+            own = axle_positions_m[len(bogie_arms) : len(bogie_arms) + count]
             centres.append(sum(own) / count)
-            pivot_arms += [count / axles * lever / 2 for lever in _levers(own, (1,) * count)]  # two wheels an axle
+            bogie_arms += [lever / 2 for lever in _levers(own, (1,) * count)]  # two wheels an axle
         for count, lever in zip(body, _levers(tuple(centres), body), strict=True):
             body_arms += [sum(body) / axles * lever / (2 * count)] * count
-    return tuple(body_arms), tuple(pivot_arms)
+    return tuple(body_arms), tuple(bogie_arms)
 
 
 def _levers(places_m: tuple[float, ...], stiffness: tuple[int, ...]) -> tuple[float, ...]:
@@ -70,29 +96,77 @@ def _levers(places_m: tuple[float, ...], stiffness: tuple[int, ...]) -> tuple[fl
     return tuple(k * (centre - x) / turning for k, x in zip(stiffness, places_m, strict=True))
 
 
-def derive(vehicle: Vehicle) -> Arms:
-    """Return the arms of a vehicle."""
-    body, pivot = arms(vehicle.axle_positions_m, vehicle.running_gear)
-    return Arms(np.array(body), np.array(pivot))
+def derive(vehicle: Vehicle) -> Levers:
+    """Return the levers of a vehicle.
+
+    Two axles or more under one body's support are a bogie with a frame. Bodies that are lighter than their bogies and wheelsets
+    have no mass of their own (assumption).
+    """
+    m, radius = vehicle.multibody, vehicle.wheel_radius_m
+    wheelset_kg, height = m.wheelset_mass_kg + 2.0 * m.axle_box_mass_kg, m.drawing_height_m
+    bogies = [count for body in vehicle.running_gear for count in body]
+    frames_kg = [m.bogie_mass_kg if count > 1 else 0.0 for count in bogies]
+    share = max(1.0 - (sum(frames_kg) + vehicle.axles * wheelset_kg) / vehicle.mass_kg, 0.0)
+    body, bogie = arms(vehicle.axle_positions_m, vehicle.running_gear)
+    ends = np.cumsum(bogies)
+    borne = [
+        frame * (m.bogie_height_m - height) + count * wheelset_kg * (radius - height)
+        for frame, count in zip(frames_kg, bogies, strict=True)
+    ]
+    return Levers(
+        share * np.array(body), np.array(bogie), np.repeat(ends - bogies, bogies), np.repeat(ends, bogies),
+        np.repeat(borne, bogies), height,
+    )  # fmt: skip
 
 
 @inlined
-def wheel_load(p: Parameters, arm: Arms, static_n: float, k: int, mass_kg: float, deceleration_mps2: float) -> float:
-    """Load of one wheel [N] of axle k under a deceleration [m/s2]; never below zero."""
-    lever = p.body_height_m * arm.body[k] + p.pivot_height_m * arm.pivot[k]
-    return max(static_n + mass_kg * deceleration_mps2 * lever, 0.0)
+def remember(p: Parameters, lever: Levers, driven: Driven, i: int, k: int, passage: Passage) -> None:
+    """Note what the wheelset of an axle does."""
+    if p.pivot_height_m == 0.0:
+        return
+    driven.force[i, k] = passage.force_n
+    driven.turning[i, k] = passage.turning_nm
+
+
+@inlined
+def wheel_load(
+    p: Parameters, lever: Levers, driven: Driven, i: int, k: int, load: float, mass_kg: float, deceleration_mps2: float
+) -> float:  # fmt: skip
+    """Load of one wheel [N] of axle k under a deceleration [m/s2], with the forces of the substep before; never below zero."""
+    load += mass_kg * deceleration_mps2 * p.body_height_m * lever.body[k]
+    if p.pivot_height_m != 0.0:
+        force, turning = 0.0, 0.0
+        for j in range(lever.first[k], lever.end[k]):
+            force += driven.force[i, j]
+            turning += driven.turning[i, j]
+        arm = force + (deceleration_mps2 * lever.borne[k] - turning) / lever.drawn_m
+        load += p.pivot_height_m * arm * lever.bogie[k]
+    return max(load, 0.0)
+
+
+def steadily(p: Parameters, vehicle: Vehicle) -> np.ndarray:
+    """Return the change of one wheel's load (A,) per deceleration [N / (m/s2)], all wheels rolling, all brakes alike."""
+    lever = derive(vehicle)
+    turning = vehicle.wheelset_inertia_kgm2 / vehicle.wheel_radius_m  # - J dw/dt per deceleration
+    per_bogie = lever.end - lever.first
+    arm = per_bogie * vehicle.mass_kg / vehicle.axles + (lever.borne + per_bogie * turning) / lever.drawn_m
+    result: np.ndarray = vehicle.mass_kg * p.body_height_m * lever.body + p.pivot_height_m * arm * lever.bogie
+    return result
 
 
 CARD = Card(
     name="load_transfer",
     summary="deceleration loads the leading bogie and the leading axle of each bogie",
     parameters=(
-        Parameter("body_height_m", "m", 0.0, 1.0, 0.0, 3.0, "assumption: centre of mass 1.6 m, pivots 0.6 m above the rail"),
+        Parameter(
+            "body_height_m", "m", 0.0, 1.2, 0.0, 3.0, "assumption: centre of mass 1.8 m (Manchester vehicle 1), pivots 0.6 m"
+        ),
         Parameter("pivot_height_m", "m", 0.0, 0.6, 0.0, 2.0, "assumption: height of the traction rod above the rail"),
     ),
     record=Parameters,
-    acts={"wheel_load": wheel_load},
+    acts={"wheel_load": wheel_load, "after_passage": remember},
     derive=derive,
+    memory=memory,
     signature=Signature(
         balances=frozenset({"adhesion"}),
         trace="adhesion: sign alternates from axle to axle and grows with the deceleration",
