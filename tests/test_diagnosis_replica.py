@@ -9,9 +9,10 @@ from synthetic_stops import AXLES, MASS_KG, SAMPLE_S, stops, write_campaign
 
 from wsp_env.contact.degraded import degraded_adhesion
 from wsp_env.diagnosis import quality
-from wsp_env.diagnosis.balances import ADHESION, VEHICLE, Balances, Whitening
+from wsp_env.diagnosis.balances import ADHESION, KINEMATICS, VEHICLE, Balances, Whitening
 from wsp_env.diagnosis.candidates import variants
 from wsp_env.diagnosis.covariance import Sizes
+from wsp_env.diagnosis.diagnose import _describes_a_part
 from wsp_env.diagnosis.evaluate import Evaluator, Model
 from wsp_env.diagnosis.forces import Forces
 from wsp_env.diagnosis.replica import Replica, _needed
@@ -153,7 +154,29 @@ def test_only_what_goes_on_from_row_to_row_is_structure(correlation, expected):
     sizes = Sizes(np.ones(1), np.array([3.0, 1.0, 1.0, 1.0]))
     last = SimpleNamespace(sizes=sizes, groups=[group], small=group, whitening=Whitening(np.ones(n), ()), base=base[order])
     found = quality.structured(SimpleNamespace(rows=rows), last)
-    assert found == pytest.approx(expected, abs=0.35)
+    assert found.size == pytest.approx(expected, abs=0.35)
+    half = SimpleNamespace(**vars(rows) | {"balance": (rows.axle < 2).astype(int)})  # the same of two axles' rolling
+    last.base[half.balance == KINEMATICS] *= 5.0
+    if correlation:
+        assert quality.structured(SimpleNamespace(rows=half), last).balance == "kinematics"
+
+
+def test_a_term_that_leaves_the_balance_that_is_off_is_a_part():
+    """A term on friction says nothing of wheels that roll on another radius; a name may stand beside what else is missing."""
+    name, term = (
+        SimpleNamespace(trial=SimpleNamespace(listed=SimpleNamespace(family=one))) for one in ("", "friction by work")
+    )
+    removed = {"adhesion": 0.9, "kinematics": None, "vehicle": 0.1}
+
+    def part(missing, size, balance):
+        return _describes_a_part(missing, quality.Structure(size, balance), removed)
+
+    assert part([term], 9.0, "kinematics")
+    assert part([term], 9.0, "vehicle")
+    assert not part([term], 9.0, "adhesion")
+    assert not part([term], 0.9, "kinematics")
+    assert not part([term, name], 9.0, "kinematics")
+    assert not part([], 9.0, "kinematics")
 
 
 def test_a_speed_that_swings_proposes_its_frequency(sound):

@@ -1,7 +1,7 @@
 """From a campaign to a diagnosis: the steps in their order."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from typing import Any
 
@@ -18,7 +18,7 @@ from wsp_env.diagnosis.effects import course, curve, held_out
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import baseline, sliding
 from wsp_env.diagnosis.locate import locate, residual_map
-from wsp_env.diagnosis.quality import Quality, quality, structured
+from wsp_env.diagnosis.quality import Quality, Structure, quality, structured
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import detectable, net_change
 from wsp_env.diagnosis.stops import PreparedStop, prepare
@@ -113,10 +113,12 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     left = structured(outcome.replica, outcome.last)
     # What is worth nothing on runs that it was not fitted to is no finding, nor what leaves most of what could be removed.
     worthless = bool(missing) and (worse or (removed is not None and removed <= 0.0))
-    unexplained = left > _STRUCTURED and (removed or 0.0) < _MOST_REMOVED
+    unexplained = left.size > _STRUCTURED and (removed or 0.0) < _MOST_REMOVED
+    part = _describes_a_part(missing, left, found.removed_of)
+    unexplained |= part
     holds = not worthless and not unexplained
     if worthless:
-        unexplained = structured(replica, outcome.first) > _STRUCTURED
+        unexplained = structured(replica, outcome.first).size > _STRUCTURED
     named = tuple(_named(replica, outcome, one, found) for one in missing if not one.trial.listed.family) if holds else ()
     terms = tuple(_discovered(replica, outcome, one, found) for one in missing if one.trial.listed.family) if holds else ()
     verdict = _verdict(named, terms, bool(named or terms) or unexplained, bool(sliding(replica).any()))
@@ -139,8 +141,10 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     ]
     if worthless:
         small += [f"seen in the runs to tune on, but worth nothing on those held out: {one.words}" for one in missing]
-    if holds and missing and left > _STRUCTURED:
-        small.append(f"what is left still goes on from row to row, {left:.1f} times as large as the channels' noise")
+    if part and not worthless:
+        small += [f"seen, but most of what goes on in the {left.balance} balance is left by it: {one.words}" for one in missing]
+    if holds and missing and left.size > _STRUCTURED:
+        small.append(f"what is left still goes on from row to row, {left.size:.1f} times as large as the channels' noise")
     return Diagnosis(
         campaign=replica.campaign.name,
         verdict=verdict,
@@ -162,6 +166,16 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         discovered=terms,
         worth=_worth(outcome, extended, missing) if named or terms else None,
     )
+
+
+def _describes_a_part(missing: Sequence[Accepted], left: Structure, removed_of: Mapping[str, float | None]) -> bool:
+    """Whether only terms were found, and they leave most of the balance in which the most goes on.
+
+    A name is known physics with a trace of its own, beside which something else may be missing. A term is made of what was
+    left: where what goes on is not removed by it, it is a part of something that no term can say.
+    """
+    only_terms = bool(missing) and all(one.trial.listed.family for one in missing)
+    return only_terms and left.size > _STRUCTURED and (removed_of[left.balance] or 0.0) < _MOST_REMOVED
 
 
 def _verdict(named: tuple[Named, ...], terms: tuple[Discovered, ...], seen: bool, slides: bool) -> Verdict:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.diagnosis.answer import FitQuality
+from wsp_env.diagnosis.balances import BALANCES
 from wsp_env.diagnosis.candidates import Variant, columns, without
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.decide import SURE, Outcome, at_bound
@@ -29,6 +30,7 @@ class Quality:
     before: Model  # as fitted to the runs to tune on
     after: Model
     held_out: tuple[float, ...]  # by how much each accepted mechanism reduces chi-square of the runs to validate
+    removed_of: Mapping[str, float | None]  # share gone of what can be removed of them, by balance; None: nothing can be
     repeated: tuple[bool, ...]  # whether they make it sure by themselves, if any is held out, at a size that can be
     weights: Weights  # of all rows
     expected: Weights  # the same with the sizes and the noise that are expected of sound recordings
@@ -40,6 +42,13 @@ class Left(NamedTuple):
     before: float
     after: float
     best: float  # with the mechanisms' sizes fitted to these very rows
+
+
+class Structure(NamedTuple):
+    """What goes on from row to row in what a model leaves."""
+
+    size: float  # over the channels' noise
+    balance: str  # in which it is largest
 
 
 def quality(replica: Replica, outcome: Outcome) -> Quality:
@@ -80,13 +89,16 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
         if not sure:
             after = without(after, one.trial.variant)
     kept = [one.trial.variant for one, sure in zip(outcome.accepted, repeated, strict=True) if sure]
-    figures = left(replica, after, kept, every, {"tune": ~held} | ({"validate": held} if held.any() else {}))
-    base, extended = ({name: one[i] for name, one in figures.items()} for i in (0, 1))
+    parts = {"tune": ~held} | ({"validate": held} if held.any() else {})
+    each = {name: held & (replica.rows.balance == balance) for balance, name in enumerate(BALANCES)}
+    figures = left(replica, after, kept, every, parts | {name: rows for name, rows in each.items() if rows.any()})
+    base, extended = ({name: figures[name][i] for name in parts} for i in (0, 1))
     return Quality(
         FitQuality(1.0, base, extended, _removed(figures.get("validate"), int(held.sum()))),
         before,
         after,
         gains,
+        {name: _removed(figures.get(name), int(rows.sum())) for name, rows in each.items()},
         repeated,
         every,
         weigh(replica, outcome.first.whitening, groups),
@@ -135,8 +147,8 @@ def _removed(held: Left | None, rows: int) -> float | None:
     return (held.before - held.after) / (held.before - min(held.best, 1.0))
 
 
-def structured(replica: Replica, seen: Screen) -> float:
-    """Return how large, over the channels' noise, what goes on from row to row is in what the model of a search leaves.
+def structured(replica: Replica, seen: Screen) -> Structure:
+    """Return how large what goes on from row to row is in what the model of a search leaves, and where.
 
     Noise of any size says that channels are noisy; what a row shares with the next one of the same axle and run is physics that
     neither model nor nuisances describe. The largest root of the rows' autocovariance, over the balances.
@@ -148,9 +160,10 @@ def structured(replica: Replica, seen: Screen) -> float:
     order = np.lexsort((rows.time, rows.axle, rows.run, rows.balance))
     one, two = order[:-1], order[1:]
     follows = (rows.balance[one] == rows.balance[two]) & (rows.run[one] == rows.run[two]) & (rows.axle[one] == rows.axle[two])
-    shared = []
+    shared = [(0.0, BALANCES[0])]
     for balance in np.unique(rows.balance):
         mine = follows & (rows.balance[one] == balance)
         if mine.sum() >= _LEAST_PAIRS:
-            shared.append(float(np.mean(left[one[mine]] * left[two[mine]])))
-    return float(np.sqrt(max([0.0, *shared])))
+            shared.append((float(np.mean(left[one[mine]] * left[two[mine]])), BALANCES[balance]))
+    size, where = max(shared)
+    return Structure(float(np.sqrt(size)), where)
