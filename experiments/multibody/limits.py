@@ -3,8 +3,8 @@
     python -m experiments.multibody.limits [--only same substeps protected]
 
 `same` brakes with the same commands: the longitudinal coach; the multibody coach with its suspensions blocked, which is the
-same vehicle; the free one; and the longitudinal one with the mechanism `load_transfer` at the heights that the free one's wheel
-loads say. `substeps` is one stop at several substeps against the smallest. `protected` repeats a stop under the rule-based
+same vehicle; the free one; and the longitudinal one with the mechanism `load_transfer` at the vehicle's own heights.
+`substeps` is one stop at several substeps against the smallest. `protected` repeats a stop under the rule-based
 controller with other sensor noise: single stops part, so their distributions are compared.
 """
 
@@ -22,7 +22,6 @@ from wsp_env.evaluation.controller import load
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.parameters.velim import CONTACT, TAU_M_PER_J
 from wsp_env.plant.longitudinal.plant import LongitudinalPlant
-from wsp_env.plant.mechanisms.load_transfer import Parameters, steadily
 from wsp_env.plant.multibody import plant as multibody
 from wsp_env.plant.port import Setup, Stop
 from wsp_env.report import Table, terminal_table
@@ -53,7 +52,6 @@ class Braked(NamedTuple):
 
     distance_m: float
     loads: np.ndarray  # (T, A, 2) wheel loads [N]; empty of a plant that has none
-    slowing: np.ndarray  # (T,) [m/s2]
     duration_s: float
     computed_s: float
 
@@ -71,27 +69,23 @@ def started(plant: LongitudinalPlant, case: Case, noise: float = 0.0) -> Longitu
 def brake(plant: LongitudinalPlant, case: Case) -> Braked:
     """Brake one stop with the commands of the case."""
     started(plant, case)
-    loads, slowing = [], []
+    loads = []
     begin, step = time.process_time(), 0
     while plant.moving[0]:
         phase = (step + 11 * np.arange(VEHICLE.axles)) % 100
         command = np.where(case.cycling & (phase < 25), -1.0, np.where(case.cycling & (phase < 35), 0.0, 1.0))
         plant.step(command[None])
-        slowing.append(float(plant.state.deceleration[0]))
         if isinstance(plant, multibody.MultibodyPlant):
             loads.append(plant.bodies.wheel_load[0].copy())
         step += 1
     spent = time.process_time() - begin
-    return Braked(float(plant.state.position[0]), np.array(loads), np.array(slowing), float(plant.state.time[0]), spent)
+    return Braked(float(plant.state.position[0]), np.array(loads), float(plant.state.time[0]), spent)
 
 
-def heights(stop: Braked) -> dict[str, float]:
-    """Return the heights of `load_transfer` that the wheel loads of a stop say, least squares."""
-    change = stop.loads.mean(axis=2) - VEHICLE.static_wheel_load_n
-    lever = stop.slowing @ change / (stop.slowing @ stop.slowing)
-    own = np.array([steadily(Parameters(*one), VEHICLE) for one in np.eye(2)]).T
-    (body, pivot), *_ = np.linalg.lstsq(own, lever, rcond=None)
-    return {"body_height_m": float(body), "pivot_height_m": float(pivot)}
+def heights() -> dict[str, float]:
+    """Return the vehicle's own heights for `load_transfer`; nothing is fitted."""
+    own = VEHICLE.multibody
+    return {"body_height_m": own.carbody_height_m - own.drawing_height_m, "pivot_height_m": own.drawing_height_m}
 
 
 def same(console: Console) -> None:
@@ -100,15 +94,12 @@ def same(console: Console) -> None:
     for case in CASES:
         one = brake(LongitudinalPlant(VEHICLE, 1, FINE), case).distance_m
         blocked = brake(multibody.MultibodyPlant(VEHICLE, 1, FINE, blocked=True), case).distance_m
-        free = brake(multibody.MultibodyPlant(VEHICLE, 1, FINE), case)
-        own = heights(free)
-        moved = dataclasses.replace(FINE, mechanisms={"load_transfer": own})
+        free = brake(multibody.MultibodyPlant(VEHICLE, 1, FINE), case).distance_m
+        moved = dataclasses.replace(FINE, mechanisms={"load_transfer": heights()})
         with_it = brake(LongitudinalPlant(VEHICLE, 1, moved), case).distance_m
-        off = (f"{100.0 * (other / one - 1.0):+.3f} %" for other in (blocked, free.distance_m, with_it))
-        rows.append((case.name, f"{case.mu_cd:g}", f"{one:.2f}", *off, ", ".join(f"{value:.2f}" for value in own.values())))
-    header = (
-        "commands", "mu_cd", "1D [m]", "3D blocked", "3D free", "1D with load transfer", "its heights: body, pivots [m]",
-    )  # fmt: skip
+        off = (f"{100.0 * (other / one - 1.0):+.3f} %" for other in (blocked, free, with_it))
+        rows.append((case.name, f"{case.mu_cd:g}", f"{one:.2f}", *off))
+    header = ("commands", "mu_cd", "1D [m]", "3D blocked", "3D free", "1D with load transfer")
     console.print(terminal_table(Table(header, rows, "stopping distance against the longitudinal coach")))
 
 
