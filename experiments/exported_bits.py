@@ -68,11 +68,15 @@ def main(
 
     """
     for what in units:
-        unit = in_single(named(what)) if single else named(what)
+        unit = named(what)
+        if single and unit.why_double:
+            print(f"{what}: only doubles, {unit.why_double}", flush=True)
+            continue
+        unit = in_single(unit) if single else unit
         with tempfile.TemporaryDirectory() as folder:
             once = sum(1 for kind, *_ in unit.reference(1) if kind == "step")
             said = compare(unit, math.ceil(steps / once), Path(folder))
-        print(f"{what}: {re.sub(r'^wsp_[a-z_]*: ', '', said)}", flush=True)
+        print(f"{what}: {re.sub(r'(?m)^wsp_[a-z_]*: ', '', said)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ import math
 import os
 import pickle
 import signal
+import socket
 import zipfile
 from pathlib import Path
 
@@ -12,7 +13,8 @@ import pytest
 
 from wsp_env.evaluation.carried import carry
 from wsp_env.evaluation.controller import load
-from wsp_env.executor import Processes, TaskFailedError, ThisProcess, Workers, pack, send, unpack
+from wsp_env.executor import ClusterError, Processes, TaskFailedError, ThisProcess, Workers, pack, send, unpack
+from wsp_env.executor import cluster as cluster_module
 from wsp_env.executor.versions import difference, versions
 from wsp_env.parameters.quantity import ParameterError
 
@@ -42,10 +44,13 @@ def refuses(number):
 
 @pytest.fixture(scope="module")
 def cluster():
-    """Return the executor of Ray, on this machine alone."""
+    """Return the executor of Ray, on this machine alone; its workers find this module."""
     ray = pytest.importorskip("ray", reason="the extra [cluster] is not installed")
-    yield Workers("ray", 2).make()
-    ray.shutdown()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RAY_ADDRESS", "local")
+        patch.setenv("PYTHONPATH", os.path.dirname(__file__), prepend=os.pathsep)
+        yield Workers("ray", 2).make()
+        ray.shutdown()
 
 
 @pytest.fixture(params=["this process", "processes", "ray"])
@@ -117,6 +122,26 @@ def test_without_ray_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "ray", None)
     with pytest.raises(ModuleNotFoundError, match=r"wsp-env\[cluster\]"):
         Workers("ray").make()
+
+
+def test_a_cluster_that_is_gone_is_not_waited_for(monkeypatch, tmp_path):
+    """Ray itself would wait for minutes for what `ray start` noted, and was ended without `ray stop`."""
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        there = f"127.0.0.1:{listening.getsockname()[1]}"
+        monkeypatch.setenv("RAY_TMPDIR", str(tmp_path))
+        monkeypatch.delenv("RAY_ADDRESS", raising=False)
+        assert cluster_module._address() is None  # nothing noted: Ray begins one
+        (tmp_path / "ray").mkdir()
+        (tmp_path / "ray" / "ray_current_cluster").write_text(f"{there}\n")
+        assert cluster_module._address() is None
+        monkeypatch.setenv("RAY_ADDRESS", there)
+        assert cluster_module._address() is None
+    with pytest.raises(ClusterError, match=f"no cluster answers at {there}, the address in RAY_ADDRESS"):
+        cluster_module._address()
+    monkeypatch.delenv("RAY_ADDRESS")
+    assert cluster_module._address() == "local"
 
 
 def test_a_folder_travels_whole_and_in_equal_bytes(tmp_path):

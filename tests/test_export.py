@@ -150,6 +150,12 @@ def test_in_single_precision_it_stays_within_the_tolerance_and_nothing_becomes_a
         write_fmu(unit, tmp_path / "one.fmu")
 
 
+def test_a_law_whose_slopes_are_differences_has_no_single_precision() -> None:
+    """Floats would round them away."""
+    with pytest.raises(ParameterError, match=r"FASTSIM.* has no single precision: its slopes are differences"):
+        single(law_unit(LAWS["fastsim"].make(CONTACT)))
+
+
 def test_floats_leave_comments_and_whole_numbers_alone() -> None:
     """And literals that are floats already."""
     given = "/* 1.0 double */ double x = exp(2.0) + 1e-9 + (double)UINT64_C(3) * 0x1F + t[2] / 5.0f + fabs(y2.v1); DBL_MAX"

@@ -173,11 +173,17 @@ def test_what_is_wrong_with_an_fmu_is_said(tmp_path: Path) -> None:
         with pytest.raises(RefusedError, match=said):
             fmu.reset(1, bogie)
     (tmp_path / "x0.toml").write_text('[variables]\nwheel_speed = "command[{axle}]"\n')
-    with pytest.raises(RefusedError, match=r"has command\[1\] as output, where a input is needed"):
+    with pytest.raises(RefusedError, match=r"has command\[1\] as output, where an input is needed"):
         Fmu(tmp_path / "x0.fmu").reset(1, bogie)
     (tmp_path / "x0.toml").write_text('[variables]\nspeed = "omega"\n')
     with pytest.raises(RefusedError, match=r"map x0.toml with speed in \[variables\]; valid: command, demand"):
         Fmu(tmp_path / "x0.fmu")
+    (tmp_path / "x0.toml").write_text('[commands]\nvent = "open"\n')
+    with pytest.raises(RefusedError, match=r"map x0.toml with vent = 'open' in \[commands\]: a number is needed"):
+        Fmu(tmp_path / "x0.fmu")
+    stranger = Fmu(changed(good, tmp_path / "stranger.fmu", ('guid="{', 'guid="{0')))
+    with pytest.raises(RefusedError, match=r"could not be instantiated: do its binary and .* belong together \(guid\)"):
+        stranger.reset(1, bogie)
     (tmp_path / "text.fmu").write_text("no zip")
     with pytest.raises(ParameterError, match="no FMU"):
         load(str(tmp_path / "text.fmu"))

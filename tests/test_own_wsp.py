@@ -99,7 +99,9 @@ def test_a_library_of_another_form_is_refused(tmp_path: Path) -> None:
     [
         ("return 3;", "failed in stop 1: wsp_step returned 3"),
         ("return 0;", "returned nan for axle 1"),
-        ("abort();", "crashed .SIGABRT"),
+        ("abort();", "crashed .SIGABRT.: look for an assertion"),
+        ("exit(0);", "ended its process .exit status 0.: it must return"),
+        ("command[0] = command[1] = 2.0; return 0;", "gave 2 for axle 1 of stop 1: -1 vents, 0 holds, .1 applies"),
         ("*(volatile int *)0 = 1; return 0;", "crashed .SIGSEGV"),
     ],
 )

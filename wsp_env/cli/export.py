@@ -26,7 +26,7 @@ class C:
     vehicle: _Named = "coach"
     """A name (wsp vehicle list) or a vehicle file; a policy knows its own."""
     law: str = ""
-    """Of `law`: one of degraded, classic, polach, kalker, fastsim; empty: the vehicle's."""
+    """Of `law`: one of degraded, capped, classic, polach, kalker, fastsim; empty: the vehicle's."""
     mechanisms: tuple[str, ...] = ()
     """Of `plant`: mechanisms that act in it, with their typical values."""
     plant: Annotated[PlantOptions, tyro.conf.arg(name="")] = dataclasses.field(default_factory=PlantOptions)

@@ -175,7 +175,8 @@ class Fmu:
             )
         found = known[name]
         if found.causality != causality:
-            raise RefusedError(f"has {name} as {found.causality}, where a {causality} is needed")
+            article = "a" if causality == "parameter" else "an"
+            raise RefusedError(f"has {name} as {found.causality}, where {article} {causality} is needed")
         if not found.real:
             raise RefusedError(f"has {name} as another type than a real number")
         return found
@@ -209,6 +210,10 @@ def _map_of(file: Path) -> dict[str, Any]:
         names = valid[table]
         if names is not None and (wrong := sorted(set(content) - names)):
             raise RefusedError(f"has a map {file.name} with {', '.join(wrong)} in [{table}]; valid: {', '.join(sorted(names))}")
+        kind, said = (str, "a name in quotes") if table == "variables" else (int | float, "a number")
+        for name, value in content.items():
+            if not isinstance(value, kind) or isinstance(value, bool):
+                raise RefusedError(f"has a map {file.name} with {name} = {value!r} in [{table}]: {said} is needed")
     return document
 
 
@@ -241,7 +246,7 @@ class _Binary:
             raise RefusedError(f"has a binary that cannot be loaded ({error})") from None
         self._described, self._place = described, place
         self._prefix = f"fmi{described.version}"
-        libc = ctypes.CDLL(None)
+        libc = ctypes.CDLL("msvcrt" if sys.platform == "win32" else None)
         self._log = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)(
             lambda *said: None
         )
@@ -263,7 +268,8 @@ class _Binary:
             place = f"{resources}/".encode()
             made = make(said, token, place, no, no, no, no, none, ctypes.c_size_t(0), none, none, none)
         if not made:
-            raise RefusedError("could not be instantiated")
+            what = "guid" if self._described.version == 2 else "instantiationToken"
+            raise RefusedError(f"could not be instantiated: do its binary and its model description belong together ({what})?")
         return ctypes.c_void_p(made)
 
     def initialise(self, instance: ctypes.c_void_p) -> None:

@@ -15,6 +15,14 @@ DECISION_LIMIT_S = 2.0
 #: The same for opening the file and for beginning the stops: an FMU is unpacked and instantiated (assumption).
 OPENING_LIMIT_S = 20.0
 
+#: What a process may have done that a signal ended; of others it is memory.
+_CAUSES = {
+    "SIGABRT": "look for an assertion, abort(), or memory that was freed twice",
+    "SIGFPE": "look for a whole number divided by zero",
+    "SIGILL": "look for code that can never be reached, or was built for another processor",
+    "SIGKILL": "ended from outside; is there enough memory?",
+}
+
 
 class NativeError(RuntimeError):
     """What went wrong with a controller in native code."""
@@ -57,9 +65,11 @@ class Isolated:
 
 
 def _words(gone: GoneError) -> str:
-    """Say how the process ended."""
+    """Say how the process ended, and what usually is the cause."""
     if gone.late:
         return "took too long and was ended"
     named = {-number: number.name for number in signal.Signals}
-    how = named.get(gone.code or 0, f"exit status {gone.code}")
-    return f"crashed ({how}): look for memory beyond an array or a null pointer"
+    how = named.get(gone.code or 0)
+    if how is None:
+        return f"ended its process (exit status {gone.code}): it must return, and never call exit"
+    return f"crashed ({how}): {_CAUSES.get(how, 'look for memory beyond an array or a null pointer')}"

@@ -69,7 +69,14 @@ class NativeController:
             arrays.append(measurement.pressure)
         assert self._process is not None
         command = self._process.ask({"do": "act"}, self._limit_s, *arrays)
-        return command.reshape(n, self._axles).copy()
+        command = command.reshape(n, self._axles).copy()
+        if (beyond := np.argwhere(np.abs(command) > 1.0)).size:
+            stop, axle = beyond[0]
+            raise NativeError(
+                f"{self._file.name} gave {command[stop, axle]:g} for axle {axle + 1} of stop {stop + 1}: "
+                "-1 vents, 0 holds, +1 applies; an FMU's other numbers are named in [commands] of the TOML file beside it"
+            )
+        return command
 
     def _opened(self) -> Isolated:
         """Return the process with the file open in it; a new one where the last has ended."""

@@ -1,7 +1,12 @@
 """The executor of many machines: Ray."""
 
+import os
 import platform
+import socket
+import sys
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any, TypeVar
 
 from wsp_env import child
@@ -12,6 +17,9 @@ T = TypeVar("T")
 
 #: Tasks that are sent ahead for every processor of the cluster, so that none waits for the next one.
 _AHEAD = 2
+
+#: A cluster whose port does not take a connection within so long [s] is not there (assumption).
+_ANSWERS_WITHIN_S = 10.0
 
 
 class Cluster:
@@ -91,5 +99,47 @@ def _ray() -> Any:
     except ImportError:
         raise ModuleNotFoundError('--executor ray needs Ray: pip install "wsp-env[cluster]"') from None
     if not ray.is_initialized():
-        ray.init(log_to_driver=False, include_dashboard=False, logging_level="ERROR")
+        try:
+            ray.init(_address(), log_to_driver=False, include_dashboard=False, logging_level="ERROR")
+        except ConnectionError as error:
+            raise ClusterError(f"Ray cannot be reached: {error}") from None
     return ray
+
+
+def _address() -> str | None:
+    """Return where Ray is to connect to: None, as it finds out itself, or "local", a cluster of its own.
+
+    What `ray start` has noted stays there when its processes were ended otherwise than by `ray stop`; Ray would wait for them
+    for minutes, and give up.
+    """
+    named = os.environ.get("RAY_ADDRESS", "")
+    if named and not _answers(named):
+        raise ClusterError(
+            f"no cluster answers at {named}, the address in RAY_ADDRESS: ray start --head there, or name another"
+        )
+    if named:
+        return None
+    try:
+        noted = (_temporary() / "ray" / "ray_current_cluster").read_text(encoding="utf-8").strip()
+    except OSError:
+        return None
+    return None if _answers(noted) else "local"
+
+
+def _answers(address: str) -> bool:
+    """Whether somebody listens at an address, HOST:PORT; of any other form it is for Ray to say."""
+    host, colon, port = address.rpartition(":")
+    if not colon or "/" in host or not port.isdigit():
+        return True
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), _ANSWERS_WITHIN_S).close()
+    except OSError:
+        return False
+    return True
+
+
+def _temporary() -> Path:
+    """Return the folder in which Ray 2.60 keeps its own."""
+    if named := os.environ.get("RAY_TMPDIR") or (os.environ.get("TMPDIR") if sys.platform == "linux" else None):
+        return Path(named)
+    return Path("/tmp" if os.name == "posix" else tempfile.gettempdir())

@@ -64,6 +64,7 @@ class Unit:
     tolerance: float = 0.0  # by which C and Python may differ, relative from 1 on
     allowed_share: float = 0.0  # of the numbers that may differ by more
     why_tolerance: str = ""
+    why_double: str = ""  # why it cannot be written with floats, as the end of a sentence
     tables: str = ""  # C before the functions
     controller: bool = False  # takes time, wheel_speed and demand, gives command
     axles: int = 0

@@ -49,13 +49,19 @@ def memory(n: int, axle_positions_m: Sequence[float]) -> Spent:
 
 
 @inlined
+def _cell(place_m: float) -> int:
+    """Return the number of the cell at a place [m]."""
+    return int(math.floor(place_m / CELL_M))  # noqa: RUF046 -- compiled for CUDA the floor alone is a float, which is no index
+
+
+@inlined
 def layer_left(
     p: Parameters, spent: Spent, i: int, k: int, place_m: float, rolled_m: float, layer: float, held: float
 ) -> tuple[float, float]:  # fmt: skip
     """Shares of the contaminant layer [-], free and held, that earlier wheels left at a place on the rail [m]."""
     if p.removal_m_per_j == 0.0:
         return layer, held
-    left = math.exp(-p.removal_m_per_j * spent.ring[i, math.floor(place_m / CELL_M) % spent.ring.shape[1]])
+    left = math.exp(-p.removal_m_per_j * spent.ring[i, _cell(place_m) % spent.ring.shape[1]])
     return left * layer, left * held
 
 
@@ -66,8 +72,8 @@ def remember(p: Parameters, spent: Spent, i: int, axle: int, passage: Passage) -
         return
     ring, pending, energy_j = spent.ring, spent.pending, passage.energy_j
     before_m, after_m = passage.before_m, passage.after_m
-    cell = math.floor(before_m / CELL_M)
-    entered = math.floor(after_m / CELL_M)
+    cell = _cell(before_m)
+    entered = _cell(after_m)
     if entered == cell:
         pending[i, axle] += energy_j
         return
