@@ -1,8 +1,10 @@
-"""Do the runs agree on a mechanism? What is missing has in every run the size that it has in the others.
+"""What the runs leave of the evidence for a mechanism: what is missing has in every run the size that it has in the others.
 
-The size is estimated in every run by itself, as a multiple of the one that was fitted to all. How uncertain the common one is,
-the runs' scatter says, not the number of samples (a sandwich over clusters: Liang, Zeger, Biometrika 73, 1986). What noise, or
-something else that is missing, lends a size to in some runs and not in others is no finding, however many rows fit better.
+The size is estimated in every run by itself, as a multiple of the one that was fitted to all, with all nuisances at liberty in
+that run. How uncertain it is, noise and nuisances say. Where the runs miss the common size by more than that, the model of what
+varies is too small in just this direction, and so is the uncertainty that the evidence was computed with. By which factor is
+unknown: it is believed to be 1, and learned from the runs. With the factor integrated out, a likelihood ratio is Student's t's
+(Wedderburn, Biometrika 61, 1974, on the factor; Gelman et al., Bayesian data analysis, 2014, chapter 3, on the integral).
 """
 
 from typing import NamedTuple
@@ -10,60 +12,49 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.diagnosis.candidates import Variant, without
+from wsp_env.diagnosis.covariance import PRIOR_WEIGHT
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.variation import law_columns
+from wsp_env.diagnosis.variation import MU_CD, law_columns
 
-#: Log of the likelihood ratio that the runs' sizes need: 95 %. They are asked this one question.
-AGREED = float(np.log(19.0))
 #: Share of what the recordings say of a size, below which a run says nothing of it.
 _LEAST_SHARE = 0.02
-#: Runs, counted by their shares, from which on their scatter can be told (assumption: that of two says next to nothing).
-#: Where fewer say something, axles of runs are asked; what the vehicle's balance alone shows is then not asked.
-_LEAST_RUNS = 3.0
 
 
 class Agreement(NamedTuple):
-    """What clusters of rows say of a mechanism, each by itself."""
+    """What every run that says something of a mechanism says, by itself."""
 
     multiples: np.ndarray  # (R,) of the size fitted to all
-    shares: np.ndarray  # (R,) of what is known of it; they sum to 1
+    information: np.ndarray  # (R,) 1 / variance of the same
 
     @property
-    def several(self) -> float:
-        """Number of clusters of equal shares that would say as much."""
-        return 1.0 / float(self.shares @ self.shares)
+    def misses(self) -> np.ndarray:
+        """Squares (R,) by which the runs miss the size that was fitted to all: 1 is expected of each."""
+        result: np.ndarray = self.information * (self.multiples - 1.0) ** 2
+        return result
 
-    @property
-    def evidence(self) -> float:
-        """Log of the likelihood ratio of a common size over none, the scatter unknown (Student's t); inf: too few to tell."""
-        several = self.several
-        if several < _LEAST_RUNS:
-            return np.inf
-        mean = float(self.shares @ self.multiples)
-        variance = float(self.shares**2 @ (self.multiples - mean) ** 2) * several / (several - 1.0)
-        return 0.5 * several * float(np.log1p(mean**2 / max(variance, 1e-12) / (several - 1.0)))
+    def left_of(self, evidence: float) -> float:
+        """Return what is left of an evidence."""
+        counts = PRIOR_WEIGHT + len(self.multiples)
+        return 0.5 * (counts + 1.0) * float(np.log1p(2.0 * max(evidence, 0.0) / (PRIOR_WEIGHT + self.misses.sum())))
 
 
 def agreement(replica: Replica, model: Model, variant: Variant, weights: Weights) -> Agreement:
-    """Return what every run says of a mechanism that is on, tau and each run's mu_cd free; of axles, where too few runs do."""
+    """Return what every run says of a mechanism that is on: tau as fitted to all, mu_cd and nuisances of the run alone."""
     base = replica.raw(model)
-    off = weights(replica.raw(without(model, variant)) - base)
-    law, left = weights(law_columns(replica, model, base)), weights(base)
-    inner = weights.projector.inner
+    off, left = weights(replica.raw(without(model, variant)) - base), weights(base)
+    law, inner = weights(law_columns(replica, model, base)), weights.projector.inner
     given = np.linalg.pinv(inner(law, law), rcond=1e-9)
     moved, rest = (one - law @ (given @ inner(law, one[:, None])[:, 0]) for one in (off, left))
-    kept = weights.projector.rest(np.column_stack([moved, rest]))
-    rows = replica.rows
-    found = _by(rows.run, moved, kept)
-    return found if found.several >= _LEAST_RUNS else _by(rows.run * (replica.axles + 1) + rows.axle, moved, kept)
-
-
-def _by(cluster: np.ndarray, moved: np.ndarray, kept: np.ndarray) -> Agreement:
-    """Return what every cluster says of the size, where it says something."""
-    _, index = np.unique(cluster, return_inverse=True)
-    says = np.bincount(index, weights=moved * kept[:, 0])
-    asks = np.bincount(index, weights=moved * kept[:, 1])
-    used = says > _LEAST_SHARE * says.sum()
-    return Agreement(1.0 + asks[used] / says[used], says[used] / says[used].sum())
+    says, asks = [], []
+    for rows, alone in weights.projector.by_run:
+        mu_cd = law[rows, 1 + replica.rows.run[rows][0]]
+        every = np.column_stack([moved[rows], rest[rows], mu_cd])
+        known = alone.inner(every, every)
+        friction = known[:2, 2] / (known[2, 2] + MU_CD**-2)
+        says.append(float(known[0, 0] - friction[0] * known[0, 2]))
+        asks.append(float(known[0, 1] - friction[0] * known[1, 2]))
+    information = np.array(says)
+    used = information > _LEAST_SHARE * information.sum()
+    return Agreement(1.0 + np.array(asks)[used] / information[used], information[used])

@@ -11,7 +11,7 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from wsp_env.diagnosis.agreement import AGREED, agreement
+from wsp_env.diagnosis.agreement import agreement
 from wsp_env.diagnosis.candidates import Variant, parameter_of, refined, switched, values_in, without
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.discovered import terms
@@ -190,7 +190,7 @@ def _refused(
     """Whether a mechanism contradicts itself, whatever its evidence."""
     if at_bound(trial.listed, trial.fitted.model) or _compensates(replica, trial, accepted, seen):
         return True
-    if agreement(replica, trial.fitted.model, trial.variant, weights).evidence < AGREED:
+    if odds(trial.listed, agreement(replica, trial.fitted.model, trial.variant, weights).left_of(trial.evidence)) <= SURE:
         return True
     return _pulls(replica, trial, before, weights)
 

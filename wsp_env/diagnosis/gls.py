@@ -6,6 +6,7 @@ matrices: the reduction of chi-square, the sum of squares in the prior's metric,
 """
 
 import dataclasses
+import functools
 
 import numpy as np
 from scipy import linalg
@@ -42,12 +43,24 @@ class Projector:
     """
 
     def __init__(self, columns: np.ndarray, prior: np.ndarray, run: np.ndarray | None = None) -> None:
-        self._columns = columns
-        normal = columns.T @ columns if run is None else gram_of(columns, run)
+        self._columns, self._prior = columns, prior
+        self._run = np.zeros(len(columns), dtype=int) if run is None else run
+        normal = gram_of(columns, self._run)
         # Free directions that say nothing get next to nothing to say.
         least = _NOTHING * max(float(np.diag(normal).max(initial=0.0)), 1.0)
         normal[np.diag_indices_from(normal)] += np.where(prior, 1.0, least)
         self._root = linalg.cholesky(normal, lower=True, overwrite_a=True, check_finite=False)
+
+    @functools.cached_property
+    def by_run(self) -> "tuple[tuple[np.ndarray, Projector], ...]":
+        """What takes away the nuisances from the rows (n,) bool of every run alone: there they are free of the other runs'."""
+        found = []
+        for run in np.unique(self._run):
+            rows = self._run == run
+            columns = self._columns[rows]
+            used = columns.any(axis=0)
+            found.append((rows, Projector(columns[:, used], self._prior[used], self._run[rows])))
+        return tuple(found)
 
     def inner(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Inner products (k, l) of columns (n, k) and (n, l), projected."""
