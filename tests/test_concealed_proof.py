@@ -310,6 +310,7 @@ def test_every_step_on_a_small_bank(small_bank, tmp_path):
     out = tmp_path / "bank"
     shutil.copytree(small_bank[0], out)
     labels = bank.read_labels(out)
+    assert list(bank.read_labels(out, 3)) == list(labels)[:3]
     fresh = next(name for name, label in labels.items() if label["class"] == "single")
     files = {name: out / "diagnoses" / name / "diagnosis.json" for name in labels}
     workers.write_whole(out / "diagnoses" / "version.json", {"sha256": answers.digest()})

@@ -54,12 +54,13 @@ class Diagnose:
 
     out: Path = Path("out/concealed")  # folder of the bank, its answers and its figures
     workers: WorkersOption = Workers()
+    first: int | None = None  # how many of the cases: they are mixed, any first part holds all classes; default: all
 
     def run(self) -> None:
         """Run."""
         from experiments.concealed import diagnoses  # looks inside the diagnosis, which the other steps do not need
 
-        diagnoses.run(self.out, self.workers.make())
+        diagnoses.run(self.out, self.workers.make(), self.first)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,12 +69,13 @@ class Rivals:
 
     out: Path = Path("out/concealed")  # folder of the bank, its answers and its figures
     workers: WorkersOption = Workers()
+    first: int | None = None  # how many of the cases: they are mixed, any first part holds all classes; default: all
 
     def run(self) -> None:
         """Run."""
         from experiments.concealed import rivals  # the same
 
-        rivals.run(self.out, self.workers.make())
+        rivals.run(self.out, self.workers.make(), self.first)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,10 +83,11 @@ class Score:
     """Compare all answers with the labels; prints what is required, writes OUT/score.json and OUT/rivals/NAME/score.json."""
 
     out: Path = Path("out/concealed")  # folder of the bank, its answers and its figures
+    first: int | None = None  # how many of the cases: they are mixed, any first part holds all classes; default: all
 
     def run(self) -> None:
         """Run."""
-        labels = bank.read_labels(self.out)
+        labels = bank.read_labels(self.out, self.first)
         figures = score(labels, read_answers(self.out / "diagnoses"))
         _told(checks(figures))
         _write(self.out / "score.json", figures)

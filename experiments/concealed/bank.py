@@ -102,8 +102,14 @@ def make(out: Path, cases: int, seed: int, executor: Executor) -> str:
     return digest
 
 
-def read_labels(out: Path) -> dict[str, dict[str, Any]]:
-    """Read the labels of a bank, refusing them where they are not what was published."""
+def read_labels(out: Path, first: int | None = None) -> dict[str, dict[str, Any]]:
+    """Read the labels of a bank, refusing them where they are not what was published.
+
+    Parameters
+    ----------
+    first : how many of the cases, which are mixed: any first part holds all classes by their shares; None: all
+
+    """
     file, published = out / "labels.json", out / "labels.sha256"
     if not file.is_file() or not published.is_file():
         raise BankError(f"{out} holds no finished bank (labels.json, labels.sha256): run `bank --out {out}` first")
@@ -111,4 +117,4 @@ def read_labels(out: Path) -> dict[str, dict[str, Any]]:
     if hashlib.sha256(text).hexdigest() != published.read_text(encoding="utf-8").split()[0]:
         raise BankError(f"{file} has changed since its hash was published: generate the bank anew")
     labels: dict[str, dict[str, Any]] = json.loads(text)
-    return labels
+    return dict(itertools.islice(labels.items(), first))

@@ -23,8 +23,8 @@ def _one(task: Task) -> bytes:
         return dumped(answer(folder))
 
 
-def run(out: Path, executor: Executor) -> None:
-    """Diagnose every case of the bank that has no answer yet.
+def run(out: Path, executor: Executor, first: int | None = None) -> None:
+    """Diagnose every case of the bank, or of its first ones, that has no answer yet.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def run(out: Path, executor: Executor) -> None:
         when the answers that are there are another version's: they would be mixed
 
     """
-    files = {name: out / "diagnoses" / name / "diagnosis.json" for name in read_labels(out)}
+    files = {name: out / "diagnoses" / name / "diagnosis.json" for name in read_labels(out, first)}
     answers.hold_version(out / "diagnoses")
     todo = [Task(name, send(out / "campaigns" / name, executor.far)) for name, file in files.items() if not file.is_file()]
     for task, content in results(_one, todo, executor, "diagnoses"):

@@ -216,9 +216,9 @@ def _one(task: Task) -> bytes:
     return dumped({"answers": answers, "features": features})
 
 
-def run(out: Path, executor: Executor) -> None:
-    """Let all rivals answer every case of the bank that they have not answered yet."""
-    labels, folder = read_labels(out), out / "rivals"
+def run(out: Path, executor: Executor, first: int | None = None) -> None:
+    """Let all rivals answer every case of the bank, or its first ones, that they have not answered yet."""
+    labels, folder = read_labels(out, first), out / "rivals"
     done = {name: folder / "features" / f"{name}.json" for name in labels}
     todo = [Task(name, send(out / "campaigns" / name, executor.far)) for name, file in done.items() if not file.is_file()]
     for task, content in results(_one, todo, executor, "rivals"):
