@@ -18,7 +18,7 @@ from pathlib import Path
 import tyro
 from rich.console import Console
 
-from wsp_env.export.files import FLAGS, runner, vectors
+from wsp_env.export.files import FLAGS, ROUNDING, runner, vectors
 from wsp_env.export.fmu import PLATFORMS, build, here, sources, token
 from wsp_env.export.make import make_unit
 from wsp_env.export.unit import Unit, header, source
@@ -166,8 +166,9 @@ def host(unit: Unit, library: str, made_from: Unit) -> str:
 def ran(folder: Path, emulator: Sequence[str]) -> str:
     """Run the vectors in a folder; return how far they are from the Python."""
     done = subprocess.run(
-        [*emulator, str(folder / "runner.exe"), "vectors.txt"], cwd=folder, capture_output=True, text=True, check=False
-    )
+        [*emulator, str(folder / "runner.exe"), "vectors.txt", ROUNDING],
+        cwd=folder, capture_output=True, text=True, check=False,
+    )  # fmt: skip
     found = re.search(r"(\d+) steps, largest difference ([^,]+)", done.stdout)
     if found is None:
         return f"failed: {(done.stderr or done.stdout)[-200:].strip()}"

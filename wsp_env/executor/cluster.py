@@ -102,7 +102,8 @@ def _ray() -> Any:
         try:
             ray.init(_address(), log_to_driver=False, include_dashboard=False, logging_level="ERROR")
         except ConnectionError as error:
-            raise ClusterError(f"Ray cannot be reached: {error}") from None
+            token = "where it asks for a token: RAY_AUTH_MODE=token, and ~/.ray/auth_token of its first machine"
+            raise ClusterError(f"Ray cannot be reached: {error}; {token}") from None
     return ray
 
 
