@@ -103,10 +103,12 @@ def test_every_table_is_a_sheet_with_numbers_as_numbers_and_no_formula():
 
 def test_names_of_sheets_are_such_that_excel_takes_them():
     table = Table(("a",), [("1",)])
-    many = [Section(title, (), [table]) for title in ("x" * 60, "X" * 60, "a/b:c[d]", "\x01?*", "")]
+    words = "Where: residuals by run, axle and balance"
+    many = [Section(title, (), [table]) for title in ("x" * 60, "X" * 60, "a/b:c[d]", "\x01?*", "", words, words)]
     tree = ET.fromstring(zipfile.ZipFile(io.BytesIO(workbook(many))).read("xl/workbook.xml"))
     names = [one.get("name") for one in tree.iter(f"{MAIN}sheet")]
-    assert len({name.lower() for name in names}) == len(names) == 5
+    assert len({name.lower() for name in names}) == len(names) == 7
+    assert names[-2:] == ["Where residuals by run, axle", "Where residuals by run 2"]
     assert all(0 < len(name) <= 31 and not set(name) & set("[]:*?/\\") for name in names)
 
 

@@ -6,6 +6,7 @@ Cells hold numbers where the page shows numbers, and text elsewhere; text is nev
 import io
 import math
 import re
+import textwrap
 import zipfile
 from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import escape
@@ -66,13 +67,18 @@ def _named(sheets: list[tuple[str, list[Sequence[str]]]]) -> list[tuple[str, lis
     result = []
     for title, rows in sheets:
         short = " ".join(re.sub(r"[\[\]:*?/\\']", " ", _CLEAN.sub("", title)).split()) or "Table"
-        name, count = short[:_MOST_LETTERS].strip(), 1
+        name, count = _cut(short, _MOST_LETTERS), 1
         while name.lower() in taken:
             count += 1
-            name = f"{short[: _MOST_LETTERS - 4].strip()} {count}"
+            name = f"{_cut(short, _MOST_LETTERS - 4)} {count}"
         taken.add(name.lower())
         result.append((name, rows))
     return result
+
+
+def _cut(text: str, most: int) -> str:
+    """Return the first whole words, or as much of one that is too long."""
+    return textwrap.shorten(text, most, placeholder="").rstrip(" ,;") or text[:most]
 
 
 def _sheet(rows: Sequence[Sequence[str]]) -> str:
