@@ -42,6 +42,18 @@ def test_a_file_in_place_of_the_folder_is_refused_before_the_work(below, tmp_pat
     assert file.read_text(encoding="utf-8") == "kept"
 
 
+def test_an_answer_does_without_its_page_where_plotly_is_missing(tmp_path, capsys):
+    earlier = tmp_path / "report.html"
+    earlier.write_text("of an earlier answer", encoding="utf-8")
+
+    def missing():
+        raise ModuleNotFoundError('the report needs plotly: pip install "wsp-env[report]"')
+
+    diagnose._page(earlier, missing)
+    assert capsys.readouterr().err == 'wsp: no report.html: the report needs plotly: pip install "wsp-env[report]"\n'
+    assert not earlier.exists()
+
+
 @pytest.mark.parametrize("rounds", range(1, MOST + 1))
 def test_the_share_done_only_grows_over_the_steps_of_stops(rounds):
     course = progress.Advance()

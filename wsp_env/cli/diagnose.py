@@ -3,6 +3,7 @@
 A campaign of stops and a folder of creep curves (`[campaign] kind = "creep_curve"`) go to one engine each.
 """
 
+import functools
 import json
 import math
 import os
@@ -107,10 +108,14 @@ def _results(out: Path, found: Found, folder: Path, options: PageOptions) -> lis
     """Return what writes the files of a diagnosis."""
 
     def page() -> None:
+        target = out / "report.html"
         if isinstance(found, CreepDiagnosis):
-            write_creep_report(out / "report.html", found, Origin("wsp diagnose", files=hashes(folder, "curves")), options)
+            _page(
+                target,
+                lambda: write_creep_report(target, found, Origin("wsp diagnose", files=hashes(folder, "curves")), options),
+            )
         else:
-            write_report(out / "report.html", found, options)
+            _page(target, lambda: write_report(target, found, options))
 
     text = json.dumps(found.to_json(), indent=1, allow_nan=False)
     return [
@@ -118,6 +123,15 @@ def _results(out: Path, found: Found, folder: Path, options: PageOptions) -> lis
         lambda: write_text(out / "model.json", json.dumps(found.model, indent=1) + "\n"),
         page,
     ]
+
+
+def _page(target: Path, write: Callable[[], None]) -> None:
+    """Write a page; where plotly is not installed, the answer does without, and a line says so."""
+    try:
+        write()
+    except ModuleNotFoundError as missing:
+        target.unlink(missing_ok=True)  # of an earlier answer
+        print(f"wsp: no {target.name}: {missing}", file=sys.stderr)
 
 
 def _many(
@@ -156,11 +170,13 @@ def _many(
         if not as_json:
             _print(one, out / name)
         found = {name: found[name] for name in ordered if name in found}
-        write_index(out / "index.html", found, failed, options)  # anew after each, so that what is done can be read
+        # Anew after each, so that what is done can be read.
+        _page(out / "index.html", functools.partial(write_index, out / "index.html", found, failed, options))
     if as_json:
         print(json.dumps({name: one.to_json() for name, one in found.items()}, allow_nan=False))
     elif found:
-        print(f"{summary(list(found.values()))} All of them: {out / 'index.html'}")
+        pages = out / "index.html"
+        print(f"{summary(list(found.values()))} All of them: {pages if pages.exists() else out}")
     if failed:
         sys.exit(1)
 
@@ -243,4 +259,5 @@ def _print(found: Found, out: Path) -> None:
     console.print(f"  next test: {found.next_test}", markup=False)
     for note in found.notes:
         console.print(f"  note: {note}", markup=False)
-    console.print(f"Report: [bold]{escape(str(out / 'report.html'))}[/bold]")
+    report = out / "report.html"
+    console.print(f"Report: [bold]{escape(str(report if report.exists() else out / 'diagnosis.json'))}[/bold]")
