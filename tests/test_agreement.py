@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 from scipy import integrate, stats
 
 from wsp_env.diagnosis import agreement as module
-from wsp_env.diagnosis.agreement import Agreement, agreement
+from wsp_env.diagnosis.agreement import BELIEVED, Agreement, agreement
 from wsp_env.diagnosis.balances import Whitening
-from wsp_env.diagnosis.covariance import PRIOR_WEIGHT
 from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.gls import Projector
 
@@ -48,7 +47,7 @@ def test_with_the_unknown_factor_integrated_out_it_is_the_ratio_of_the_two_likel
     """Of a size free and of none, with an inverse chi-square belief about the factor, by quadrature."""
     found = Agreement(1.0 + np.full(runs, np.sqrt(missed / runs)), np.ones(runs))
     log_factor = np.linspace(-10.0, 15.0, 2001)
-    belief = stats.invgamma(PRIOR_WEIGHT / 2.0, scale=PRIOR_WEIGHT / 2.0).logpdf(np.exp(log_factor)) + log_factor
+    belief = stats.invgamma(BELIEVED / 2.0, scale=BELIEVED / 2.0).logpdf(np.exp(log_factor)) + log_factor
 
     def likelihood(squares: float) -> float:
         """Of one more observation, of the common size, beside those of the runs."""

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from experiments.concealed.errors import BankError
 from experiments.concealed.figures import COMPARED, draw, of
-from experiments.concealed.rates import percent, put, restored
+from experiments.concealed.rates import NO_CASE, percent, put, restored
 from experiments.concealed.required import Check, checks, common
 
 PAGES, PICTURES = ("concealed.md", "concealed_figures.md"), "concealed"
@@ -39,8 +39,9 @@ def compared(found: Sequence[Check]) -> str:
 
 
 def grouped(groups: dict[str, dict[str, Any]]) -> str:
-    """Return a table of the common figures for every group of campaigns."""
-    return "\n".join(f"{name[0].upper()}{name[1:]}:\n\n{compared(common(one))}" for name, one in groups.items())
+    """Return a table of the common figures for every group of campaigns; those without a case are left out."""
+    tables = {name: [check for check in common(one) if check.measured != NO_CASE] for name, one in groups.items()}
+    return "\n".join(f"{name[0].upper()}{name[1:]}:\n\n{compared(one)}" for name, one in tables.items())
 
 
 def others(scored: dict[str, Any]) -> str:

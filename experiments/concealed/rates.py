@@ -6,6 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import beta
 
+#: What stands for a figure where nothing was measured.
+NO_CASE = "no such case"
+
 
 class Rate(NamedTuple):
     """How often something happened, with the 95 % bounds of Clopper and Pearson, each one-sided."""
@@ -42,7 +45,7 @@ def percent(share: float | None) -> str:
 def put(one: Rate) -> str:
     """Put a rate with its bounds in words."""
     if one.share is None:
-        return "no such case"
+        return NO_CASE
     return f"{percent(one.share)} ({one.events} of {one.of}; {percent(one.lower95)} to {percent(one.upper95)})"
 
 

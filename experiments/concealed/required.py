@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from experiments.concealed.rates import Rate, percent, put
+from experiments.concealed.rates import NO_CASE, Rate, percent, put
 
 #: Cases and nulls that the bank needs for these figures to count.
 CASES, NULLS = 200, 60
@@ -84,7 +84,7 @@ def _counted(cases: dict[str, int]) -> str:
 
 
 def _of(values: dict[str, Any], words: str) -> str:
-    return f"{words} (of {values['count']})" if values["count"] else "no such case"
+    return f"{words} (of {values['count']})" if values["count"] else NO_CASE
 
 
 def _calibration(one: dict[str, Any]) -> str:

@@ -12,12 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.diagnosis.candidates import Variant, without
-from wsp_env.diagnosis.covariance import PRIOR_WEIGHT
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import MU_CD, law_columns
 
+#: Number of squares that the belief in the uncertainty as computed counts for: assumption, about the runs of a campaign.
+BELIEVED = 8.0
 #: Share of what the recordings say of a size, below which a run says nothing of it.
 _LEAST_SHARE = 0.02
 
@@ -36,8 +37,8 @@ class Agreement(NamedTuple):
 
     def left_of(self, evidence: float) -> float:
         """Return what is left of an evidence."""
-        counts = PRIOR_WEIGHT + len(self.multiples)
-        return 0.5 * (counts + 1.0) * float(np.log1p(2.0 * max(evidence, 0.0) / (PRIOR_WEIGHT + self.misses.sum())))
+        counts = BELIEVED + len(self.multiples)
+        return 0.5 * (counts + 1.0) * float(np.log1p(2.0 * max(evidence, 0.0) / (BELIEVED + self.misses.sum())))
 
 
 def agreement(replica: Replica, model: Model, variant: Variant, weights: Weights) -> Agreement:

@@ -17,8 +17,8 @@ from wsp_env.diagnosis.balances import BALANCES, Balances, Whitening
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import Group
 
-#: Number of observations that an expected size, of a group or of noise, counts for: assumption.
-PRIOR_WEIGHT = 4.0
+#: Number of observations that the expected size of a group counts for: assumption.
+_PRIOR_WEIGHT = 4.0
 #: Times the noise that the channels show by themselves, below which a balance's noise is not taken.
 _LEAST_NOISE = 0.5
 _ITERATIONS = 12
@@ -96,12 +96,12 @@ class Evidence:
             for mine, amplitude, block, d in zip(self.order.own, units, inverse.own, own, strict=True):
                 second[mine] = (amplitude**2 + np.diag(block)) * d**2
             total = np.bincount(self.group, weights=second, minlength=len(self.names))
-            new = np.sqrt((total + PRIOR_WEIGHT) / (counts + PRIOR_WEIGHT))
+            new = np.sqrt((total + _PRIOR_WEIGHT) / (counts + _PRIOR_WEIGHT))
             scale = np.where(self.fixed, np.sqrt(1.0 + self.adds * new[self.differences] ** 2), new)
             # What is left of a balance: the squares of what the nuisances leave, and how uncertain they are.
             left = _moment([d * one for d, one in zip(own, units, strict=True)], common * unit, inverse.scaled(own, common))
             for k, one in zip(self.used, products, strict=True):
-                noise[k] = max(np.sqrt((one.inner(left) + PRIOR_WEIGHT) / (self.rows[k] + PRIOR_WEIGHT)), _LEAST_NOISE)
+                noise[k] = max(np.sqrt((one.inner(left) + _PRIOR_WEIGHT) / (self.rows[k] + _PRIOR_WEIGHT)), _LEAST_NOISE)
         return Sizes(scale, noise)
 
     def eliminated(self, sizes: Sizes) -> Eliminated:
