@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import stats
 
 from wsp_env.diagnosis.grams import Runs
 from wsp_env.diagnosis.terms import Reduction, Term, search
@@ -79,10 +80,24 @@ def test_a_planted_term_is_found_off_the_nuisances(seed, size):
     found = search(y, terms, nuisances, CLUSTER, HELD, most=1)
     assert [one.term.name for one in found.chosen] == ["term 7"]
     one = found.chosen[0]
-    # Student's t of six runs to tune on: beyond six deviations once in a thousand.
-    assert abs(one.amplitude[0] - size) < 7.0 * np.sqrt(one.covariance[0, 0])
+    # Noise and columns have deviation 1: the amplitude's is one over the root of the rows to tune on.
+    assert abs(one.amplitude[0] - size) < 6.0 / np.sqrt((~HELD).sum())
     assert 0.0 < one.removed < 1.0
     assert one.alternatives == ()
+
+
+def test_the_covariance_of_a_planted_term_is_that_of_its_scatter():
+    levels = (CLUSTER[:, None] == np.arange(RUNS)).astype(float), np.zeros(RUNS, dtype=bool)
+    beyond = []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        terms = candidates(rng, 5)
+        y = 2.0 * terms[3].columns[:, 0] + rng.standard_normal(RUNS * ROWS)
+        one = search(y, terms, levels, CLUSTER, HELD, most=1).chosen[0]
+        beyond.append(abs(one.amplitude[0] - 2.0) > stats.t.ppf(0.9, RUNS // 2 - 1) * np.sqrt(one.covariance[0, 0]))
+    # One in five is expected beyond; binomial bounds at 99.9 % on either side.
+    low, high = stats.binom.interval(0.998, len(beyond), 0.2)
+    assert low <= sum(beyond) <= high
 
 
 def test_two_planted_terms_are_found_and_fitted_together():
