@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from wsp_env.diagnosis import decide
-from wsp_env.diagnosis.balances import BALANCES, Whitening
+from wsp_env.diagnosis.balances import NOISES, Whitening
 from wsp_env.diagnosis.candidates import Candidate, Variant, refined, switched, values_in, without
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.decide import FORM, MATTERS, PRIOR, PRIOR_TERM, SURE, Trial, belief, odds
@@ -29,10 +29,10 @@ TERM = Variant("discovered", ("coefficient_1",), {"slot_1": 0.0}, (100.0,), "bra
 
 
 class FakeRows:
-    """Rows of one balance and one run."""
+    """Rows of one kind of noise and one run."""
 
     def __init__(self, n: int) -> None:
-        self.balance, self.run = np.zeros((2, n), dtype=int)
+        self.noise, self.run = np.zeros((2, n), dtype=int)
 
 
 class FakeBalances:
@@ -131,7 +131,7 @@ def test_sizes_are_learned_from_disagreement_and_fixed_ones_stay(seed):
 def test_what_is_said_of_a_column_alone_is_generalised_least_squares():
     rng = np.random.default_rng(1)
     z, x, y = rng.standard_normal((30, 4)), rng.standard_normal((30, 2)), rng.standard_normal(30)
-    mean, covariance, alone = _posterior(evidence_of(x, y, [Group("g", z, 0.7, True)]), Sizes(np.ones(1), np.ones(4)))
+    mean, covariance, alone = _posterior(evidence_of(x, y, [Group("g", z, 0.7, True)]), Sizes(np.ones(1), np.ones(5)))
     weight = np.linalg.inv(np.eye(30) + 0.49 * z @ z.T)
     centre, spread = alone(slice(0, 2))
     assert spread == pytest.approx(np.linalg.inv(x.T @ weight @ x), rel=1e-6)
@@ -283,7 +283,7 @@ def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, l
 
 def test_the_form_of_a_mechanism_that_is_asked_for_does_not_stand_in_for_it(monkeypatch):
     groups = tuple(Group(name, np.zeros((3, 1)), 1.0) for name in ("track", "form of track_gradient", "form of vehicle_mass"))
-    seen = SimpleNamespace(groups=groups, sizes=Sizes(np.array([1.0, 2.0, 3.0]), np.ones(4)), whitening=None, small=groups[0])
+    seen = SimpleNamespace(groups=groups, sizes=Sizes(np.array([1.0, 2.0, 3.0]), np.ones(5)), whitening=None, small=groups[0])
     monkeypatch.setattr(decide, "weigh", lambda _, __, groups, sizes: ([one.name for one in groups], list(sizes.groups)))
     assert decide.weights_of(None, seen) == (["track", "form of track_gradient", "form of vehicle_mass", "track"], [1, 2, 3, 1])
     assert decide.weights_of(None, seen, GRADIENT) == (["track", "form of vehicle_mass", "track"], [1, 3, 1])
@@ -325,4 +325,4 @@ def test_only_what_matters_is_missing():
 
 def test_there_is_a_noise_for_every_balance():
     evidence = evidence_of(np.zeros((10, 0)), np.ones(10), [Group("g", np.ones((10, 1)), 1.0)])
-    assert len(evidence.solve(1).noise) == len(BALANCES)
+    assert len(evidence.solve(1).noise) == len(NOISES)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wsp_env.diagnosis.arrow import Arrow, Eliminated, Order, combined
-from wsp_env.diagnosis.gls import gram_of
+from wsp_env.diagnosis.gls import Projector
 
 NUISANCES, SIDES = 9, 3
 
@@ -41,7 +41,20 @@ def test_blocks_hold_all_inner_products(seed):
     order = Order.of(columns, run, SIDES)
     assert [len(mine) for mine in order.own] == [2, 2, 2]
     assert dense(order, Arrow.of(columns, run, np.unique(run), order)) == pytest.approx(columns.T @ columns)
-    assert gram_of(columns, run) == pytest.approx(columns.T @ columns)
+
+
+@given(st.integers(0, 10_000))
+@settings(deadline=None, max_examples=30)
+def test_a_projector_is_that_of_the_whole_matrix_with_priors_and_without(seed):
+    columns, run = columns_of(seed)
+    prior = np.arange(columns.shape[1]) % 3 > 0
+    projector = Projector(columns, prior, run)
+    normal = columns.T @ columns + np.diag(np.where(prior, 1.0, 1e-9))
+    y = np.random.default_rng(seed).standard_normal((len(columns), 3))
+    best = np.linalg.solve(normal, columns.T @ y)
+    assert projector.amplitudes(y) == pytest.approx(best, rel=1e-5, abs=1e-6)
+    assert projector.amplitudes(y[:, 0]) == pytest.approx(best[:, 0], rel=1e-5, abs=1e-6)
+    assert projector.inner(y, y[:, :2]) == pytest.approx(y.T @ (y - columns @ best)[:, :2], rel=1e-5, abs=1e-5)
 
 
 def test_the_last_columns_stay_whole_even_if_they_concern_one_run():

@@ -144,14 +144,18 @@ def test_only_what_goes_on_from_row_to_row_is_structure(correlation, expected):
         y[:, i] = correlation * y[:, i - 1] + np.sqrt(1.0 - correlation**2) * y[:, i]
     which = np.repeat(np.arange(runs * AXLES), each)
     rows = SimpleNamespace(
-        balance=np.zeros(n, dtype=int), run=which // AXLES, axle=which % AXLES, time=np.tile(np.arange(each), runs * AXLES)
+        balance=np.zeros(n, dtype=int),
+        noise=np.zeros(n, dtype=int),
+        run=which // AXLES,
+        axle=which % AXLES,
+        time=np.tile(np.arange(each), runs * AXLES),
     )
     base = 3.0 * y.ravel()
     order = rng.permutation(n)  # rows come in any order
     for name in ("run", "axle", "time"):
         setattr(rows, name, getattr(rows, name)[order])
     group = Group("g", 1e-6 * rng.standard_normal((n, 1)), 1.0)
-    sizes = Sizes(np.ones(1), np.array([3.0, 1.0, 1.0, 1.0]))
+    sizes = Sizes(np.ones(1), np.array([3.0, 1.0, 1.0, 1.0, 1.0]))
     last = SimpleNamespace(sizes=sizes, groups=[group], small=group, whitening=Whitening(np.ones(n), ()), base=base[order])
     found = quality.structured(SimpleNamespace(rows=rows), last)
     assert found.size == pytest.approx(expected, abs=0.35)

@@ -1,7 +1,8 @@
 """What the runs leave of the evidence for a mechanism: what is missing has in every run the size that it has in the others.
 
 The size is estimated in every run by itself, as a multiple of the one that was fitted to all, with all nuisances at liberty in
-that run. How uncertain it is, noise and nuisances say. Where the runs miss the common size by more than that, the model of what
+that run. How uncertain it is, noise and nuisances say, and by how much nature's form may differ from the mechanism's from run
+to run (`wsp_env.diagnosis.decide.FORM`). Where the runs miss the common size by more than that, the model of what
 varies is too small in just this direction, and so is the uncertainty that the evidence was computed with. By which factor is
 unknown: it is believed to be 1, and learned from the runs. With the factor integrated out, a likelihood ratio is Student's t's
 (Wedderburn, Biometrika 61, 1974, on the factor; Gelman et al., Bayesian data analysis, 2014, chapter 3, on the integral).
@@ -27,7 +28,7 @@ class Agreement(NamedTuple):
     """What every run that says something of a mechanism says, by itself."""
 
     multiples: np.ndarray  # (R,) of the size fitted to all
-    information: np.ndarray  # (R,) 1 / variance of the same
+    information: np.ndarray  # (R,) 1 / variance of the same, that of the form included
 
     @property
     def misses(self) -> np.ndarray:
@@ -41,8 +42,14 @@ class Agreement(NamedTuple):
         return 0.5 * (counts + 1.0) * float(np.log1p(2.0 * max(evidence, 0.0) / (BELIEVED + self.misses.sum())))
 
 
-def agreement(replica: Replica, model: Model, variant: Variant, weights: Weights) -> Agreement:
-    """Return what every run says of a mechanism that is on: tau as fitted to all, mu_cd and nuisances of the run alone."""
+def agreement(replica: Replica, model: Model, variant: Variant, weights: Weights, form: float = 0.0) -> Agreement:
+    """Return what every run says of a mechanism that is on: tau as fitted to all, mu_cd and nuisances of the run alone.
+
+    Parameters
+    ----------
+    form : share of the effect that nature's form may differ by from run to run
+
+    """
     base = replica.raw(model)
     off, left = weights(replica.raw(without(model, variant)) - base), weights(base)
     law, inner = weights(law_columns(replica, model, base)), weights.projector.inner
@@ -58,4 +65,4 @@ def agreement(replica: Replica, model: Model, variant: Variant, weights: Weights
         asks.append(float(known[0, 1] - friction[0] * known[1, 2]))
     information = np.array(says)
     used = information > _LEAST_SHARE * information.sum()
-    return Agreement(1.0 + np.array(asks)[used] / information[used], information[used])
+    return Agreement(1.0 + np.array(asks)[used] / information[used], 1.0 / (1.0 / information[used] + form**2))

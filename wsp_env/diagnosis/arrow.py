@@ -102,6 +102,24 @@ class Eliminated:
         sides = [half[:, column] - half[:, : self.nuisances] @ common for half in self._half]
         return [_solved(root, side, True) for root, side in zip(self._roots, sides, strict=True)], common
 
+    def spread(self, run: int, own: np.ndarray, common: np.ndarray) -> np.ndarray:
+        """Return the root (m, k) of X inverse X' for rows X of the `run`-th run: its own columns and the common ones."""
+        mine = _solved(self._roots[run], own.T)
+        rest = common.T - self._half[run][:, : self.nuisances].T @ mine
+        return np.vstack([mine, _solved(self.factor[0], rest)]).T
+
+    def half(self, own: Sequence[np.ndarray], common: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
+        """Return the inverse root of the matrix times columns: their rows of the runs' own (k, m), and of the common ones."""
+        mine = [_solved(root, one) for root, one in zip(self._roots, own, strict=True)]
+        rest = common - sum(half[:, : self.nuisances].T @ one for half, one in zip(self._half, mine, strict=True))
+        return mine, _solved(self.factor[0], rest)
+
+    def back(self, own: Sequence[np.ndarray], common: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
+        """Return the transposed inverse root times columns: after `half` the inverse of the matrix times them."""
+        last = _solved(self.factor[0], common, True)
+        sides = [one - half[:, : self.nuisances] @ last for half, one in zip(self._half, own, strict=True)]
+        return [_solved(root, side, True) for root, side in zip(self._roots, sides, strict=True)], last
+
     def inverse(self) -> Arrow:
         """Return the blocks of the inverse that an arrow has."""
         common = inverse_of(self.factor[0])

@@ -17,7 +17,7 @@ import threading
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import linalg
+from scipy import linalg, sparse
 
 from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
 from wsp_env.diagnosis.speed import NODE_S
@@ -36,6 +36,8 @@ _ROLLING_CREEPAGE = 0.03
 
 ADHESION, KINEMATICS, VEHICLE, ACTUATOR = 0, 1, 2, 3
 BALANCES = ("adhesion", "kinematics", "vehicle", "actuator")
+#: Rows that have a noise of their own: those of the balances, and of adhesion those of wheels that slide.
+NOISES = (*BALANCES, "sliding")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,6 +71,11 @@ class Rows:
         result: np.ndarray = (self.balance == ADHESION) & (self.slip > least_slip(self.speed))
         return result
 
+    @property
+    def noise(self) -> np.ndarray:
+        """Index (n,) of each row's noise: friction swings by itself where a wheel slides, and nowhere else."""
+        return np.where(self.slides, len(BALANCES), self.balance)
+
 
 @dataclasses.dataclass(frozen=True)
 class Whitening:
@@ -76,16 +83,27 @@ class Whitening:
 
     deviation: np.ndarray  # (n,)
     roots: tuple[tuple[np.ndarray, np.ndarray], ...]  # rows (m,) and the inverse root (m, m) of their covariance
+    colour: sparse.csr_array | None = None  # (n, n) lower triangular, of the rest: `wsp_env.diagnosis.colour`
 
     def __call__(self, raw: np.ndarray) -> np.ndarray:
         """Return rows (n,) or (n, k) whitened."""
         white = raw / (self.deviation if raw.ndim == 1 else self.deviation[:, None])
         for rows, root in self.roots:
             white[rows] = root @ raw[rows]
+        if self.colour is not None:
+            white = self.colour @ white
         return white
+
+    def plain(self, white: np.ndarray) -> np.ndarray:
+        """Return whitened rows (n,) as they were before their colour was taken away, over the channels' noise."""
+        if self.colour is None:
+            return white
+        result: np.ndarray = sparse.linalg.spsolve_triangular(self.colour, white, lower=True)
+        return result
 
     def back(self, white: np.ndarray) -> np.ndarray:
         """Return whitened rows (n,) in the balances' own units."""
+        white = self.plain(white)
         raw = white * self.deviation
         for rows, root in self.roots:
             raw[rows] = linalg.solve_triangular(root, white[rows], lower=True)

@@ -18,6 +18,9 @@ from wsp_env.plant.mechanisms import ALL, LIBRARY
 
 #: Finite-difference steps as share of the typical change.
 _STEP = 0.25
+#: Steps that are searched of a distance over which something fades, as a ratio of the first: what a step of a metre does says
+#: nothing of ten metres.
+_FADING = (4.0, 16.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,8 +85,11 @@ def variants(balances: Balances | Replica) -> Iterator[Variant]:
     for name, card in LIBRARY.items():
         if name not in closed:
             sizes = tuple(size.name for size in card.sizes if size.fitted)
+            fades = len(sizes) == 1 and parameter_of(name, sizes[0]).rolled
             for fixed in card.signature.variants(recorded):
                 yield Variant(name, sizes, fixed)
+                for ratio in _FADING if fades else ():
+                    yield Variant(name, sizes, fixed, (ratio * step(name, sizes[0]),))
 
 
 def parameter_of(mechanism: str, name: str) -> Parameter:
@@ -98,6 +104,14 @@ def step(mechanism: str, parameter: str) -> float:
     if change == 0.0:  # typical is the null: a small share of the way to the upper bound
         change = 1e-3 * (one.high - one.null) or 1e-3 * (one.low - one.null)
     return change
+
+
+def near(variant: Variant) -> Variant:
+    """Return the variant with the steps of its parameters, on the side on which it was searched: a refit is local."""
+    if not variant.steps or variant.family:
+        return variant
+    own = dataclasses.replace(variant, steps=()).moves()
+    return dataclasses.replace(variant, steps=tuple(map(float, np.copysign(own, variant.moves()))))
 
 
 def refined(variant: Variant) -> Variant:

@@ -1,19 +1,19 @@
 """How large every discrepancy is in the recordings at hand, and how likely they are under a model: restricted likelihood.
 
 Whitened rows y are taken as y = X a + Z b + e. The columns Z come in groups; b of group g has deviation t_g about 0, e has
-variance s_k in balance k. Both are estimated from the recordings (EM for the restricted likelihood: Laird, Ware 1982; Searle,
-Casella, McCulloch: Variance components, 1992, chapter 8), with an inverse-gamma prior about what is expected of sound
+variance s_k in rows of kind k. Both are estimated from the recordings (EM for the restricted likelihood: Laird, Ware 1982;
+Searle, Casella, McCulloch: Variance components, 1992, chapter 8), with an inverse-gamma prior about what is expected of sound
 recordings. So a discrepancy that differs between runs and axles as it likes is learned from their disagreement, and a mechanism
 gains only by what it explains beyond that, in all runs alike.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from wsp_env.diagnosis.arrow import Arrow, Eliminated, Order, combined
-from wsp_env.diagnosis.balances import BALANCES, Balances, Whitening
+from wsp_env.diagnosis.balances import NOISES, Balances, Whitening
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import Group
 
@@ -31,7 +31,7 @@ class Sizes:
     """Sizes of groups and of each balance's noise."""
 
     groups: np.ndarray  # (G,) over the expected
-    noise: np.ndarray  # (4,) deviation of the rows of each balance over the channels' own
+    noise: np.ndarray  # (5,) deviation of the rows of every kind (`NOISES`) over the channels' own
 
 
 class Evidence:
@@ -71,19 +71,21 @@ class Evidence:
             else:
                 white[:, mine] *= group.expected
         every = np.column_stack([white, whitening(columns), whitening(base)])
-        balance, run = balances.rows.balance, balances.rows.run
+        kind, run = balances.rows.noise, balances.rows.run
         self.nuisances = white.shape[1]
         self.order = Order.of(every, run, 1 + columns.shape[1] + counts[-1])
         self.common = self.order.common[self.order.common < self.nuisances]  # nuisances that are not one run's alone
-        self.used = [k for k in range(len(BALANCES)) if (balance == k).any()]
-        self.rows = np.bincount(balance, minlength=len(BALANCES)).astype(float)
-        self.products = [Arrow.of(every[balance == k], run[balance == k], np.unique(run), self.order) for k in self.used]
+        self.used = [k for k in range(len(NOISES)) if (kind == k).any()]
+        self.rows = np.bincount(kind, minlength=len(NOISES)).astype(float)
+        self.products = [Arrow.of(every[kind == k], run[kind == k], np.unique(run), self.order) for k in self.used]
+        self._every, self._kind, self._run = every, kind, run
 
-    def solve(self, iterations: int = _ITERATIONS) -> Sizes:
-        """Estimate the sizes in some iterations from the expected ones; the columns play no part."""
+    def solve(self, iterations: int = _ITERATIONS, start: Sizes | None = None) -> Sizes:
+        """Estimate the sizes in some iterations from the expected ones, or from others; the columns play no part."""
         here = np.append(np.arange(len(self.common)), len(self.order.common) - 1)
         products = [one.first(here) for one in self.products]
-        scale, noise = np.ones(len(self.names)), np.ones(len(BALANCES))
+        begin = start or Sizes(np.ones(len(self.names)), np.ones(len(NOISES)))
+        scale, noise = begin.groups, begin.noise.copy()
         counts = np.bincount(self.group, minlength=len(self.names))
         for _ in range(iterations):
             own, common = self._deviations(scale)
@@ -110,6 +112,20 @@ class Evidence:
         several = np.append(common, np.ones(len(self.order.common) - len(common)))
         whole = combined(self.products, 1.0 / sizes.noise[self.used] ** 2)
         return Eliminated(whole.scaled(own, several), len(common))
+
+    def left(self, sizes: Sizes) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Return of every run its rows (m,), what the nuisances leave of them (m,), and how uncertain that is.
+
+        The latter as a root (m, k) of the covariance; all over the noise of their kind.
+        """
+        solved = self.eliminated(sizes)
+        own, common = self._deviations(sizes.groups)
+        units, unit = solved.solution(len(self.order.common) - 1)
+        for i, run in enumerate(np.unique(self._run)):
+            rows = np.flatnonzero(self._run == run)
+            every = self._every[rows] / sizes.noise[self._kind[rows], None]
+            part, shared = every[:, self.order.own[i]] * own[i], every[:, self.common] * common
+            yield rows, every[:, -1] - part @ units[i] - shared @ unit, solved.spread(i, part, shared)
 
     def amplitudes(self, sizes: Sizes) -> np.ndarray:
         """Return the most likely amplitudes (p,) of the nuisances, over what is expected of each."""

@@ -12,7 +12,7 @@ from concurrent.futures import Executor
 import numpy as np
 
 from wsp_env.diagnosis.agreement import agreement
-from wsp_env.diagnosis.candidates import Variant, parameter_of, refined, switched, values_in, without
+from wsp_env.diagnosis.candidates import Variant, near, parameter_of, refined, switched, values_in, without
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.discovered import terms
 from wsp_env.diagnosis.evaluate import Model
@@ -190,7 +190,8 @@ def _refused(
     """Whether a mechanism contradicts itself, whatever its evidence."""
     if at_bound(trial.listed, trial.fitted.model) or _compensates(replica, trial, accepted, seen):
         return True
-    if odds(trial.listed, agreement(replica, trial.fitted.model, trial.variant, weights).left_of(trial.evidence)) <= SURE:
+    runs = agreement(replica, trial.fitted.model, trial.variant, weights, form_of(trial.listed))
+    if odds(trial.listed, runs.left_of(trial.evidence)) <= SURE:
         return True
     return _pulls(replica, trial, before, weights)
 
@@ -239,7 +240,9 @@ def _trials(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, po
         change = -one.amplitude * listed.moves()
         best, free = start, listed
         # The linear step may lead astray, and where it acts may be found better than it was searched, or be lost.
-        for tried, share in ((refined(listed), 1.0), (listed, 1.0), (refined(listed), 0.4), (refined(listed), 2.0)):
+        there, wide = near(listed), refined(near(listed))
+        narrow = [(there, 1.0)] if wide.sizes != there.sizes else []
+        for tried, share in ((wide, 1.0), *narrow, (wide, 0.4), (wide, 2.0)):
             begin = switched(start.model, listed, listed.null() + share * change)
             again = refit(replica, begin, (*start.variants, tried), weights)
             if again.cost < best.cost or best is start:

@@ -53,7 +53,7 @@ def weigh(
     keep: np.ndarray | None = None,
 ) -> Weights:  # fmt: skip
     """Return the weights under some sizes of groups and noises; None: the expected ones."""
-    noise = np.ones(len(balances.rows)) if sizes is None else sizes.noise[balances.rows.balance]
+    noise = np.ones(len(balances.rows)) if sizes is None else sizes.noise[balances.rows.noise]
     columns = []
     for i, group in enumerate(groups):
         if group.name in ("tau", "mu_cd"):

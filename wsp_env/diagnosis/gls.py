@@ -7,32 +7,17 @@ matrices: the reduction of chi-square, the sum of squares in the prior's metric,
 
 import dataclasses
 import functools
+from typing import NamedTuple
 
 import numpy as np
-from scipy import linalg
+
+from wsp_env.diagnosis.arrow import Arrow, Eliminated, Order
 
 _NOTHING = 1e-11  # of the largest square of a nuisance's column, below which a direction says nothing
 
 
-def gram_of(columns: np.ndarray, run: np.ndarray) -> np.ndarray:
-    """Return the inner products (p, p) of columns (n, p), most of which concern one run: the others' zeros cost nothing.
-
-    Parameters
-    ----------
-    run : (n,) int of each row
-
-    """
-    result = np.zeros((columns.shape[1],) * 2)
-    for one in np.unique(run):
-        part = columns[run == one]
-        used = np.flatnonzero(part.any(axis=0))
-        part = part[:, used]
-        result[np.ix_(used, used)] += part.T @ part
-    return result
-
-
 class Projector:
-    """Projects whitened rows off nuisances.
+    """Projects whitened rows off nuisances, most of which concern one run: they are solved run by run.
 
     Parameters
     ----------
@@ -45,11 +30,22 @@ class Projector:
     def __init__(self, columns: np.ndarray, prior: np.ndarray, run: np.ndarray | None = None) -> None:
         self._columns, self._prior = columns, prior
         self._run = np.zeros(len(columns), dtype=int) if run is None else run
-        normal = gram_of(columns, self._run)
-        # Free directions that say nothing get next to nothing to say.
-        least = _NOTHING * max(float(np.diag(normal).max(initial=0.0)), 1.0)
-        normal[np.diag_indices_from(normal)] += np.where(prior, 1.0, least)
-        self._root = linalg.cholesky(normal, lower=True, overwrite_a=True, check_finite=False)
+        # A free direction is one whose prior says next to nothing.
+        least = _NOTHING * max(float(np.einsum("np,np->p", columns, columns).max(initial=0.0)), 1.0)
+        self._unit = np.where(prior, 1.0, least**-0.5)
+        runs = np.unique(self._run)
+        self._order = Order.of(columns, self._run, 0)
+        scaled = columns if prior.all() else columns * self._unit
+        parts = zip(runs, self._order.own, strict=True)
+        self._parts = [Part.of(scaled, self._run == one, mine, self._order) for one, mine in parts]
+        common = len(self._order.common)
+        own, cross, across = [], [], np.zeros((common, common))
+        for part in self._parts:
+            own.append(part.own.T @ part.own)
+            cross.append(np.zeros((part.own.shape[1], common)))
+            cross[-1][:, part.used] = part.own.T @ part.shared
+            across[np.ix_(part.used, part.used)] += part.shared.T @ part.shared
+        self._solved = Eliminated(Arrow(tuple(own), tuple(cross), across), common)
 
     @functools.cached_property
     def by_run(self) -> "tuple[tuple[np.ndarray, Projector], ...]":
@@ -62,14 +58,19 @@ class Projector:
             found.append((rows, Projector(columns[:, used], self._prior[used], self._run[rows])))
         return tuple(found)
 
+    def _half(self, y: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
+        """Return the inverse root of the normal matrix times the inner products of the nuisances with rows (n, k)."""
+        common = np.zeros((len(self._order.common), y.shape[1]))
+        for part in self._parts:
+            common[part.used] += part.shared.T @ y[part.rows]
+        return self._solved.half([part.own.T @ y[part.rows] for part in self._parts], common)
+
     def inner(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Inner products (k, l) of columns (n, k) and (n, l), projected."""
-        left, right = (self._solved(self._columns.T @ one) for one in (a, b))
-        result: np.ndarray = a.T @ b - left.T @ right
-        return result
-
-    def _solved(self, y: np.ndarray, transposed: bool = False) -> np.ndarray:
-        result: np.ndarray = linalg.solve_triangular(self._root, y, lower=True, trans=int(transposed), check_finite=False)
+        (own, common), (others, other) = self._half(a), self._half(b)
+        result: np.ndarray = a.T @ b - common.T @ other
+        for left, right in zip(own, others, strict=True):
+            result -= left.T @ right
         return result
 
     def rest(self, y: np.ndarray) -> np.ndarray:
@@ -78,8 +79,30 @@ class Projector:
         return result
 
     def amplitudes(self, y: np.ndarray) -> np.ndarray:
-        """Best amplitudes (p,) of the nuisances, in units of their prior where they have one."""
-        return self._solved(self._solved(self._columns.T @ y), transposed=True)
+        """Best amplitudes (p,) or (p, k) of the nuisances, in units of their prior where they have one."""
+        own, common = self._solved.back(*self._half(y.reshape(len(y), -1)))
+        result = np.empty((len(self._prior), common.shape[1]))
+        for mine, one in zip((*self._order.own, self._order.common), (*own, common), strict=True):
+            result[mine] = one * self._unit[mine, None]
+        return result.reshape(-1, *y.shape[1:])
+
+
+class Part(NamedTuple):
+    """The columns of one run's rows."""
+
+    rows: np.ndarray  # (m,) indices
+    own: np.ndarray  # (m, k)
+    used: np.ndarray  # (u,) of the common columns, those that are not zero here
+    shared: np.ndarray  # (m, u)
+
+    @classmethod
+    def of(cls, columns: np.ndarray, inside: np.ndarray, own: np.ndarray, order: Order) -> "Part":
+        """Cut a run's part, `own` columns and common ones, out of columns (n, p)."""
+        rows = np.flatnonzero(inside)
+        mine = columns[rows]
+        shared = mine[:, order.common]
+        used = np.flatnonzero(shared.any(axis=0))
+        return cls(rows, np.ascontiguousarray(mine[:, own]), used, shared[:, used])
 
 
 @dataclasses.dataclass(frozen=True)

@@ -58,9 +58,10 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
     nuisances = outcome.first.groups
     groups = [*nuisances, outcome.first.times]  # by how much channels may be early or late counts as noise
     sizes = Sizes(np.append(last.sizes.groups[: len(nuisances)], 1.0), last.sizes.noise)
+    whitening = dataclasses.replace(outcome.first.whitening, colour=last.whitening.colour)
 
     def weights(keep: np.ndarray | None) -> Weights:
-        return weigh(replica, outcome.first.whitening, groups, sizes, keep)
+        return weigh(replica, whitening, groups, sizes, keep)
 
     tuned, scored, every = weights(~held), weights(held), weights(None)
     before = refit(replica, replica.baseline, (), tuned, ~held).model
@@ -101,7 +102,7 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
         {name: _removed(figures.get(name), int(rows.sum())) for name, rows in each.items()},
         repeated,
         every,
-        weigh(replica, outcome.first.whitening, groups),
+        weigh(replica, dataclasses.replace(whitening, colour=None), groups),
     )
 
 
@@ -156,7 +157,7 @@ def structured(replica: Replica, seen: Screen) -> Structure:
     sizes = Sizes(np.append(seen.sizes.groups, 1.0), seen.sizes.noise)
     weights = weigh(replica, seen.whitening, [*seen.groups, seen.small], sizes)
     rows = replica.rows
-    left = weights.projector.rest(weights(seen.base)) * seen.sizes.noise[rows.balance]
+    left = seen.whitening.plain(weights.projector.rest(weights(seen.base)) * weights.noise)
     order = np.lexsort((rows.time, rows.axle, rows.run, rows.balance))
     one, two = order[:-1], order[1:]
     follows = (rows.balance[one] == rows.balance[two]) & (rows.run[one] == rows.run[two]) & (rows.axle[one] == rows.axle[two])

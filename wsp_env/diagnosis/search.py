@@ -16,6 +16,7 @@ from scipy import linalg
 from wsp_env.diagnosis.arrow import inverse_of
 from wsp_env.diagnosis.balances import Rows, Whitening
 from wsp_env.diagnosis.candidates import Candidate, Variant, columns, parameter_of, switched, values_in, without
+from wsp_env.diagnosis.colour import colour
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Evaluation, Model
 from wsp_env.diagnosis.interest import StopChange, change, only_sensors
@@ -32,6 +33,8 @@ SMALL, LARGE = 0.15, 5.0
 _SAMPLES = 4.0
 #: Evidence from which on a mechanism counts as seen: 95 % at a prior of one in fifty.
 SEEN = float(np.log(19.0 * 50.0))
+#: Iterations by which sizes that were found beside coloured noise are found again beside white noise and small mechanisms.
+_AGAIN = 6
 #: Stretches of a single run that are held out in turn [s]: some slides long.
 _STRETCH_S = 4.0
 
@@ -148,14 +151,18 @@ def screen(
     forms : what the mechanisms that are on may leave of nature's form
 
     """
-    base, whitening = replica.raw(model), replica.whitening(replica.baseline)
+    base, plain = replica.raw(model), replica.whitening(replica.baseline)
+    nothing = np.zeros((len(base), 0))
+    on = [columns(replica, model, base, one) for one in accepted]
+    free = Group("accepted mechanisms", np.column_stack([nothing, *on]), np.inf, True)
+    groups = (*nuisances(replica, model, base, plain), *forms)
+    alone = Evidence(replica, plain, [*groups, free], base, nothing)
+    begin = alone.solve()
+    whitening = dataclasses.replace(plain, colour=colour(replica.rows, alone, begin))
     law = _Law(replica, model, base, whitening)
     listed = list(pool.map(lambda one: candidate(replica, model, base, law, one), tried))
-    groups = (*nuisances(replica, model, base, whitening), *forms)
-    on = [columns(replica, model, base, one) for one in accepted]
     named = [one for one in listed if not one.variant.family]
     unnamed = [one for one in listed if one.variant.family]
-    nothing = np.zeros((len(base), 0))
     # A mechanism is small in all its variants together.
     shares = _shares(named)
     every = [one.columns / one.scale * share for one, share in zip(named, shares, strict=True)]
@@ -163,9 +170,8 @@ def screen(
     late = [parameter_of(one.variant.name, name).unit == "s" for one in named for name in one.variant.sizes]
     times = small._replace(columns=small.columns[:, np.array(late, dtype=bool)])
     terms = law.net(np.column_stack([nothing, *(one.columns / one.scale for one in unnamed)]))[0]
-    free = Group("accepted mechanisms", np.column_stack([nothing, *on]), np.inf, True)
     evidence = Evidence(replica, whitening, [*groups, free, small], base, terms)
-    sizes = evidence.solve()
+    sizes = evidence.solve(_AGAIN, Sizes(np.append(begin.groups, 1.0), begin.noise))
     found, second = _judged(evidence, sizes, named, unnamed)
     kept = Sizes(sizes.groups[: len(groups)], sizes.noise)
     return Screen(model, base, whitening, groups, small, times, kept, tuple(found), second)

@@ -1,0 +1,133 @@
+"""The colour of friction's noise: how a sliding wheel's residual goes on from row to row.
+
+Friction at a sliding wheel swings by itself: wheel loads bounce, rails are rough. And the noise of a wheel's speed goes into
+two neighbouring rows with opposite signs. Taken as white, such noise says too much or too little of an effect. Worse,
+friction that swings turns the wheel, so that within a row high friction and small slip go together, as if friction fell with
+slip. Rows that are freed from what the rows before them predict hold what is new alone, which the slip does not know yet.
+
+The noise is an autoregression, the same for all wheels and runs, learned from the recordings at hand. Its autocovariances are
+those of the residuals plus what the nuisances that were fitted to them took away (the expectation step of the restricted
+likelihood, as for the sizes in `wsp_env.diagnosis.covariance`); its order is the one that Schwarz's criterion prefers (Annals
+of Statistics 6, 1978).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg, sparse
+
+from wsp_env.diagnosis.balances import Rows
+from wsp_env.diagnosis.covariance import Evidence, Sizes
+from wsp_env.diagnosis.stops import BLOCK_S
+
+#: Time that the noise is remembered for [s]: what is slower is friction's own course in time, a nuisance, or a finding
+#: (assumption).
+_MEMORY_S = 1.0
+
+
+class Moments(NamedTuple):
+    """Mean products of rows that follow each other."""
+
+    covariance: np.ndarray  # (lags + 1,)
+    rows: int
+
+
+def stretches(rows: Rows) -> list[np.ndarray]:
+    """Return the rows (m,) of every wheel's slides without a gap, in the order of time."""
+    found = []
+    for run in np.unique(rows.run):
+        for axle in range(int(rows.axle.max(initial=-1)) + 1):
+            mine = np.flatnonzero((rows.run == run) & (rows.axle == axle) & rows.wheels)
+            slides, apart = rows.slides[mine], np.diff(rows.time[mine])
+            ends = (apart > 1.5 * apart.min(initial=np.inf)) | (slides[1:] != slides[:-1])
+            parts = np.split(mine, np.flatnonzero(ends) + 1) if len(mine) else []
+            found += [part for part in parts if rows.slides[part[0]]]
+    return found
+
+
+def moments(evidence: Evidence, sizes: Sizes, parts: Sequence[np.ndarray]) -> Moments:
+    """Return the autocovariances of what is left of stretches of rows, in squares of their noise.
+
+    The sum is over pairs, the mean over rows, so that they belong to a stationary series.
+    """
+    lags = max(round(_MEMORY_S / BLOCK_S), 1)
+    total, count = np.zeros(lags + 1), 0
+    for rows, left, spread in evidence.left(sizes):
+        both = np.column_stack([left, spread])
+        for part in parts:
+            at = np.searchsorted(rows, part)
+            if at[0] < len(rows) and rows[at[0]] == part[0]:
+                mine = both[at]
+                count += len(mine)
+                for lag in range(min(lags + 1, len(mine))):
+                    total[lag] += float(np.vdot(mine[lag:], mine[: len(mine) - lag]))
+    return Moments(total / max(count, 1), count)
+
+
+def autoregression(found: Moments) -> np.ndarray:
+    """Return the coefficients (p,) of the autoregression of autocovariances, by Levinson and Durbin; none: white."""
+    covariance, count = found.covariance, found.rows
+    best = least = np.zeros(0)
+    variance = float(covariance[0])
+    if count < 2 or variance <= 0.0:
+        return best
+    lowest = count * np.log(variance)
+    for order in range(1, len(covariance)):
+        reflection = float(covariance[order] - least @ covariance[order - 1 : 0 : -1]) / variance
+        variance *= 1.0 - reflection**2
+        if variance <= 0.0:  # autocovariances that no series has
+            break
+        least = np.append(least - reflection * least[::-1], reflection)
+        criterion = count * np.log(variance) + order * np.log(count)
+        if criterion < lowest:
+            lowest, best = criterion, least
+    return best
+
+
+def autocorrelation(coefficients: np.ndarray, lags: int) -> np.ndarray:
+    """Return the autocorrelations (lags + 1,) of an autoregression (Yule and Walker's equations)."""
+    p = len(coefficients)
+    equations, right = np.eye(p), np.zeros(p)
+    for i in range(p):  # rho_{i+1} = sum_j a_j rho_{|i+1-j|}
+        for j, a in enumerate(coefficients):
+            lag = abs(i - j)
+            if lag:
+                equations[i, lag - 1] -= a
+            else:
+                right[i] += a
+    known = [1.0, *(np.linalg.solve(equations, right) if p else [])]
+    while len(known) <= lags:
+        known.append(float(coefficients @ known[: -p - 1 : -1]) if p else 0.0)
+    return np.array(known[: lags + 1])
+
+
+def whitening_filter(coefficients: np.ndarray, parts: Sequence[np.ndarray], count: int) -> sparse.csr_array:
+    """Return the lower triangular matrix (n, n) that makes stretches of an autoregression of variance 1 white.
+
+    All other rows stay as they are. A stretch begins with the stationary series.
+    """
+    p = len(coefficients)
+    correlation = autocorrelation(coefficients, p)
+    root = linalg.cholesky(linalg.toeplitz(correlation), lower=True)
+    inverse = linalg.solve_triangular(root, np.eye(p + 1), lower=True)  # its last line predicts from p rows before
+    values, lines, columns = [], [], []
+    inside = np.zeros(count, dtype=bool)
+    for part in parts:
+        inside[part] = True
+        for i in range(len(part)):
+            used = min(i, p)
+            values.append(inverse[used, : used + 1])
+            columns.append(part[i - used : i + 1])
+            lines.append(np.full(used + 1, part[i]))
+    rest = np.flatnonzero(~inside)
+    entries = np.concatenate([*values, np.ones(len(rest))])
+    places = np.concatenate([*lines, rest]), np.concatenate([*columns, rest])
+    return sparse.csr_array((entries, places), shape=(count, count))
+
+
+def colour(rows: Rows, evidence: Evidence, sizes: Sizes) -> sparse.csr_array | None:
+    """Return the filter (n, n) that makes the rows of sliding wheels white; None: they are."""
+    parts = stretches(rows)
+    coefficients = autoregression(moments(evidence, sizes, parts))
+    return whitening_filter(coefficients, parts, len(rows)) if len(coefficients) else None
