@@ -251,6 +251,7 @@ def test_what_those_before_explain_better_is_no_merit_of_the_next(monkeypatch, o
         return Fitted(model, tuple(variants), (), (), cost)
 
     monkeypatch.setattr(decide, "refit", refit)
+    monkeypatch.setattr(decide, "cost", lambda *_: 0.0)
     monkeypatch.setattr(decide, "net_effect", lambda *_: StopChange(0.02, 0.0))
     seen = dataclasses.replace(found(GRADIENT, 5.0), reduction=10.0)
     screen = SimpleNamespace(found=[seen], second={}, whitening=None)
@@ -259,6 +260,42 @@ def test_what_those_before_explain_better_is_no_merit_of_the_next(monkeypatch, o
         (one,) = decide._trials(None, screen, before, None, pool)
     assert one.reduction == pytest.approx(2.0 * expected)
     assert one.evidence == pytest.approx(5.0 + expected - 5.0)
+
+
+@pytest.mark.parametrize("best", [2.0, 0.25, 0.1])
+def test_a_refit_begins_where_the_way_to_the_linear_step_leaves_least(monkeypatch, best):
+    """Residuals bend: the linear step of a wheel that is turned by a per cent leads beyond what can be fitted."""
+    step = float(-GRADIENT.moves()[0])
+    begun = []
+
+    def refit(_, model, variants, __):
+        begun.append(values_in(model, GRADIENT)[0] / step if "track_gradient" in model.choice else None)
+        return Fitted(model, tuple(variants), (), (), 0.0 if variants else 100.0)
+
+    monkeypatch.setattr(decide, "refit", refit)
+    monkeypatch.setattr(decide, "cost", lambda _, model, __: abs(np.log(values_in(model, GRADIENT)[0] / step / best)))
+    monkeypatch.setattr(decide, "net_effect", lambda *_: StopChange(0.02, 0.0))
+    screen = SimpleNamespace(found=[found(GRADIENT, 5.0)], second={}, whitening=None)
+    with ThreadPoolExecutor(1) as pool:
+        decide._trials(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None, pool)
+    assert begun[1] == pytest.approx(best)
+
+
+@pytest.mark.parametrize(("factor", "made"), [(0.0, 2), (0.4, 4), (0.95, 6)])
+def test_replicas_are_made_until_sizes_settle(monkeypatch, factor, made):
+    """Each refit goes a share of the rest of the way, whose length is eight deviations."""
+    replicas = []
+
+    def refit(_, model, variants, __):
+        values = 8.0 * (1.0 - factor ** len(replicas))
+        return Fitted(model, tuple(variants), (np.array([values]),), (np.eye(1),), 0.0)
+
+    monkeypatch.setattr(decide, "Replica", lambda *_: replicas.append(1))
+    monkeypatch.setattr(decide, "refit", refit)
+    first = Fitted(Model(2e-4, (0.06,)), (GRADIENT,), (np.zeros(1),), (np.eye(1),), 0.0)
+    _, fitted = decide._settled(None, first, None)
+    assert len(replicas) == made
+    assert fitted.values[0][0] == pytest.approx(8.0 * (1.0 - factor**made))
 
 
 @pytest.mark.parametrize("loss", [2.0, 200.0])

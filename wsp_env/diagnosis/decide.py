@@ -12,11 +12,12 @@ from concurrent.futures import Executor
 import numpy as np
 
 from wsp_env.diagnosis.agreement import agreement
+from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import Variant, near, parameter_of, refined, switched, values_in, without
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.discovered import terms
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Fitted, Weights, refit, weigh
+from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
@@ -27,8 +28,13 @@ from wsp_env.plant.mechanisms import ALL
 MOST = 3
 #: Mechanisms that are refitted in every round.
 TRIED = 4
-#: Replicas that are made after an acceptance, each about the fit to the one before: the first may be far from the recordings.
-_REPLICAS = 2
+#: Replicas that are made after an acceptance, each about the fit to the one before: the first may be far from the recordings,
+#: and of a wheel that is turned by a per cent so may the second. At least, and at most.
+_REPLICAS = 2, 6
+#: Deviations by which a size still moves from replica to replica, below which it has settled.
+_SETTLED = 0.5
+#: Shares of the linear step at which a refit may begin.
+_SHARES = (2.0, 1.0, 0.5, 0.25, 0.1)
 #: Log odds that a name of the library is missing in a campaign before it is seen: one in fifty (assumption).
 PRIOR = -float(np.log(50.0))
 #: The same of a term without a name: the library holds what practice meets (assumption: three in four).
@@ -135,9 +141,7 @@ def select(
             break
         accepted.append(Accepted(best, *belief(best, trials, seen.found)))
         accepted, fitted = _still_sure(replica, accepted, best.fitted, seen)
-        for _ in range(_REPLICAS):
-            replica = Replica(replica.recorded, _with_sensors_as_read(fitted.model))
-            fitted = refit(replica, fitted.model, fitted.variants, weights)
+        replica, fitted = _settled(replica.recorded, fitted, weights)
         accepted = [one.sized(net_effect(replica, fitted.model, one.trial.variant, seen.whitening)) for one in accepted]
         left = [one for one in tried if one.name not in fitted.model.choice]
         left += terms(replica, 1 + sum(len(one.trial.listed.sizes) for one in accepted if one.trial.listed.family))
@@ -157,6 +161,21 @@ def _still_sure(replica: Replica, accepted: list[Accepted], fitted: Fitted, seen
         if odds(one.trial.listed, 0.5 * (again.cost - beside.cost) - price) <= SURE:
             accepted, fitted = [other for other in accepted if other is not one], again
     return accepted, fitted
+
+
+def _settled(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Replica, Fitted]:
+    """Return the replica about an extended model, and the model fitted to it."""
+    for made in range(1, _REPLICAS[1] + 1):
+        replica = Replica(recorded, _with_sensors_as_read(fitted.model))
+        again = refit(replica, fitted.model, fitted.variants, weights)
+        moved = max(
+            float(np.max(np.abs(new - old) / np.sqrt(np.maximum(np.diag(spread), 1e-300))))
+            for new, old, spread in zip(again.values, fitted.values, again.covariance, strict=True)
+        )
+        fitted = again
+        if made >= _REPLICAS[0] and moved < _SETTLED:
+            break
+    return replica, fitted
 
 
 def _with_sensors_as_read(model: Model) -> Model:
@@ -239,11 +258,13 @@ def _trials(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, po
         listed = one.candidate.variant
         change = -one.amplitude * listed.moves()
         best, free = start, listed
-        # The linear step may lead astray, and where it acts may be found better than it was searched, or be lost.
+        # The linear step may lead astray: the refit begins where the way to it leaves least. Where it acts may be found better
+        # than it was searched, or be lost.
+        on_the_way = [switched(start.model, listed, listed.null() + share * change) for share in _SHARES]
+        first, second = sorted(on_the_way, key=lambda model: cost(replica, model, weights))[:2]
         there, wide = near(listed), refined(near(listed))
-        narrow = [(there, 1.0)] if wide.sizes != there.sizes else []
-        for tried, share in ((wide, 1.0), *narrow, (wide, 0.4), (wide, 2.0)):
-            begin = switched(start.model, listed, listed.null() + share * change)
+        narrow = [(there, first)] if wide.sizes != there.sizes else []
+        for tried, begin in ((wide, first), *narrow, (wide, second)):
             again = refit(replica, begin, (*start.variants, tried), weights)
             if again.cost < best.cost or best is start:
                 best, free = again, tried

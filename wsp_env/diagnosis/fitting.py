@@ -124,6 +124,12 @@ def refit(
     return state.fitted()
 
 
+def cost(balances: Balances | Replica, model: Model, weights: Weights) -> float:
+    """Return the sum of squares that a model leaves with the nuisances' best part taken away."""
+    y = weights(balances.raw(model))[:, None]
+    return float(weights.projector.inner(y, y)[0, 0])
+
+
 @dataclasses.dataclass
 class _State:
     """The fit at one model."""
@@ -140,7 +146,8 @@ class _State:
         self.y = self.weights(self.base)[self.keep]
         # Where friction swings for another reason, the recordings alone may send tau to where it does nothing, for good.
         self.tau = float(np.log(self.model.tau / TAU)) / LOG_TAU * bool(self.moves[0])
-        self.cost = float(self.weights.projector.inner(self.y[:, None], self.y[:, None])[0, 0]) + self.tau**2
+        rows = self.y[:, None]
+        self.cost = float(self.weights.projector.inner(rows, rows)[0, 0]) + self.tau**2
 
     def at(self, model: Model) -> "_State":
         """Return the fit at another model."""
