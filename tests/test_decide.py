@@ -281,13 +281,13 @@ def test_a_refit_begins_where_the_way_to_the_linear_step_leaves_least(monkeypatc
     assert begun[1] == pytest.approx(best)
 
 
-@pytest.mark.parametrize(("factor", "made"), [(0.0, 2), (0.4, 4), (0.95, 6)])
-def test_replicas_are_made_until_sizes_settle(monkeypatch, factor, made):
-    """Each refit goes a share of the rest of the way, whose length is eight deviations."""
+@pytest.mark.parametrize(("factor", "way", "made"), [(0.0, 8.0, 2), (0.4, 8.0, 4), (0.95, 80.0, 6)])
+def test_replicas_are_made_until_sizes_settle(monkeypatch, factor, way, made):
+    """Each refit goes a share of the rest of the way, in deviations."""
     replicas = []
 
     def refit(_, model, variants, __):
-        values = 8.0 * (1.0 - factor ** len(replicas))
+        values = way * (1.0 - factor ** len(replicas))
         return Fitted(model, tuple(variants), (np.array([values]),), (np.eye(1),), 0.0)
 
     monkeypatch.setattr(decide, "Replica", lambda *_: replicas.append(1))
@@ -295,7 +295,7 @@ def test_replicas_are_made_until_sizes_settle(monkeypatch, factor, made):
     first = Fitted(Model(2e-4, (0.06,)), (GRADIENT,), (np.zeros(1),), (np.eye(1),), 0.0)
     _, fitted = decide._settled(None, first, None)
     assert len(replicas) == made
-    assert fitted.values[0][0] == pytest.approx(8.0 * (1.0 - factor**made))
+    assert fitted.values[0][0] == pytest.approx(way * (1.0 - factor**made))
 
 
 @pytest.mark.parametrize("loss", [2.0, 200.0])
