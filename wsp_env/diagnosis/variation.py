@@ -21,6 +21,7 @@ from wsp_env.diagnosis.replica import Replica
 #: different history; what is as long as that and large is a finding, so its size is the expected one (assumption). Leaves and
 #: water also lie differently in each run, where all its wheels pass; a wheel passes 10 m in two to six rows (6 m: the same).
 _SHORT_M, _LONG_M, _RUN_M = 3.0, 30.0, 10.0
+_APART = 8.0  # lengths beyond which places are not alike at all: exp(-32)
 _COURSE_NODE_S = 4.0  # of what varies in time
 _SHAPE_NODES = 6  # of what varies over slip, speed or work, at quantiles
 MU_CD = 0.15  # [-] of a run's, about the believed one: assumption
@@ -213,10 +214,19 @@ def _track(place: np.ndarray, used: np.ndarray, length_m: float) -> np.ndarray:
 
 @functools.lru_cache(maxsize=64)  # every replica of a campaign has the same places
 def _kept_track(place: bytes, used: bytes, length_m: float) -> np.ndarray:
-    hats = _hats(np.frombuffer(place), 0.5 * length_m, np.frombuffer(used, dtype=bool))
+    places, inside = np.frombuffer(place), np.frombuffer(used, dtype=bool)
+    order = np.flatnonzero(inside)[np.argsort(places[inside])]
+    # Stretches far from each other (runs of unknown places, say) have nothing to do with each other.
+    stretches = np.split(order, np.flatnonzero(np.diff(places[order]) > _APART * length_m) + 1)
+    found = [_of_stretch(places, np.isin(np.arange(len(places)), one), length_m) for one in stretches]
+    return np.column_stack([np.zeros((len(places), 0)), *found])
+
+
+def _of_stretch(place: np.ndarray, used: np.ndarray, length_m: float) -> np.ndarray:
+    hats = _hats(place, 0.5 * length_m, used)
     node = np.arange(hats.shape[1])
     values, vectors = np.linalg.eigh(np.exp(-0.5 * (0.5 * np.subtract.outer(node, node)) ** 2))
-    kept = values > 0.01 * values[-1]
+    kept = values > 0.01 * values.max(initial=0.0)
     result: np.ndarray = hats @ (vectors[:, kept] * np.sqrt(values[kept]))
     return result
 
