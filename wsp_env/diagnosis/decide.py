@@ -141,6 +141,8 @@ def select(
             break
         accepted.append(Accepted(best, *belief(best, trials, seen.found)))
         accepted, fitted = _still_sure(replica, accepted, best.fitted, seen)
+        if all(one.size.multiple < MATTERS for one in sure):
+            break  # told as too small; nothing that matters could be taken for it
         replica, fitted = _settled(replica.recorded, fitted, weights)
         accepted = [one.sized(net_effect(replica, fitted.model, one.trial.variant, seen.whitening)) for one in accepted]
         left = [one for one in tried if one.name not in fitted.model.choice]
