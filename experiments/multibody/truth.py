@@ -13,7 +13,6 @@ beside the true ones, and what the curve takes is printed.
 import dataclasses
 import json
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -166,13 +165,15 @@ def main(out: Path = Path("out/multibody_truth"), only: tuple[str, ...] = tuple(
     for name in only:
         campaign = CAMPAIGNS[name]
         vehicle = campaign.vehicle
-        on_line = campaign.track is not None and any(stop.start_m for stop in campaign.stops)
-        how = partial(along_the_line, line=campaign.track) if on_line else partial(drive, track=campaign.track)
-        driven = how(campaign.stops, vehicle=vehicle, thresholds=campaign.thresholds)
-        write_campaign(out / name, f"multibody coach, {name}", campaign.stops, driven, VALIDATE, vehicle, campaign.blind)
+        stops, line = campaign.stops, campaign.track
+        if line is not None and any(stop.start_m for stop in stops):
+            driven = along_the_line(stops, line, vehicle, thresholds=campaign.thresholds)
+        else:
+            driven = drive(stops, track=line, vehicle=vehicle, thresholds=campaign.thresholds)
+        write_campaign(out / name, f"multibody coach, {name}", stops, driven, VALIDATE, vehicle, campaign.blind)
         said_of_curves(campaign, driven)
         true = true_levers(driven, vehicle)
-        for stop, one in zip(campaign.stops, driven, strict=True):
+        for stop, one in zip(stops, driven, strict=True):
             mean = np.round(one.wheel_load[sliding(one)].mean(axis=0) / 1e3, 2).tolist()
             print(f"{name} {stop.name}: {one.distance:.0f} m, mean wheel loads {mean} kN", flush=True)
         print(f"{name}: true change of wheel load {np.round(true).tolist()} N per m/s2", flush=True)
