@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -31,6 +31,8 @@ class Planned(NamedTuple):
     mu_cd: float
     coast_s: float = 2.0  # rolling freely before the brake is applied
     demand: float = 1.0
+    start_m: float = 0.0  # where it begins along the line; 0 in all stops of a campaign: nobody knows
+    believed_mu_cd: float | None = None  # by the test team; None: the mean of all stops
 
 
 class Driven(NamedTuple):
@@ -112,6 +114,15 @@ def _driven(sample_s: float, columns: list[np.ndarray], distance: float, keep: S
     return Driven(time, speed, deceleration, slip, wheel_speed, torque, load_n, distance, further)
 
 
+def along_the_line(stops: Sequence[Planned], line: TrackGeometry, vehicle: Vehicle = COACH, **more: Any) -> list[Driven]:
+    """Brake stops that begin at their places of one line, whose curves all lie ahead of them; `more` as for `drive`."""
+    driven = []
+    for stop in stops:
+        curves = tuple(dataclasses.replace(curve, begin_m=curve.begin_m - stop.start_m) for curve in line.curves)
+        driven += drive([stop], track=dataclasses.replace(line, curves=curves), vehicle=vehicle, **more)
+    return driven
+
+
 def table(driven: Driven, seed: int) -> pl.DataFrame:
     """Return a stop as the recording of sensors with `NOISE`."""
     rng = np.random.default_rng(seed)
@@ -130,11 +141,15 @@ def write_campaign(
     driven: Sequence[Driven],
     validate: Sequence[str],
     vehicle: Vehicle = COACH,
+    blind: Sequence[int] = (),
 ) -> None:
-    """Write a campaign folder: what a test team would believe of the coach, and one table per run."""
+    """Write a campaign folder: what a test team would believe of the coach, and one table per run.
+
+    `blind` are axles, from 1, whose wheel speeds are not recorded.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     for i, (stop, one) in enumerate(zip(stops, driven, strict=True)):
-        table(one, i).write_parquet(folder / f"{stop.name}.parquet")
+        table(one, i).drop(f"axle{k}_wheel_speed_radps" for k in blind).write_parquet(folder / f"{stop.name}.parquet")
     tune = [stop.name for stop in stops if stop.name not in validate]
     believed = float(np.mean([stop.mu_cd for stop in stops]))
     lines = [
@@ -143,8 +158,11 @@ def write_campaign(
         f"axle_positions_m = {list(vehicle.axle_positions_m)}", f"mass_kg = {vehicle.mass_kg}",
         f"wheelset_inertia_kgm2 = {vehicle.wheelset_inertia_kgm2}", f"wheel_radius_m = {vehicle.wheel_radius_m}",
         f"gravity_mps2 = {vehicle.gravity_mps2}", f"resistance_n = {[float(value) for value in vehicle.resistance]}",
-        'brake_torque_source = "measured"', "[contact]",
+        f"missing_axles = {list(blind)}", 'brake_torque_source = "measured"', "[contact]",
         'set = "velim"', f"kinetic_friction_d = {believed}",
-        *(f'[runs.{stop.name}]\nfile = "{stop.name}.parquet"\nstart_position_m = 0.0' for stop in stops),
     ]  # fmt: skip
+    for stop in stops:
+        lines += [f"[runs.{stop.name}]", f'file = "{stop.name}.parquet"', f"start_position_m = {stop.start_m}"]
+        if stop.believed_mu_cd is not None:
+            lines.append(f"kinetic_friction_d = {stop.believed_mu_cd}")
     (folder / "campaign.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
