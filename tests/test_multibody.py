@@ -119,6 +119,23 @@ def test_a_narrow_curve_is_run_on_the_flange():
     assert np.nanmax(quotient) < 0.8  # Nadal's limit for a flange angle of 70 degrees and friction 0.36
 
 
+def test_what_a_curve_takes_is_the_heat_of_its_contacts():
+    """150 m, dry, no brake: what motion loses is heat, between 200 / R (Astakhov) and 500 / (R - 30) per mille (Roeckl)."""
+    curve = Curve(begin_m=20.0, transition_m=40.0, length_m=200.0, radius_m=150.0, cant_m=0.15)
+    plant = started(track=TrackGeometry(curves=(curve,)), mu_cd=0.28, initial_speed=12.1, demand=0.0)
+    seen = []
+    for end_m in (19.0, 100.0, 200.0):  # on straight track, with all axles in the full curve, before the first leaves it
+        while plant.state.position[0] < end_m:
+            plant.step(np.ones((1, 4)))
+        heat = plant.state.contact_work[0].sum() + plant.bodies.damper_work[0]
+        seen.append((plant.state.position[0], plant.kinetic_energy[0], heat))
+    assert seen[0][2] < 1.0  # straight track takes nothing
+    way, motion, heat = np.diff(seen[1:], axis=0)[0]
+    assert -motion == pytest.approx(heat, rel=0.02)
+    share = 1e3 * heat / (way * COACH.mass_kg * COACH.gravity_mps2)
+    assert 200.0 / curve.radius_m < share < 500.0 / (curve.radius_m - 30.0)
+
+
 def test_what_leaves_the_rails_is_truncated_with_the_reason():
     env = gym.make("wsp_env/Coach-v1", plant="multibody", disable_env_checker=True)
     env.reset(seed=1)

@@ -64,8 +64,8 @@ def _substep(i: int, j: int, on_step: Stepping, more: More) -> bool:
         motion.rate[n] = m.speed[i, n]
     ahead = state.position[i] + b.theta * h * speed
     for k in range(axles):
-        turning = speed * here(ahead - p.axle_offset[k], b.way.segments).curvature
-        if not touch(i, k, j, turning, on_step, m, b, w):
+        curvature = here(ahead - p.axle_offset[k], b.way.segments).curvature
+        if not touch(i, k, j, curvature, on_step, m, b, w):
             m.fault[i, 0], m.fault[i, 1] = OFF_THE_RAIL, k
     m.damper_work[i] += suspend(
         h, ahead, speed, p.gravity, (m.mass[i], m.hanging[i], m.axle_load[i]), b.way.segments, b.elements, motion
@@ -134,8 +134,7 @@ def _move(i: int, after: float, resisted: float, on_step: Stepping, m: Bodies, b
     travelled = 0.5 * h * (speed + after)
     state.resistance_work[i] += resisted * travelled
     for k in range(axles):
-        turning = speed * here(state.position[i] - p.axle_offset[k], b.way.segments).curvature
-        spent = creep_work(k, share, m.speed[i], change, turning, w.touching)
+        spent = creep_work(k, share, m.speed[i], change, w.touching)
         turn = WHEELSETS + 6 * k + PITCH
         wheel = 0.0 if stopped else max(m.speed[i, turn] + change[turn], 0.0)
         turn_axle(i, k, h, wheel, work[TORQUE, k], spent, travelled, on_step)

@@ -185,13 +185,10 @@ def unsettled(k: int, change: Array, t: Touching) -> float:
 
 
 @loop
-def creep_work(k: int, share: float, speed: Array, change: Array, turning: float, t: Touching) -> float:
-    """Heat in the contacts of wheelset k in a substep or the `share` of it that is run: impulse times mean slip [J].
-
-    The wheelset's frame turns with `turning` [rad/s].
-    """
+def creep_work(k: int, share: float, speed: Array, change: Array, t: Touching) -> float:
+    """Heat in the contacts of wheelset k in a substep or the `share` of it that is run: impulse times mean slip [J]."""
     first, spent = WHEELSETS + 6 * k, 0.0
     for row in range(6):
-        mean = speed[first + row] + 0.5 * share * change[first + row] + (turning if row == YAW else 0.0)
+        mean = speed[first + row] + 0.5 * share * change[first + row]
         spent -= share * t.crept[k, row] * mean
     return spent

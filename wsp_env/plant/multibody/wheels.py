@@ -84,23 +84,24 @@ def _directions(rows: Array, at: int, pose: Pose, radius: float, height: float, 
 
 @loop
 def meet(
-    rows: Array, at: int, pose: Pose, own: Rail, turning: float, worn: float, speed: Array, r: Rolling, along: Array
+    rows: Array, at: int, pose: Pose, own: Rail, curvature: float, worn: float, speed: Array, r: Rolling, along: Array
 ) -> Met:  # fmt: skip
     """Return the normal force and the slip of a contact, of a wheelset with the speeds (6,).
 
-    `turning` is the yaw rate of the track's frame [rad/s], `worn` what the wheel's radius has beyond the nominal one [m].
+    `curvature` is that of the track [1/m], `worn` what the wheel's radius has beyond the nominal one [m].
     """
     radius = rows[at, ROLLING_RADIUS] + worn
     _directions(rows, at, pose, radius, r.radius + pose.z, along)
     s_x = s_y = v_n = 0.0
+    for direction in range(3):  # who runs forwards is turned by the track: a contact's yaw moment slows the vehicle
+        along[direction, X_] += curvature * along[direction, YAW]
     for row in range(6):
-        moving = speed[row] + (turning if row == YAW else 0.0)
-        s_x += along[0, row] * moving
-        s_y += along[1, row] * moving
-        v_n += along[2, row] * moving
+        s_x += along[0, row] * speed[row]
+        s_y += along[1, row] * speed[row]
+        v_n += along[2, row] * speed[row]
     s_y -= speed[X_] * (along[1, Y_] * own.y_rate + along[1, Z_] * own.z_rate)
     v_n -= speed[X_] * (along[2, Y_] * own.y_rate + along[2, Z_] * own.z_rate)
-    spin = along[2, Y_] * speed[PITCH] + along[2, Z_] * (speed[YAW] + turning)
+    spin = along[2, Y_] * speed[PITCH] + along[2, Z_] * (speed[YAW] + curvature * speed[X_])
     deep, a, b = rows[at, PRESSED], rows[at, CURVATURE_A], rows[at, CURVATURE_B]
     stiffness = stiffness_at(a, b, r.table)
     load = normal_force(deep, -v_n, stiffness, r.damping)
@@ -148,10 +149,10 @@ def _clear(k: int, t: Touching) -> None:
 
 
 @inlined
-def touch(i: int, k: int, steps: int, turning: float, on_step: Stepping, m: Bodies, b: BodyConstants, w: Scratch) -> bool:
+def touch(i: int, k: int, steps: int, curvature: float, on_step: Stepping, m: Bodies, b: BodyConstants, w: Scratch) -> bool:
     """Evaluate the contacts of wheelset k at the predicted coordinates into `w`; False where a wheel has left its rail.
 
-    `turning` is the yaw rate of the track's frame there [rad/s], `steps` the substeps of the control interval so far.
+    `curvature` is that of the track there [1/m], `steps` the substeps of the control interval so far.
     """
     state, c, p, law, active, _, _ = on_step
     first, at_all, r = WHEELSETS + 6 * k, w.motion.at, b.rolling
@@ -178,7 +179,7 @@ def touch(i: int, k: int, steps: int, turning: float, on_step: Stepping, m: Bodi
             on_rail = on_rail and abs(pose.y) < r.widest and abs(pose.z) < r.highest
         if rows[at, PRESSED] > 0.0:
             worn = c.radius[i, k] - r.radius
-            met = meet(rows, at, pose, own, turning, worn, m.speed[i, first : first + 6], r, w.touching.along)
+            met = meet(rows, at, pose, own, curvature, worn, m.speed[i, first : first + 6], r, w.touching.along)
             # The law's own stiffness is kept where the vehicle's contact parameters belong: centred, under its own weight.
             own_law = stiffened(law, law.stiffness * met.creep.stiffness / r.reference)
             f = contact(met.creep.total, met.rolling, met.load, on, tau, own_law, active)
