@@ -22,7 +22,9 @@ NAME = "discovered"
 _STEPS = {Slot.BRAKE_TORQUE: 100.0, Slot.FRICTION: 0.02, Slot.RECOVERY: 0.1, Slot.VEHICLE_FORCE: 200.0}
 #: Usual sizes of features that are far from 1, in their units: for the steps alone.
 _USUAL = {Feature.SLIP: 3.0, Feature.WHEEL_RATE: 3.0, Feature.TIME: 15.0, Feature.BRAKING_TIME: 15.0}
-_BUMP_M = 300.0  # width of a bump along the track
+#: Widths of bumps along the track, of a curve and of a grade, and how far apart they are tried [m]: a force that lies between
+#: two keeps half of its evidence and more.
+_BUMPS_M, _APART_M = (150.0, 300.0), 75.0
 
 _ONE = ((1.0, 1.0),)
 #: Features tried in each slot with their scales: on all axles together, and on each axle alone; those that have a name in the
@@ -73,8 +75,9 @@ def _all(replica: Replica, n: int) -> Iterator[Variant]:
                 for axle in axles:
                     yield _variant(n, slot, (axle,), feature, scale)
     place = replica.rows.place
-    for middle in np.arange(place.min(), place.max(), 0.5 * _BUMP_M):
-        yield _variant(n, Slot.VEHICLE_FORCE, (), Feature.PLACE_BUMP, (float(middle), _BUMP_M))
+    for middle in np.arange(place.min(), place.max(), _APART_M):
+        for width in _BUMPS_M:
+            yield _variant(n, Slot.VEHICLE_FORCE, (), Feature.PLACE_BUMP, (float(middle), width))
 
 
 def _variant(n: int, slot: Slot, axles: tuple[int, ...], feature: Feature, scale: tuple[float, float]) -> Variant:
