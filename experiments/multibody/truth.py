@@ -67,14 +67,14 @@ RELEASED = (
 )  # fmt: skip
 STRONG = dataclasses.replace(COACH, brake=dataclasses.replace(COACH.brake, torque_per_bar_nm=2500.0))
 #: Stops that begin at their places of one line. Three end before a curve of 150 m, on slippery rails, and slide; the others
-#: come to it on dry rails, up to 0.8 m/s2 faster than its cant balances, are braked from its first transition on, so gently
-#: that no axle slides, and stop behind it. The curve takes some 2.3 per mille of the weight, five times what a vehicle may vary
-#: by; straight track takes nothing.
+#: come to it on dry rails, up to 0.8 m/s2 faster than its cant balances, are braked so gently that no axle slides, three from
+#: 90 to 130 m ahead of it and one in its first transition (a brake that acts at high speed could stand in for it), and stop
+#: behind it. The curve takes some 2.4 per mille of the weight, five times what a vehicle may vary by; straight track nothing.
 SHARP = (
     Planned("A1", 28.0, 0.060, 2.0, 1.0, 20.0, 0.06), Planned("A2", 26.0, 0.055, 2.0, 1.0, 60.0, 0.06),
-    Planned("A3", 16.2, 0.28, 8.0, 0.22, 900.0, 0.27), Planned("A4", 15.8, 0.27, 9.5, 0.20, 880.0, 0.27),
-    Planned("A5", 16.4, 0.26, 7.0, 0.23, 915.0, 0.27), Planned("B1", 27.0, 0.065, 2.0, 1.0, 110.0, 0.06),
-    Planned("B2", 16.0, 0.275, 8.7, 0.21, 890.0, 0.27),
+    Planned("A3", 16.2, 0.28, 5.6, 0.22, 780.0, 0.27), Planned("A4", 15.8, 0.27, 9.5, 0.20, 880.0, 0.27),
+    Planned("A5", 16.4, 0.26, 5.5, 0.23, 820.0, 0.27), Planned("B1", 27.0, 0.065, 2.0, 1.0, 110.0, 0.06),
+    Planned("B2", 16.0, 0.275, 5.6, 0.21, 800.0, 0.27),
 )  # fmt: skip
 BEND = Curve(begin_m=1000.0, transition_m=40.0, length_m=150.0, radius_m=150.0, cant_m=0.15)
 LINE = TrackGeometry(gauge_m=1.45, curves=(BEND,))
