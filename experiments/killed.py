@@ -9,6 +9,7 @@ import argparse
 import hashlib
 import importlib
 import json
+import multiprocessing
 import os
 import random
 import shutil
@@ -52,8 +53,10 @@ class Ended(NamedTuple):
 
 def commands(place: Path) -> dict[str, Command]:
     """Return every command that writes a file, on campaigns that are written to a folder."""
-    one, other = campaign(place / "one", 0.055), campaign(place / "other", 0.05)
-    files = place / "files"
+    one, other, files = place / "one", place / "other", place / "files"
+    writer = multiprocessing.get_context("spawn").Process(target=campaigns, args=(one, other))
+    writer.start()  # polars may not be used here: its threads do not come along into forks
+    writer.join()
     shutil.copytree(one, files, ignore=shutil.ignore_patterns("*.toml"))
     short = ["--cases", "low-120", "--draws", "1", "--controllers", "rule-based", "--jobs", "1"]
     return {
@@ -70,15 +73,15 @@ def commands(place: Path) -> dict[str, Command]:
     }
 
 
-def campaign(folder: Path, friction: float) -> Path:
-    """Write two stops to tune on and one to validate, of 8 s and two axles; return the folder."""
+def campaigns(*folders: Path) -> None:
+    """Write campaigns of two axles: two stops of 8 s to tune on, one to validate; friction differs from folder to folder."""
     sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
     made = importlib.import_module("synthetic_stops")
     made.AXLES, made.MASS_KG = _AXLES, _MASS_KG  # the same load on each wheel
-    frictions = [friction, friction + 0.01, friction + 0.005]
-    stops = made.stops(2e-4, frictions, 25.0, 8.0, 0.25, 1.0, [1, 2, 3])
-    written: Path = made.write_campaign(folder, dict(zip(("A1", "A2", "B1"), stops, strict=True)), ["A1", "A2"], ["B1"])
-    return written
+    for number, folder in enumerate(folders):
+        frictions = [0.055 - 0.005 * number + more for more in (0.0, 0.01, 0.005)]
+        stops = made.stops(2e-4, frictions, 25.0, 8.0, 0.25, 1.0, [1, 2, 3])
+        made.write_campaign(folder, dict(zip(("A1", "A2", "B1"), stops, strict=True)), ["A1", "A2"], ["B1"])
 
 
 def start(command: Command, out: Path, said: Path) -> int:
@@ -159,47 +162,72 @@ def results(out: Path, hidden: bool = False) -> dict[str, str]:
     return {file.relative_to(out).as_posix(): hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
 
 
-def attempt(command: Command, kind: str, whole: dict[str, str], after_s: float) -> dict[str, Any]:
-    """End a command after so much of the processor; return how it ended and what is wrong, also when it is run again."""
-    place = Path(tempfile.mkdtemp())
-    out, said = place / "out", place / "said"
-    ended = wait(start(command, out, said), after_s, kind)
-    text = said.read_text(encoding="utf-8", errors="replace")
-    wrong = []
-    if ended.left:
-        wrong.append(f"{ended.left} workers outlive it")
-    if "Traceback" in text:
-        wrong.append(f"traceback: {text[-300:]}")
-    if kind == "interrupt" and ended.status not in (0, INTERRUPTED):
-        wrong.append(f"exit status {ended.status}: {text[-200:]}")
-    if kind == "interrupt" and (half := results(out, hidden=True)):
-        wrong.append(f"left half-written: {', '.join(half)}")
-    there = results(out)
-    wrong += [f"{file} is neither whole nor absent" for file, digest in there.items() if whole.get(file) != digest]
-    # In an empty folder the command would be an undisturbed one, which has been tried.
-    if out.exists() and any(out.iterdir()) and command.once not in there:
-        again = wait(start(command._replace(files=None), out, said))
-        if results(out) != whole:
-            wrong.append(f"resumed, its results differ: {again.status}, {said.read_text(errors='replace')[-200:]}")
-    shutil.rmtree(place, ignore_errors=True)
-    files = sum(file in whole for file in there) - (len(results(command.files)) if command.files else 0)
-    return {"status": ended.status, "late_s": round(ended.late_s, 2), "files": files, "wrong": wrong}
+class Trials:
+    """A command with what an undisturbed run leaves, and what was seen of broken ones."""
 
+    def __init__(self, command: Command) -> None:
+        """Run it undisturbed; once more where that compiled kernels."""
+        self.command = command
+        self._resumed: dict[tuple[tuple[str, str], ...], str] = {}  # what was left -> what is wrong once it is run again
+        compiled = _compiled()
+        self.whole, self.took_s = self._undisturbed()
+        if _compiled() != compiled:
+            self.whole, self.took_s = self._undisturbed()
 
-def undisturbed(command: Command) -> tuple[dict[str, str], float]:
-    """Return the results of a whole run, and what it takes of the processor [s]."""
-    for _ in range(2):  # the second time nothing is compiled any more
+    def _undisturbed(self) -> tuple[dict[str, str], float]:
+        """Return the results, and what they take of the processor [s]."""
+        with tempfile.TemporaryDirectory() as place:
+            out, said = Path(place, "out"), Path(place, "said")
+            ended = wait(start(self.command, out, said))
+            whole, text = results(out), said.read_text(encoding="utf-8", errors="replace")
+        if ended.status or not whole:
+            raise SystemExit(f"{' '.join(self.command.arguments)} ends with {ended.status}: {text[-500:]}")
+        return whole, ended.took_s
+
+    def attempt(self, kind: str, share: float) -> dict[str, Any]:
+        """End the command after that share of its work; return how it ended and what is wrong, also when it is run again."""
         place = Path(tempfile.mkdtemp())
-        ended = wait(start(command, place / "out", place / "said"))
-        whole, text = results(place / "out"), (place / "said").read_text(encoding="utf-8", errors="replace")
-        shutil.rmtree(place)
-    if ended.status or not whole:
-        raise SystemExit(f"{' '.join(command.arguments)} ends with {ended.status}: {text[-500:]}")
-    return whole, ended.took_s
+        out, said = place / "out", place / "said"
+        ended = wait(start(self.command, out, said), share * self.took_s, kind)
+        text = said.read_text(encoding="utf-8", errors="replace")
+        wrong = []
+        if ended.left:
+            wrong.append(f"{ended.left} workers outlive it")
+        if "Traceback" in text:
+            wrong.append(f"traceback: {text[-300:]}")
+        if kind == "interrupt" and ended.status not in (0, INTERRUPTED):
+            wrong.append(f"exit status {ended.status}: {text[-200:]}")
+        if kind == "interrupt" and (half := results(out, hidden=True)):
+            wrong.append(f"left half-written: {', '.join(half)}")
+        there = results(out)
+        wrong += [f"{file} is neither whole nor absent" for file, digest in there.items() if self.whole.get(file) != digest]
+        wrong += filter(None, [self._resume(out, said)])
+        shutil.rmtree(place, ignore_errors=True)
+        own = set(there) - set(results(self.command.files) if self.command.files else ())
+        return {"status": ended.status, "late_s": round(ended.late_s, 2), "files": len(own), "wrong": wrong}
+
+    def _resume(self, out: Path, said: Path) -> str:
+        """Run a broken command again; say what is wrong with its results. The same files left are tried once."""
+        left = results(out) | {f".{number}": digest for number, digest in enumerate(results(out, hidden=True).values())}
+        # In an empty folder, or one as it was before, the command would be an undisturbed one, which has been tried.
+        if set(left) == set(results(self.command.files) if self.command.files else ()) or self.command.once in left:
+            return ""
+        key = tuple(sorted(left.items()))
+        if key not in self._resumed:
+            ended = wait(start(self.command._replace(files=None), out, said))
+            text = said.read_text(encoding="utf-8", errors="replace")
+            same = results(out) == self.whole and not ended.status
+            self._resumed[key] = "" if same else f"resumed, it ends otherwise: {ended.status}, {text[-300:]}"
+        return self._resumed[key]
+
+
+def _compiled() -> set[Path]:
+    """Return the compiled kernels."""
+    return set(Path(importlib.import_module("wsp_env.compiled").__file__ or "").parent.glob("__pycache__/kernels-*/*/*"))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Kill and interrupt every command so many times; return 1 if anything was wrong."""
+    """Kill and interrupt every command so many times, all of them in turn; return 1 if anything was wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--each", type=int, default=50)
     parser.add_argument("--only", nargs="*", default=[])
@@ -211,22 +239,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     had = Counter((one["command"], one["kind"]) for one in done)
     generator = random.Random(given.seed + len(done))
     place = Path(tempfile.mkdtemp())
-    for name, command in commands(place).items():
-        todo = [kind for kind in _SIGNALS for _ in range(had[name, kind], given.each)]
-        if (given.only and name not in given.only) or not todo:
+    known = commands(place)
+    for name in known:
+        importlib.import_module(f"wsp_env.cli.{name.partition(' ')[0].replace('-', '_')}")
+    demo.concealed_campaign = lambda: place / "one"  # `wsp demo` on a small campaign
+    trials: dict[str, Trials] = {}
+    turns = [(turn, name, kind) for turn in range(given.each) for name in given.only or known for kind in _SIGNALS]
+    for turn, name, kind in turns:
+        if turn < had[name, kind]:
             continue
-        importlib.import_module(f"wsp_env.cli.{command.arguments[0].replace('-', '_')}")
-        demo.concealed_campaign = lambda: place / "one"  # `wsp demo` on a small campaign
-        whole, took = undisturbed(command)
-        print(f"{name}: {took:.2f} s of the processor whole, {len(whole)} files", flush=True)
-        for kind in sorted(todo, key=lambda kind: generator.random()):
-            share = generator.uniform(0.0, 1.0)
-            one = {"command": name, "kind": kind, "share": round(share, 4), **attempt(command, kind, whole, share * took)}
-            done.append(one)
-            with given.log.open("a") as stream:
-                stream.write(json.dumps(one) + "\n")
-            if one["wrong"]:
-                print(f"{name}, {kind} at {share:.0%}: {one['wrong']}", flush=True)
+        if name not in trials:
+            trials[name] = Trials(known[name])
+            print(f"{name}: {trials[name].took_s:.2f} s of the processor, {len(trials[name].whole)} files", flush=True)
+        share = generator.uniform(0.0, 1.0)
+        one = {"command": name, "kind": kind, "share": round(share, 4), **trials[name].attempt(kind, share)}
+        done.append(one)
+        with given.log.open("a") as stream:
+            stream.write(json.dumps(one) + "\n")
+        if one["wrong"]:
+            print(f"{name}, {kind} at {share:.0%}: {one['wrong']}", flush=True)
     shutil.rmtree(place)
     table(done)
     return any(one["wrong"] for one in done)
