@@ -12,6 +12,7 @@ from wsp_env.recordings.recording import Recording
 _MASS = 0.03  # relative deviation of the mass, and of the gain that all torques share: assumption
 _FREE = 1e3  # prior deviation of what is not known at all, beside the momentum that the vehicle loses
 _LEAST_SAMPLES = 200
+_LEAST_NOISE2 = 1e-10  # of a speed without any noise [m2/s2]: a simulation's last digits
 
 
 def axle_gain(run: Recording, vehicle: CampaignVehicle, axle: int) -> tuple[float, float]:
@@ -35,20 +36,20 @@ def axle_gain(run: Recording, vehicle: CampaignVehicle, axle: int) -> tuple[floa
     braked = np.column_stack([impulse(run.brake_torque_nm[:, k] / radius) for k in range(vehicle.axles)])
     a, b, c = vehicle.resistance_n
     known = impulse(run.mass_kg * vehicle.gravity_mps2 * run.gradient + a + b * speed + c * speed**2)
-    spun = (
-        vehicle.wheelset_inertia_kgm2 / (run.mass_kg * radius) * (run.wheel_speed_radps - run.wheel_speed_radps[0]).sum(axis=1)
-    )
+    turned = (run.wheel_speed_radps - run.wheel_speed_radps[0]).sum(axis=1)
+    spun = vehicle.wheelset_inertia_kgm2 / (run.mass_kg * radius) * turned
     y = speed[0] - speed - known - spun - braked.sum(axis=1)
     # the axle's torque first, then what all share, the speed at the start, an even force, one as the speed squared
     columns = np.column_stack([braked[:, axle], braked.sum(axis=1), np.ones_like(time), time - time[0], impulse(speed**2)])
     prior = np.array([_FREE, _MASS, *(_FREE * np.ptp(speed) / np.maximum(np.abs(columns[:, 2:]).max(axis=0), 1e-12))])
-    noise2 = float(np.var(np.diff(y)) / 2.0)
-    for _ in range(2):  # the second time with the noise that is left
+
+    def solved(noise2: float) -> tuple[np.ndarray, np.ndarray]:
         covariance = np.linalg.inv(columns.T @ columns / noise2 + np.diag(prior**-2.0))
-        left = y - columns @ (covariance @ (columns.T @ y) / noise2)
-        noise2 = max(float(left @ left) / len(left) * _together(left), 1e-12)
-    gain, deviation = 1.0 + (covariance @ (columns.T @ y) / noise2)[0], float(np.sqrt(covariance[0, 0]))
-    return float(gain), deviation
+        return covariance @ (columns.T @ y) / noise2, covariance
+
+    left = y - columns @ solved(max(float(np.var(np.diff(y))) / 2.0, _LEAST_NOISE2))[0]
+    found, covariance = solved(max(float(left @ left) / len(left) * _together(left), _LEAST_NOISE2))
+    return 1.0 + float(found[0]), float(np.sqrt(covariance[0, 0]))
 
 
 def _together(left: np.ndarray) -> float:
