@@ -31,7 +31,6 @@ _ORPHANS_END_S = 10.0  # so long may workers live on after their parent
 _ENDS_S = 600.0  # by the clock, after Ctrl-C: longer counts as a hang, on a busy machine too
 _LOOKS_EVERY_S = 0.005
 _TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
-_AXLES, _MASS_KG = 2, 21500.0  # of the vehicle: a small one
 
 
 class Command(NamedTuple):
@@ -61,7 +60,7 @@ def commands(place: Path) -> dict[str, Command]:
     short = ["--cases", "low-120", "--draws", "1", "--controllers", "rule-based", "--jobs", "1"]
     return {
         "inspect": Command(["inspect", f"{one}/A1.csv", "--out", "{out}/campaign.toml"], once="campaign.toml"),
-        "inspect FOLDER": Command(["inspect", "{out}", "--vehicle", "bogie"], files),
+        "inspect FOLDER": Command(["inspect", "{out}", "--vehicle", "coach"], files),
         "validate": Command(["validate", str(one), "--out", "{out}/validation.html", "--excel"]),
         "replay": Command(["replay", str(one), "--controllers", "rule-based", "--out", "{out}"]),
         "compare": Command(["compare", "--out", "{out}/c.html", "--mu-cd", "0.04", "--tau", "2e-4", "--speed", "15"]),
@@ -74,10 +73,9 @@ def commands(place: Path) -> dict[str, Command]:
 
 
 def campaigns(*folders: Path) -> None:
-    """Write campaigns of two axles: two stops of 8 s to tune on, one to validate; friction differs from folder to folder."""
+    """Write campaigns: two stops of 8 s to tune on, one to validate; friction differs from folder to folder."""
     sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
     made = importlib.import_module("synthetic_stops")
-    made.AXLES, made.MASS_KG = _AXLES, _MASS_KG  # the same load on each wheel
     for number, folder in enumerate(folders):
         frictions = [0.055 - 0.005 * number + more for more in (0.0, 0.01, 0.005)]
         stops = made.stops(2e-4, frictions, 25.0, 8.0, 0.25, 1.0, [1, 2, 3])
