@@ -240,7 +240,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     known = commands(place)
     for name in known:
         importlib.import_module(f"wsp_env.cli.{name.partition(' ')[0].replace('-', '_')}")
-    demo.concealed_campaign = lambda: place / "one"  # `wsp demo` on a small campaign
+    vars(demo)["concealed_campaign"] = lambda: place / "one"  # `wsp demo` on a small campaign
     trials: dict[str, Trials] = {}
     turns = [(turn, name, kind) for turn in range(given.each) for name in given.only or known for kind in _SIGNALS]
     for turn, name, kind in turns:

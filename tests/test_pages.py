@@ -163,6 +163,13 @@ def _until(holds, seconds=60.0):
         time.sleep(0.02)
 
 
+def test_on_paper_no_buttons_are_shown_and_a_long_table_repeats_its_header(tmp_path):
+    text = page(tmp_path)
+    printed = text[text.index("@media print") :]
+    assert ".modebar { display: none" in printed
+    assert "<thead><tr><th>run</th>" in text
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium installed")
 def test_a_page_on_paper(tmp_path):

@@ -29,9 +29,16 @@ def main(arguments: list[str] | None = None) -> int:
     """Run `wsp` with the arguments (default: the process's); return the exit status."""
     try:
         return _run(*((sys.argv[1:] if arguments is None else arguments) or ["--help"]))
-    except KeyboardInterrupt:  # wherever it comes: while modules are imported too
+    except BaseException as error:
+        if not _is_interrupt(error):
+            raise
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Whether an error is Ctrl-C, or came of it: of one in the middle of a class, Python makes a RuntimeError."""
+    return error is not None and (isinstance(error, KeyboardInterrupt) or _is_interrupt(error.__cause__))
 
 
 def _run(name: str, *rest: str) -> int:
