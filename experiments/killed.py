@@ -23,11 +23,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from wsp_env.child import CLOCK_PER_CPU
 from wsp_env.cli import INTERRUPTED, demo
 from wsp_env.cli import main as wsp
 
 _SIGNALS = {"kill": signal.SIGKILL, "interrupt": signal.SIGINT}
-_ORPHANS_END_S = 10.0  # so long may workers live on after their parent
+_ORPHANS_END_S = 10.0  # so long may workers live on after their parent: one that is just being started ends once it is
 _ENDS_S = 600.0  # by the clock, after Ctrl-C: longer counts as a hang, on a busy machine too
 _LOOKS_EVERY_S = 0.005
 _TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
@@ -47,6 +48,7 @@ class Ended(NamedTuple):
     status: int  # exit status; the signal's number below zero
     took_s: float  # of the processor, with its workers
     late_s: float  # by the clock, from the signal on
+    lived_s: float  # by the clock, workers after it
     left: int  # processes that outlive it
 
 
@@ -121,13 +123,14 @@ def wait(pid: int, until_s: float = float("inf"), kind: str = "") -> Ended:
             os.killpg(pid, signal.SIGKILL)
         time.sleep(_LOOKS_EVERY_S)
     late = time.monotonic() - sent if sent else 0.0
-    until = time.monotonic() + _ORPHANS_END_S
-    while (left := alive(pid)) and time.monotonic() < until:
+    began = time.monotonic()
+    while (left := alive(pid)) and time.monotonic() < began + _ORPHANS_END_S * CLOCK_PER_CPU:
         time.sleep(0.1)
+    lived = time.monotonic() - began
     for one in left:
         os.kill(one, signal.SIGKILL)
     used = ended[2]
-    return Ended(os.waitstatus_to_exitcode(ended[1]), used.ru_utime + used.ru_stime, late, len(left))
+    return Ended(os.waitstatus_to_exitcode(ended[1]), used.ru_utime + used.ru_stime, late, lived, len(left))
 
 
 def spent(pid: int) -> float:
@@ -202,7 +205,8 @@ class Trials:
         wrong += filter(None, [self._resume(out, said)])
         shutil.rmtree(place, ignore_errors=True)
         own = set(there) - set(results(self.command.files) if self.command.files else ())
-        return {"status": ended.status, "late_s": round(ended.late_s, 2), "files": len(own), "wrong": wrong}
+        late, lived = round(ended.late_s, 2), round(ended.lived_s, 1)
+        return {"status": ended.status, "late_s": late, "workers_lived_s": lived, "files": len(own), "wrong": wrong}
 
     def _resume(self, out: Path, said: Path) -> str:
         """Run a broken command again; say what is wrong with its results. The same files left are tried once."""
