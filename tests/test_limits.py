@@ -154,6 +154,32 @@ def test_no_worker_outlives_its_parent(tmp_path, ended_by):
     _until(lambda: not _runs(worker))
 
 
+def blocked(what):
+    """Say which signals wait."""
+    return ",".join(one.name for one in signal.pthread_sigmask(signal.SIG_BLOCK, [])).encode()
+
+
+@posix
+def test_a_worker_that_is_just_being_started_says_nothing_of_ctrl_c():
+    (done,) = Processes(1).run(blocked, [""])
+    assert done.result == b"SIGINT"
+    assert not signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+@posix
+def test_ctrl_c_while_a_worker_is_begun_is_not_lost():
+    begun = []
+
+    def begin():
+        with child.deaf_children():
+            os.kill(os.getpid(), signal.SIGINT)
+            begun.append(1)
+
+    with pytest.raises(KeyboardInterrupt):
+        begin()
+    assert begun
+
+
 def _until(holds, seconds=60.0):
     end = time.monotonic() + seconds
     while not holds():

@@ -239,7 +239,13 @@ def test_a_folder_is_split_fairly_and_told_of(columns, vehicle, tmp_path, capsys
     assert set(campaign.validate) == {"a", "b"}  # the second and the fourth by sliding; that with the most tunes
     page = (folder / "signals.html").read_text()
     assert "wheel, axle 4" in page
-    assert main(["inspect", str(folder), "--vehicle", str(vehicle)]) == 2
+    written = (folder / "campaign.toml").read_bytes()
+    (folder / "signals.html").unlink()  # as if it had been killed between the two
+    assert main(["inspect", str(folder), "--vehicle", str(vehicle)]) == 0
+    assert "Kept as it is" in capsys.readouterr().out
+    assert (folder / "campaign.toml").read_bytes() == written
+    assert (folder / "signals.html").read_text() == page
+    assert main(["inspect", str(folder), "--out", str(folder / "campaign.toml")]) == 2
     assert "exists already" in capsys.readouterr().err
 
 

@@ -55,6 +55,28 @@ def test_a_file_is_replaced_whole_or_not_at_all(tmp_path, monkeypatch):
     assert os.listdir(tmp_path) == ["page.html"]
 
 
+def _fails(error, cause=None):
+    def fail(*_):
+        raise error from cause
+
+    return fail
+
+
+@pytest.mark.parametrize(
+    "fail", [_fails(KeyboardInterrupt()), _fails(RuntimeError("Error calling __set_name__"), KeyboardInterrupt())]
+)
+def test_ctrl_c_while_a_command_is_imported_is_answered_in_a_word(fail, monkeypatch, capsys):
+    monkeypatch.setattr("importlib.import_module", fail)
+    assert main(["tune", "x"]) == 130
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+def test_an_error_that_is_no_interrupt_is_not_hidden(monkeypatch):
+    monkeypatch.setattr("importlib.import_module", _fails(RuntimeError("a defect")))
+    with pytest.raises(RuntimeError, match="a defect"):
+        main(["tune", "x"])
+
+
 def test_one_result_that_fails_leaves_the_others():
     done = []
 

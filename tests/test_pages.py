@@ -4,9 +4,14 @@ import base64
 import hashlib
 import io
 import json
+import os
 import re
+import subprocess
+import sys
+import time
 import xml.etree.ElementTree as ET
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -128,6 +133,41 @@ def test_a_pdf_without_a_browser_is_refused_before_the_work(tmp_path, monkeypatc
     assert main(["validate", str(demo_campaign()), "--pdf", "--out", str(tmp_path / "page.html")]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not end children with their parent")
+def test_no_browser_outlives_a_command_that_is_killed(tmp_path):
+    browser = tmp_path / "chromium"
+    browser.write_text(f"#!/bin/sh\necho $$ > {tmp_path}/pid\nexec sleep 600\n")
+    browser.chmod(0o755)
+    code = "from wsp_env.report.paper import printed; printed('<html></html>')"
+    path = f"{tmp_path}{os.pathsep}{os.environ['PATH']}"
+    with subprocess.Popen([sys.executable, "-c", code], env={**os.environ, "PATH": path, "TMPDIR": str(tmp_path)}) as parent:
+        _until((tmp_path / "pid").exists)
+        _until(lambda: (tmp_path / "pid").read_text().endswith("\n"))
+        parent.kill()
+    _until(lambda: not _runs((tmp_path / "pid").read_text().strip()))
+
+
+def _runs(process):
+    try:
+        return Path("/proc", process, "stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def _until(holds, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_on_paper_no_buttons_are_shown_and_a_long_table_repeats_its_header(tmp_path):
+    text = page(tmp_path)
+    printed = text[text.index("@media print") :]
+    assert ".modebar { display: none" in printed
+    assert "<thead><tr><th>run</th>" in text
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import CampaignError, CampaignWarning, demo_campaign, read_campaign, tune
 from wsp_env.recordings.suspect import suspects
 from wsp_env.recordings.suspect.factors import level
+from wsp_env.recordings.suspect.momentum import axle_gain
 from wsp_env.recordings.suspect.search import Search
 
 WHEEL, TORQUE = "wheel_speed_radps", "brake_torque_nm"
@@ -152,6 +153,30 @@ def test_a_fault_in_one_run_is_said_of_that_run(sound, fault):
 def test_sound_recordings_are_not_suspected(sound):
     assert suspects(sound) == ()
     assert suspects(read_campaign(demo_campaign())) == ()
+
+
+@pytest.fixture(scope="module")
+def gentle(tmp_path_factory):
+    """Two stops whose wheels slide little and slowly: their own balances say nothing of their torques."""
+    runs = stops(2e-4, [0.055, 0.06], 30.0, 10.0, peak=0.12, noise=1.0, seeds=(1, 2), uneven=0.02)
+    return read_campaign(write_campaign(tmp_path_factory.mktemp("gentle"), {f"G{i}": one for i, one in enumerate(runs)}))
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.7376, 0.5, 1.3558])
+def test_the_vehicles_momentum_says_what_one_torque_truly_was(gentle, factor):
+    campaign = changed(gentle, scaled(TORQUE, 1, factor))
+    for run in campaign.runs.values():
+        gain, deviation = axle_gain(run, campaign.vehicle, 1)
+        assert deviation < 0.15 / factor
+        assert abs(gain - 1.0 / factor) < 4.0 * deviation
+
+
+@pytest.mark.parametrize("factor", [0.7376, 0.5])
+def test_a_unit_near_one_on_one_axle_is_found_by_what_the_vehicle_loses(gentle, factor):
+    assert suspects(gentle) == ()
+    (found,) = suspects(changed(gentle, scaled(TORQUE, 1, factor)))
+    assert (found.channel, found.kind) == ("axle2_brake_torque", "factor")
+    assert found.value == pytest.approx(factor, rel=0.1)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
-from multiprocessing import connection, parent_process
+from multiprocessing import connection, parent_process, resource_tracker
 from types import FrameType
 
 try:
@@ -46,6 +46,23 @@ def become_worker() -> None:
     parent = parent_process()
     if parent is not None:  # of `multiprocessing`; also where the system does not see to it
         threading.Thread(target=lambda: (connection.wait([parent.sentinel]), os._exit(1)), daemon=True).start()
+
+
+@contextlib.contextmanager
+def deaf_children() -> Iterator[None]:
+    """While processes are begun: they are deaf to Ctrl-C from their first instant, before `become_worker` can say so.
+
+    Ctrl-C reaches this process at the end.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # beginning it would let Ctrl-C through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def become_expendable() -> None:

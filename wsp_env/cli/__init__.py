@@ -27,7 +27,21 @@ INTERRUPTED = 130
 
 def main(arguments: list[str] | None = None) -> int:
     """Run `wsp` with the arguments (default: the process's); return the exit status."""
-    name, *rest = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    try:
+        return _run(*((sys.argv[1:] if arguments is None else arguments) or ["--help"]))
+    except BaseException as error:
+        if not _is_interrupt(error):
+            raise
+        print("interrupted", file=sys.stderr)
+        return INTERRUPTED
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Whether an error is Ctrl-C, or came of it: of one in the middle of a class, Python makes a RuntimeError."""
+    return error is not None and (isinstance(error, KeyboardInterrupt) or _is_interrupt(error.__cause__))
+
+
+def _run(name: str, *rest: str) -> int:
     if name in ("-h", "--help"):
         width = max(map(len, COMMANDS))
         lines = "\n".join(f"  {command:{width}}  {what}" for command, what in COMMANDS.items())
@@ -61,9 +75,6 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
     except OSError as error:
         return _failed(f"{error.filename or 'a file'}: {(error.strerror or str(error)).lower()}")
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return INTERRUPTED
     return 0
 
 

@@ -123,8 +123,8 @@ def main(
 
 def _table(result: Comparison) -> Table:
     header = (
-        "mu_cd [-]", "tau [1e-4 m/J]", "classic [m]", "recovering [m]", "gained [m]", "gained [%]", "parted at [m/s]",
-        "after [s]", "largest gap [m/s]", "mean slip classic [m/s]", "mean slip recovering [m/s]",
+        "friction mu_cd [-]", "recovery rate tau [1e-4 m/J]", "classic [m]", "recovering [m]", "gained [m]", "gained [%]",
+        "parted at [m/s]", "after [s]", "largest gap [m/s]", "mean slip classic [m/s]", "mean slip recovering [m/s]",
     )  # fmt: skip
     rows = []
     for pair in result.pairs:
@@ -137,6 +137,10 @@ def _table(result: Comparison) -> Table:
         rows.append((f"{pair.mu_cd:g}", f"{1e4 * pair.tau:.3g}", *metres, *cells))
     said = f"parted: the speeds at the same time differ by more than {PARTED_MPS:g} m/s"
     return Table(header, rows, said + "; ±: 95 % interval of the mean over the draws, differences draw by draw")
+
+
+def _rate(tau: float) -> str:
+    return f"recovery rate tau {1e4 * tau:.3g}e-4 m/J"
 
 
 def _scatter(half: float) -> str:
@@ -156,11 +160,11 @@ def _page(path: Path, title: str, result: Comparison, table: Table, options: Pag
         cols=1,
         shared_xaxes=True,
         vertical_spacing=0.05,
-        subplot_titles=[f"mu_cd {f:g}" for f in frictions],
+        subplot_titles=[f"friction mu_cd {f:g}" for f in frictions],
     )
     for number, friction in enumerate(frictions, start=1):
-        curves = [("classic", result.classic[friction], "black")]
-        curves += [(f"tau {1e4 * t:.3g}e-4 m/J", result.recovering[friction, t], COLOURS[i]) for i, t in enumerate(rates)]
+        curves = [("classic law", result.classic[friction], "black")]
+        curves += [(_rate(rate), result.recovering[friction, rate], COLOURS[i]) for i, rate in enumerate(rates)]
         for name, speed, colour in curves:
             line = {"color": colour, "width": 1.8}
             end = int((speed > 0.0).sum()) + 1
@@ -178,10 +182,10 @@ def _page(path: Path, title: str, result: Comparison, table: Table, options: Pag
             x=[p.mu_cd for p in own],
             y=[p.gained_m for p in own],
             mode="lines+markers",
-            name=f"tau {1e4 * rate:.3g}e-4 m/J",
+            name=_rate(rate),
             line=line,
         )
-    axes(gained, "mu_cd [-]", "distance gained by recovery [m]", height=420)
+    axes(gained, "friction of the degraded rail mu_cd [-]", "distance gained by recovery [m]", height=420)
     sections = [
         Section("", (), [gained]),
         Section("Distances", (), [table], fold=True),

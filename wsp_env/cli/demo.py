@@ -1,6 +1,5 @@
 """`wsp demo`: recordings, tuning, a validation that passes, the diagnosis of what it concealed, stops with the finding."""
 
-import math
 import os
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,21 +17,12 @@ from wsp_env.diagnosis.report_facts import facts, lead
 from wsp_env.diagnosis.report_runs import course_plot
 from wsp_env.diagnosis.sources import signed
 from wsp_env.output import ready
-from wsp_env.recordings import (
-    Campaign,
-    Smoothing,
-    Tuning,
-    concealed_campaign,
-    derive,
-    read_campaign,
-    rolling_radii,
-    transition,
-)
+from wsp_env.recordings import concealed_campaign, read_campaign
 from wsp_env.recordings.origin import origin
 from wsp_env.recordings.validation import Validation, validate
-from wsp_env.recordings.validation_plots import adhesion_plot, worst
-from wsp_env.recordings.validation_report import criteria_table
-from wsp_env.report import COLOURS, Facts, PageOptions, Section, Table, axes, plotly, terminal_table, write_page
+from wsp_env.recordings.validation_plots import adhesion_plot, transition_plot, worst
+from wsp_env.recordings.validation_report import adhesion_table, criteria_table
+from wsp_env.report import Facts, PageOptions, Section, Table, plotly, terminal_table, write_page
 
 #: What the recordings of the demo conceal, see wsp_env/data/README.md.
 TRUTH = "In the simulator that made these recordings the pads' friction falls with speed and heat;"
@@ -59,7 +49,7 @@ def main(
     with console.status("reading recorded stops, tuning and validating ..."):
         campaign = read_campaign(folder)
         validation = validate(campaign)
-    _say(console, first := [recorded_section(campaign, validation.tuning), validated_section(validation)])
+    _say(console, first := [recorded_section(validation), validated_section(validation)])
     with console.status("diagnosing: does the law lack any physics? ..."):
         found = signed(diagnose(campaign, lambda step: None, os.cpu_count() or 1), folder, campaign)
     _say(console, [diagnosis := diagnosis_section(found)])
@@ -93,39 +83,14 @@ def _say(console: Console, sections: list[Section]) -> None:
                     console.print(f"  {label}: {text}", markup=False)
 
 
-def recorded_section(campaign: Campaign, tuning: Tuning) -> Section:
-    """Show what the recorded stops say: lambda over W_sp with the tuned curve, the errors e_j."""
-    objects, _ = plotly()
-    figure = objects.Figure()
-    radii = rolling_radii(campaign)
-    largest = 0.0
-    for index, (name, score) in enumerate(tuning.runs.items()):
-        derived = derive(campaign, campaign.runs[name], radii, Smoothing())
-        energy = derived.energy_jpm[derived.usable]
-        recovered = transition(derived, score.mu_cd, campaign.contact.law)[derived.usable]
-        largest = max(largest, float(energy.max()))
-        thin = slice(None, None, max(1, len(energy) // 800))
-        marker = {"size": 3, "color": COLOURS[index], "opacity": 0.5}
-        label = f"{name} ({score.group})"
-        figure.add_scatter(x=energy[thin], y=recovered[thin], mode="markers", name=label, marker=marker)
-    grid = [largest * step / 199.0 for step in range(200)]
-    law = [-math.expm1(-tuning.tau_m_per_J * energy) for energy in grid]
-    figure.add_scatter(x=grid, y=law, mode="lines", name="1 - exp(-tau W_sp)", line={"color": "black", "width": 3})
-    figure.update_layout(legend_itemsizing="constant")
-    axes(figure, "specific dissipated energy W_sp [J/m]", "transition function lambda [-]", height=460)
-    header = ("run", "group", "mu_cd [-]", *(f"e_{k + 1} [%]" for k in range(campaign.vehicle.axles)))
-    rows = [
-        (name, score.group, f"{score.mu_cd:.4f}", *("no slide" if e is None else f"{100 * e:.2f}" for e in score.error))
-        for name, score in tuning.runs.items()
-    ]
-    low, high = tuning.interval95
+def recorded_section(validation: Validation) -> Section:
+    """Show what the recorded stops say: the samples with the tuned curve, and the error of every axle."""
+    campaign, tuning = validation.campaign, validation.tuning
     text = (
-        f"{len(tuning.runs)} stops of a four-axle coach, recorded in an independent simulator, give "
-        f"tau = {tuning.tau_m_per_J:.3e} m/J (95 % interval {low:.3e} to {high:.3e}), tuned on {', '.join(campaign.tune)} "
-        f"and only scored on {', '.join(campaign.validate)}.",
+        f"{len(tuning.runs)} stops of a four-axle coach were recorded in an independent simulator. The law is tuned on "
+        f"{', '.join(campaign.tune)} and only scored on {', '.join(campaign.validate)}: {tuning.sentence}.",
     )
-    table = Table(header, rows, "relative error of the adhesion coefficient per axle, as the seed paper's Table 4")
-    return Section("Recorded stops, and the law tuned on them", text, (table, figure))
+    return Section("Recorded stops, and the law tuned on them", text, (adhesion_table(tuning), transition_plot(validation)))
 
 
 def validated_section(validation: Validation) -> Section:

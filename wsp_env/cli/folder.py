@@ -11,11 +11,16 @@ from wsp_env.parameters.quantity import number
 from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.recordings import CampaignError, CampaignWarning, read_campaign
 from wsp_env.recordings.folder import ASKED, Found, find, of_vehicle, open_questions, split, unused, write
+from wsp_env.recordings.inspection import MEASURED
 from wsp_env.recordings.origin import origin
 from wsp_env.recordings.suspect import suspects, tell
 from wsp_env.report import PageOptions
 
 _SHOWN = 12  # names of a list
+_ASSUMED = (
+    "Assumed in it: somebody measured the brake torques. Where they were computed from pressures, change brake_torque_source: "
+    "brakes that give less than computed are then looked for"
+)
 
 
 def make_campaign(folder: Path, vehicle: str, out: Path | None, console: Console) -> Path:
@@ -40,6 +45,8 @@ def make_campaign(folder: Path, vehicle: str, out: Path | None, console: Console
         text = write(found, file.parent, {key: _answer(ASKED[key]) for key in asked})
     write_text(file, text)
     _tell(found, file, console)
+    if MEASURED in text:
+        console.print(_ASSUMED, markup=False)
     for reason in found.left.values():
         warnings.warn(f"left out: {reason}", CampaignWarning, stacklevel=2)
     if asked := open_questions(text):

@@ -29,7 +29,7 @@ def main(
     """List a recording's channels with units, rates, range, noise and what they may be; draft a campaign.toml.
 
     Of a folder: find the recorded stops in it, write its campaign.toml and a page with all signals. Mass, inertia and radius
-    come from --vehicle, or are asked for on a terminal.
+    come from --vehicle, or are asked for on a terminal. A campaign.toml that is there is kept, and the page drawn by it.
 
     Parameters
     ----------
@@ -50,7 +50,11 @@ def main(
     if file.is_dir():
         console = Console(highlight=False, soft_wrap=True)
         page.files(file / "signals.html")
-        made = make_campaign(file, vehicle, out, console)
+        if out is None and (file / "campaign.toml").exists():  # of an earlier run, perhaps one that was broken off
+            made = file
+            console.print(f"Kept as it is: {file / 'campaign.toml'}; remove it to have it written anew", markup=False)
+        else:
+            made = make_campaign(file, vehicle, out, console)
         pictured(made, made / "signals.html", console, page)
         return
     if out is not None:

@@ -112,7 +112,7 @@ def _worker(work: Callable[[Any], bytes]) -> tuple[Connection, SpawnProcess]:
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_serve, args=(work, theirs))
-    with _environment(_ONE_THREAD):  # the libraries read it when they are loaded
+    with _environment(_ONE_THREAD), child.deaf_children():  # the libraries read it when they are loaded
         process.start()
     theirs.close()
     return ours, process

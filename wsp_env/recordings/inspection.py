@@ -18,7 +18,8 @@ from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.quality import Quality
 from wsp_env.recordings.readers import open_file
 
-_MEASURED = ('brake_torque_source = "measured"    # or "cylinder pressure times the nominal gain"',)
+#: What a draft says of torques that stand in the file; no number tells whether anybody measured them.
+MEASURED = 'brake_torque_source = "measured"    # EDIT: "cylinder pressure times the nominal gain" where nobody measured them'
 _FROM_PRESSURES = (  # of a draft
     "# torque_per_bar_nm = ...           # EDIT: required, torque of a wheelset for one bar in its brake cylinders",
     'brake_torque_source = "cylinder pressure times the nominal gain"   # no torques found in the file',
@@ -156,7 +157,7 @@ def draft(file: Path, found: list[InspectedChannel], runs: Sequence[Path] = (), 
             if silent
             else []
         ),
-        *(_FROM_PRESSURES if pressures else _MEASURED),
+        *(_FROM_PRESSURES if pressures else (MEASURED,)),
         "",
         "[contact]",
         'set = "velim"                       # the seed paper\'s Table 2; single values may be given instead',

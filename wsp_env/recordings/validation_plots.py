@@ -59,13 +59,13 @@ def adhesion_plot(validation: Validation, name: str, only: int | None = None, he
         slides = np.asarray(derived.usable)[shown, axle]
         measured, calculated = derived.adhesion[shown, axle], model[shown, axle]
         lines: tuple[tuple[str, np.ndarray, str, str, int], ...] = (
-            ("f_d, degraded", np.where(slides, f_d[shown, axle], np.nan), COLOURS[1], "dot", 1),
+            ("limit f_d, degraded", np.where(slides, f_d[shown, axle], np.nan), COLOURS[1], "dot", 1),
             ("f, measured", measured, COLOURS[5], "solid", 1),
             ("f, calculated", calculated, COLOURS[0], "solid", 1),
             ("measured less calculated", measured - calculated, COLOURS[6], "solid", 2),
         )
         if only is None:
-            lines = (("f_r, fully recovered", np.where(slides, f_r[shown, axle], np.nan), COLOURS[2], "dot", 1), *lines)
+            lines = (("limit f_r, fully recovered", np.where(slides, f_r[shown, axle], np.nan), COLOURS[2], "dot", 1), *lines)
         for label, values, colour, dash, row in lines:
             figure.add_scatter(
                 x=derived.time_s[shown], y=values, mode="lines", name=label, legendgroup=label, showlegend=column == 1,
@@ -133,7 +133,7 @@ def transition_plot(validation: Validation) -> Figure:
     grid = np.linspace(0.0, largest, 300)
     line = {"color": "black", "width": 3}
     curve = 1.0 - np.exp(-validation.tuning.tau_m_per_J * grid)
-    figure.add_scatter(x=grid, y=curve, mode="lines", name="1 - exp(-tau W_sp)", line=line)
+    figure.add_scatter(x=grid, y=curve, mode="lines", name="tuned law: 1 - exp(-tau W_sp)", line=line)
     figure.update_layout(legend_itemsizing="constant")
     return axes(figure, "specific dissipated energy W_sp [J/m]", "transition function lambda [-]", height=480)
 

@@ -34,8 +34,8 @@ def slide_table(validation: Validation) -> Table:
         first = (s.recorded_mean_mps, s.simulated_mean_mps, s.recorded_deviation_mps, s.simulated_deviation_mps)
         rows.append((name, f"{s.speed_error_mps:.2f}", *(f"{values[0]:.2f}" for values in first), f"{means:.2f}"))
     header = (
-        "run", "E [m/s]", "mean slide, recorded [m/s]", "simulated [m/s]", "deviation, recorded [m/s]", "simulated [m/s]",
-        "means apart, worst axle [m/s]",
+        "run", "speed error E [m/s]", "mean slide, recorded [m/s]", "simulated [m/s]", "deviation, recorded [m/s]",
+        "simulated [m/s]", "means apart, worst axle [m/s]",
     )  # fmt: skip
     caption = "vehicle simulated with the recorded brake torque over the whole stop; first axle, as the seed paper's Table 7"
     return Table(header, rows, caption)

@@ -214,4 +214,4 @@ def table_html(table: Table) -> str:
 
     caption = f"<caption>{html.escape(table.caption)}</caption>" if table.caption else ""
     rows = "".join(row(cells, "td") for cells in table.rows)
-    return f'<div class="scroll"><table>{caption}{row(table.header, "th")}{rows}</table></div>'
+    return f'<div class="scroll"><table>{caption}<thead>{row(table.header, "th")}</thead>{rows}</table></div>'

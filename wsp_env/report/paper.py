@@ -2,13 +2,16 @@
 
 import shutil
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
+from wsp_env.child import end_with_parent
 from wsp_env.output import OutputError
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 _LIMIT_S = 300.0  # for one page, by the clock: many plots on a busy machine (assumption)
+_ENDS = end_with_parent if sys.platform == "linux" else None  # the browser, when this process is killed
 _DRAWN_MS = 20_000  # of the page's own time, in which its plots are drawn: passes as fast as they are
 
 
@@ -38,7 +41,7 @@ def printed(page: str) -> bytes:
             source.as_uri(),
         ]  # fmt: skip
         try:
-            subprocess.run(command, capture_output=True, timeout=_LIMIT_S, check=True)
+            subprocess.run(command, capture_output=True, timeout=_LIMIT_S, check=True, preexec_fn=_ENDS)
             return target.read_bytes()
         except (OSError, subprocess.SubprocessError) as error:
             raise OutputError(

@@ -13,7 +13,10 @@ dt { color: #666; } dd { margin: 0; }
 details { border-top: 1px solid #ddd; padding: .5rem 0; } summary { cursor: pointer; }
 summary h2 { display: inline; font-size: 1.1rem; margin: 0; }
 footer { white-space: pre-line; overflow-wrap: anywhere; margin-top: 2.5rem; color: #777; font-size: .8rem; }
-@media print { body { max-width: none; margin: 0; } .plot, table { break-inside: avoid; } summary { list-style: none; } }
+@media print {
+  body { max-width: none; margin: 0; } .plot, tr { break-inside: avoid; } h2, summary { break-after: avoid; }
+  summary { list-style: none; } .modebar { display: none !important; }
+}
 """
 
 #: A plot is drawn when it is first seen; on paper all folds are open.

@@ -1,12 +1,13 @@
 """Torques that are recorded by a factor too large or too small: in another unit, per wheel, halved.
 
-An axle's level while all wheels roll says how its brake differs from the others'; only a wheel's own balance and creepage say
-whether the brake does so or the channel alone. A brake that truly brakes less is physics.
+An axle's level while all wheels roll says how its brake differs from the others'; only the vehicle's momentum and the wheel's
+own balance and creepage say whether the brake does so or the channel alone. A brake that truly brakes less is physics.
 """
 
 import numpy as np
 
 from wsp_env.recordings.suspect.channel import SuspectChannel, where
+from wsp_env.recordings.suspect.momentum import axle_gain
 from wsp_env.recordings.suspect.rolled import GAIN, rolled
 from wsp_env.recordings.suspect.search import Search, agreed, named, with_column
 from wsp_env.recordings.suspect.traces import Traces, rolling
@@ -25,6 +26,7 @@ _FOLLOWS = 0.7  # correlation of a torque that follows the others': it is alive
 _WHOLE = 0.06  # log of the momentum that all torques' common factor leaves: masses are known to some 3 %
 _STEADY = 0.04  # log of its scatter between runs: forces that no torque holds change it with the deceleration
 _AGREE = 0.5  # log of a factor between rolling and the whole run: friction differs between axles by so much
+_APART = 4.0  # deviations between two gains that are told apart: their middle is two from either
 _APPLIED = 0.3  # of a run's largest torque
 _LEAST_S = 0.2
 
@@ -97,15 +99,34 @@ def _factor(search: Search, name: str, axle: int) -> float:
         return np.nan
     if abs(np.log(ratio)) > _BEYOND:
         return ratio if follows > _FOLLOWS else np.nan
+    slowed = _slowed(search, name, axle, ratio)
     if not rolls:
-        slope = _slope(search, name, axle)
-        return slope if abs(np.log(slope / ratio)) < _BRAKES < abs(np.log(slope)) else np.nan
-    witnesses = (_slope(search, name, axle), _creepage(one, axle), _momentum(search, name, axle, ratio))
+        factor = next((one for one in (slowed, _slope(search, name, axle)) if one > 0.0), np.nan)
+        return factor if abs(np.log(factor / ratio)) < _BRAKES < abs(np.log(factor)) else np.nan
+    witnesses = (slowed, _slope(search, name, axle), _creepage(one, axle), _momentum(search, name, axle, ratio))
     votes = [vote for vote in witnesses if vote > 0.0]
     # The first that is known decides: they come in the order of what they are worth.
     if not votes or abs(np.log(votes[0] / ratio)) > abs(np.log(votes[0])):
         return np.nan
     return ratio
+
+
+def _slowed(search: Search, name: str, axle: int, ratio: float) -> float:
+    """Return the factor by which the vehicle slows less than the torque promises; nan where 1 and `ratio` are not told apart.
+
+    The runs in which the axle's level is the same speak together.
+    """
+    gains = [axle_gain(search.runs[name], search.campaign.vehicle, axle)]
+    for other, one in search.traces().items():
+        here = search.sound(other)
+        if other != name and axle in here and abs(np.log(max(level(one, axle, here)[0], 1e-9) / ratio)) < _NEAR:
+            gains.append(axle_gain(search.runs[other], search.campaign.vehicle, axle))
+    values, deviations = np.array([one for one in gains if np.isfinite(one[0])]).reshape(-1, 2).T
+    if not len(values):
+        return np.nan
+    weights = deviations**-2.0
+    gain = float(weights @ values / weights.sum())
+    return 1.0 / gain if gain > 0.1 and _APART / np.sqrt(weights.sum()) < abs(1.0 / ratio - 1.0) else np.nan
 
 
 def _slope(search: Search, name: str, axle: int) -> float:
