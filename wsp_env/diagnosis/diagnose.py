@@ -161,7 +161,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         model=model_json(replica, extended),
         residuals=residual_map(replica, replica.baseline, extended, found.weights),
         runs=held_out(replica.recorded, found.before, found.after),
-        notes=(*notes, *small, *(f"{name}: {why}" for name, why in reasons.items())),
+        notes=(*notes, *small, *(f"{name.replace('_', ' ')}: {why}" for name, why in reasons.items())),
         course=course(replica.recorded, found.before, found.after, where),
         discovered=terms,
         worth=_worth(outcome, extended, missing) if named or terms else None,
