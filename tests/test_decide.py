@@ -262,6 +262,14 @@ def test_what_those_before_explain_better_is_no_merit_of_the_next(monkeypatch, o
     assert one.evidence == pytest.approx(5.0 + expected - 5.0)
 
 
+def test_what_is_refused_is_told_and_the_next_best_is_taken():
+    trials, refused = [trial(GAIN, 40.0), trial(GRADIENT, 50.0), trial(TERM, 60.0)], set()
+    best = decide._first_that_holds(trials, lambda one: one.evidence > 45.0, refused)
+    assert best is trials[0]
+    assert refused == {"track_gradient"}  # a term is asked after the names
+    assert decide._first_that_holds(trials, lambda one: True, refused) is None
+
+
 @pytest.mark.parametrize("best", [2.0, 0.25, 0.1])
 def test_a_refit_begins_where_the_way_to_the_linear_step_leaves_least(monkeypatch, best):
     """Residuals bend: the linear step of a wheel that is turned by a per cent leads beyond what can be fitted."""

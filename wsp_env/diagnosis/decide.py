@@ -6,6 +6,7 @@ nothing else is named for it.
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
@@ -134,12 +135,12 @@ def select(
         # What the form of those before may leave of what they explain looks like another.
         form = sum(form_of(one.trial.listed) ** 2 * one.trial.evidence for one in accepted)
         sure = [one for one in trials if odds(one.listed, one.evidence) > max(SURE, form)]
-        best = next(
-            (one for one in _preferred(sure) if not _refused(replica, one, accepted, fitted.model, seen, weights)), None
-        )
+        refused: set[str] = set()  # what contradicts itself is no alternative either
+        best = _first_that_holds(sure, functools.partial(_refused, replica, accepted, fitted.model, seen, weights), refused)
         if best is None:
             break
-        accepted.append(Accepted(best, *belief(best, trials, seen.found)))
+        rivals = [one for one in trials if one.listed.title not in refused]
+        accepted.append(Accepted(best, *belief(best, rivals, [one for one in seen.found if one.name not in refused])))
         accepted, fitted = _still_sure(replica, accepted, best.fitted, seen)
         if all(one.size.multiple < MATTERS for one in sure):
             break  # told as too small; nothing that matters could be taken for it
@@ -205,8 +206,17 @@ def _preferred(trials: Sequence[Trial]) -> list[Trial]:
     return sorted(trials, key=lambda one: (bool(one.listed.family) or one.evidence < least, -one.evidence))
 
 
+def _first_that_holds(sure: Sequence[Trial], refuses: Callable[[Trial], bool], refused: set[str]) -> Trial | None:
+    """Return the best trial that is not refused; the names of those that are, are added to `refused`."""
+    for one in _preferred(sure):
+        if not refuses(one):
+            return one
+        refused.add(one.listed.title)
+    return None
+
+
 def _refused(
-    replica: Replica, trial: Trial, accepted: Sequence[Accepted], before: Model, seen: Screen, weights: Weights
+    replica: Replica, accepted: Sequence[Accepted], before: Model, seen: Screen, weights: Weights, trial: Trial
 ) -> bool:
     """Whether a mechanism contradicts itself, whatever its evidence."""
     if at_bound(trial.listed, trial.fitted.model) or _compensates(replica, trial, accepted, seen):
