@@ -139,7 +139,7 @@ def test_vehicles_of_one_and_two_axles_torque_by_pressure_or_measured(axles, mea
     assert found.verdict == "adequate"
     # Stops need no null recordings: the answer depends on nothing but the recordings.
     assert diagnose(campaign, workers=1).to_json() == found.to_json()
-    assert any("leading_axle_cleaning" in note for note in found.notes) == (axles == 1)
+    assert any("leading axle cleaning" in note for note in found.notes) == (axles == 1)
     assert any("the torque itself is measured" in note for note in found.notes) == measured
 
 
