@@ -62,6 +62,20 @@ def _fails(error, cause=None):
     return fail
 
 
+def test_ctrl_c_in_the_instant_after_a_file_is_made_leaves_nothing(tmp_path, monkeypatch):
+    made = Path.open
+
+    def interrupted(self, *mode):
+        made(self, *mode).close()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "open", interrupted)
+    for write in (lambda: write_text(tmp_path / "a.txt", "b"), lambda: ready(tmp_path / "a.txt")):
+        with pytest.raises(KeyboardInterrupt):
+            write()
+        assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     "fail", [_fails(KeyboardInterrupt()), _fails(RuntimeError("Error calling __set_name__"), KeyboardInterrupt())]
 )

@@ -1,7 +1,7 @@
 """Files of results: tried before the work, written whole or not at all, and never lost to a full or read-only disk."""
 
 import contextlib
-import os
+import secrets
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -24,9 +24,11 @@ def ready(*files: Path) -> None:
                 raise NotADirectoryError(None, f"{there} is a file, not a folder")
             made = [folder for folder in file.absolute().parents if not folder.exists()]
             file.parent.mkdir(parents=True, exist_ok=True)
-            handle, tried = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name[:100]}.")
-            os.close(handle)
-            Path(tried).unlink()
+            tried = _beside(file)
+            try:
+                tried.open("xb").close()
+            finally:
+                tried.unlink(missing_ok=True)
         except (OSError, ValueError) as error:  # the latter: a zero byte in its name
             raise OutputError(f"{file} cannot be written: {_why(error)}; name another place with --out") from None
         finally:
@@ -75,15 +77,20 @@ def all_of(*steps: Callable[[], object]) -> None:
 
 def _write(file: Path, fill: Callable[[BinaryIO], object]) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
-    handle, beside = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name[:100]}.")
+    beside = _beside(file)  # named before it is made: Ctrl-C may come at any moment
     try:
-        with os.fdopen(handle, "wb") as stream:
+        with beside.open("xb") as stream:
             fill(stream)
-        Path(beside).chmod(0o644)
-        Path(beside).replace(file)
+        beside.chmod(0o644)
+        beside.replace(file)
     except BaseException:
-        Path(beside).unlink(missing_ok=True)
+        beside.unlink(missing_ok=True)
         raise
+
+
+def _beside(file: Path) -> Path:
+    """Return a hidden name in the same folder that nobody else has."""
+    return file.parent / f".{file.name[:100]}.{secrets.token_hex(8)}"
 
 
 def _why(error: Exception) -> str:
