@@ -93,8 +93,10 @@ def press(tab, name, wait_for, patience=PATIENCE_MS):
 
 
 def choose(tab, label, option):
-    tab.locator("label.q-field", has=tab.get_by_label(label, exact=True)).click()
-    tab.get_by_role("option", name=option).click()
+    field = tab.get_by_label(label, exact=True)
+    tab.locator("label.q-field", has=field).click()
+    listed = tab.locator(f"[id='{field.get_attribute('aria-controls')}']")  # other fields' lists may still be closing
+    listed.get_by_role("option", name=option).first.click()
 
 
 def describe_vehicle(tab):
