@@ -6,13 +6,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections import deque
 
 import numpy as np
 import pytest
 from onnx import TensorProto, helper
 from test_policy import network, stop, write
+from waiting import runs, until
 
 from wsp_env import child
 from wsp_env.child import TookTooLongError, limited
@@ -147,11 +147,11 @@ def test_no_worker_outlives_its_parent(tmp_path, ended_by):
     code = tmp_path / "parent.py"
     code.write_text(PARENT.format(tests=os.path.dirname(__file__), file=file))
     parent = subprocess.Popen([sys.executable, str(code)], stderr=subprocess.DEVNULL)
-    _until(lambda: file.exists() and file.read_text())
+    until(lambda: file.exists() and file.read_text())
     worker = json.loads(file.read_text())
     parent.send_signal(ended_by)
     parent.wait(60)
-    _until(lambda: not _runs(worker))
+    until(lambda: not runs(worker))
 
 
 def blocked(what):
@@ -182,21 +182,6 @@ def test_ctrl_c_while_a_worker_is_begun_is_not_lost():
     finally:
         signal.signal(signal.SIGINT, before)
     assert begun
-
-
-def _until(holds, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not holds():
-        assert time.monotonic() < end
-        time.sleep(0.02)
-
-
-def _runs(process):
-    try:
-        with open(f"/proc/{process}/stat") as file:
-            return file.read().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
 
 
 def model(nodes, outputs=(("command", TensorProto.FLOAT, ["N", 2]),), constants=(), functions=(), domains=("",)):

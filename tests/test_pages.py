@@ -8,14 +8,13 @@ import os
 import re
 import subprocess
 import sys
-import time
 import xml.etree.ElementTree as ET
 import zipfile
-from pathlib import Path
 
 import numpy as np
 import pytest
 from browser import BROWSER
+from waiting import runs, until
 
 from wsp_env.cli import main
 from wsp_env.output import OutputError
@@ -143,24 +142,10 @@ def test_no_browser_outlives_a_command_that_is_killed(tmp_path):
     code = "from wsp_env.report.paper import printed; printed('<html></html>')"
     path = f"{tmp_path}{os.pathsep}{os.environ['PATH']}"
     with subprocess.Popen([sys.executable, "-c", code], env={**os.environ, "PATH": path, "TMPDIR": str(tmp_path)}) as parent:
-        _until((tmp_path / "pid").exists)
-        _until(lambda: (tmp_path / "pid").read_text().endswith("\n"))
+        until((tmp_path / "pid").exists)
+        until(lambda: (tmp_path / "pid").read_text().endswith("\n"))
         parent.kill()
-    _until(lambda: not _runs((tmp_path / "pid").read_text().strip()))
-
-
-def _runs(process):
-    try:
-        return Path("/proc", process, "stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
-
-
-def _until(holds, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not holds():
-        assert time.monotonic() < end
-        time.sleep(0.02)
+    until(lambda: not runs((tmp_path / "pid").read_text().strip()))
 
 
 def test_on_paper_no_buttons_are_shown_and_a_long_table_repeats_its_header(tmp_path):
