@@ -1,9 +1,10 @@
 """Whether PPO improves on what was imitated: `python -m agents.improve --base agents/trained/bogie --cosine 6`.
 
-The world is `agents.varied`: brakes, gains, radii and sensor noise drawn, on low adhesion. With `--cosine K` the policy
-gradients of K independent rollouts at the frozen policy are compared, and nothing is learned but the value function: the mean
-cosine between them says how much of one is signal. Without it PPO learns a residual (`agents.held`), and its score over
-the frozen policy's is printed, on stops and vehicles of other draws, below those of teacher, ideal and bound.
+The world is `agents.varied` (brakes, gains, radii and sensor noise drawn) or the nominal vehicle with noisy sensors, on low
+adhesion. With `--cosine K` the policy gradients of K independent rollouts at the frozen policy are compared, and nothing is
+learned but the value function: the mean cosine between them says how much of one is signal. Without it PPO learns a
+residual (`agents.held`), and its score over that of the frozen policy is printed, on stops and vehicles of other draws, below
+those of teacher, ideal and bound.
 """
 
 import dataclasses
@@ -27,7 +28,8 @@ from agents.settings import Arguments, task_options
 from agents.steering import make_steering
 from agents.teacher import ideal
 from agents.varied import varied_parts
-from agents.worlds import Joined, Stopped
+from agents.worlds import Joined, Shaped, Stopped
+from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
 from wsp_env.evaluation.bound import ceiling
 from wsp_env.evaluation.policy import NETWORK
@@ -43,8 +45,14 @@ GAMMA = 0.99
 #: Seed of the stops on which the residual is judged.
 JUDGED_BY = 9_000_011
 
+#: Between the seeds of the stops of two rollouts, or of two trainings: each stop has a seed of its own, one after the other.
+APART = 100_000
+
 #: An ideal stop on extremely low adhesion is over after so long [s].
 _LONGEST_S = 400.0
+
+#: Noise of all speed sensors [rad/s] in the world "noise": twice to three times that of the shipped policies' trainings.
+NOISY = (0.2, 0.3)
 
 #: Full brake on low adhesion, about as `agents.measure.low_adhesion` draws it: an initial adhesion of 0.05 to 0.08.
 LOW: dict[str, Any] = {
@@ -59,6 +67,7 @@ class Improvement:
 
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
     base: Path = Path("agents/trained/bogie")  # folder of the frozen policy
+    world: Literal["varied", "noise"] = "varied"  # see `agents.varied`; noise: nominal, with noisy sensors
     held: int = 8  # decisions of 20 ms that a residual lasts; 1: white noise at every decision
     privileged: bool = True  # the value function sees what is true
     cosine: int = 0  # independent rollouts whose gradients are compared; 0: PPO learns
@@ -76,19 +85,21 @@ class Improvement:
 
 
 def make_held(given: Improvement, envs: int, seed: int) -> Held:
-    """Return the varied world of a seed with the frozen policy inside."""
+    """Return the world of a seed with the frozen policy inside."""
     torque = VEHICLES[given.vehicle].brake.torque_per_bar_nm
     options = task_options(Arguments(vehicle=given.vehicle, torque_per_bar_nm=torque)) | {"scenario": LOW}
     classic = round(given.classic_share * envs)
     laws = {"recovering": envs - classic, "classic": classic}
-    shares = ((law, count) for law, count in laws.items() if count)
-    parts = [
-        part
-        for law, count in shares
-        for part in varied_parts(given.vehicle, count, law, options, given.slide_price, seed)
-    ]  # fmt: skip
+    parts: list[Shaped] = []
+    for law, count in laws.items():
+        if count and given.world == "varied":
+            parts += varied_parts(given.vehicle, count, law, options, given.slide_price, seed)
+        elif count:
+            noisy = options | {"scenario": LOW | {"sensor_noise": NOISY}}
+            env = BrakingVecEnv(f"wsp_env/{given.vehicle.title()}-v1", count, adhesion=law, **noisy)
+            parts.append(Shaped(env, given.slide_price))
     joined = Joined(parts)
-    joined.seed(seed)
+    joined.seed(APART * seed)
     steering = make_steering(given.vehicle, make_task(options))
     return Held(joined, steering, Base(str(given.base / NETWORK)), given.held, GAMMA, given.slide_price)
 
@@ -134,7 +145,10 @@ def gradient(model: PPO) -> np.ndarray:
 
 
 def cosines(given: Improvement) -> dict[str, float]:
-    """Return the mean cosine between the gradients of independent rollouts, and the share of returns that is explained."""
+    """Return the mean cosine between the gradients of independent rollouts, and the share of returns that is explained.
+
+    The rollouts have other stops and another exploration, the vehicles are the same.
+    """
     world = make_held(given, given.envs, given.seed)
     model = make_model(given, world)
     let_learn(model, policy=False)
@@ -143,7 +157,7 @@ def cosines(given: Improvement) -> dict[str, float]:
     found = []
     for number in range(given.cosine):
         torch.manual_seed(1000 * given.seed + number)
-        world.venv.seed(100 * given.seed + 7 + number)
+        world.venv.seed(APART * (1000 * given.seed + 1 + number))
         model._last_obs = None  # new stops
         _, callback = model._setup_learn(each, None, False)
         model.collect_rollouts(model.env, callback, model.rollout_buffer, model.n_steps)  # type: ignore[arg-type]  # SB3: env may be None before learning
@@ -188,7 +202,7 @@ def marks(given: Improvement) -> dict[str, np.ndarray]:
     each = [(part.batch.plant.vehicle, stops_of(part.batch.plant)) for part in world.parts]
     perfect = [np.array(ideal(vehicle, stops, given.slide_price, _LONGEST_S)) for vehicle, stops in each]
     bound = np.concatenate([ceiling(vehicle, stops).shortest()[0] for vehicle, stops in each])
-    world.venv.seed(JUDGED_BY)
+    world.venv.seed(APART * JUDGED_BY)
     return {"teacher": _until_all_stand(world.venv, command), "ideal": np.concatenate(perfect, axis=1), "bound": bound}
 
 

@@ -8,7 +8,7 @@ import pytest
 import torch
 from numpy.testing import assert_allclose, assert_array_equal
 
-from agents.improve import Improvement, cosines, make_held, make_model, marks, stops_of
+from agents.improve import NOISY, Improvement, cosines, make_held, make_model, marks, stops_of
 from wsp_env.parameters.uic_z1 import BOGIE
 from wsp_env.plant.command import to_action
 
@@ -31,6 +31,17 @@ def test_vehicles_differ_and_the_observer_believes_the_nominal_one(world):
         assert part.batch.observer.vehicle.brake.fill_time_constant_s == BOGIE.brake.fill_time_constant_s
     noise = np.concatenate([part.batch.plant.conditions.noise for part in world.parts])
     assert noise.max() > 0.1
+
+
+def test_in_the_noisy_world_the_vehicle_is_nominal_and_every_sensor_noisy():
+    noisy = make_held(dataclasses.replace(SMALL, world="noise"), SMALL.envs, 1)
+    noisy.reset()
+    for part in noisy.parts:
+        assert part.batch.plant.vehicle.brake == BOGIE.brake
+        noise = part.batch.plant.conditions.noise
+        assert (noise >= NOISY[0]).all()
+        assert (noise <= NOISY[1]).all()
+    assert len({part.batch.plant.conditions.tau.max() > 0.0 for part in noisy.parts}) == 2  # both laws
 
 
 def test_without_residual_the_frozen_policy_brakes_alone(world):
