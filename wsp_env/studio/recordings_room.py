@@ -27,8 +27,8 @@ class RecordingsRoom:
         self._space, self._most_bytes, self._suffixes = space, most_bytes, suffixes
         self._seen, self._step, self._came = -1, -1, 0.0
         self._columns, self._results = ColumnsView(space, self._quietly), ResultsView(space, key)
-        self._steps: Any = None
-        self._leads: Any = None
+        self._steps: list[Any] = []
+        self._onward: Any = None
         self._body = shell.page("Recordings")
         self._watch()
         ui.timer(_WATCH_S, self._watch)
@@ -48,13 +48,11 @@ class RecordingsRoom:
         space = self._space
         self._body.clear()
         with self._body:
-            self._steps = ui.element("nav").classes("row items-center no-wrap").props("aria-label='steps'").style("gap: .1rem")
             self._rail()
             screens: list[Callable[[], None]] = [self._files, self._columns.draw, self._vehicle]
             if space.step < len(screens):
                 with ui.element("main").classes("card column").style("gap: 1rem"):
                     screens[space.step]()
-                    self._leads = ui.row().classes("items-center").style("gap: .6rem")
                     self._actions()
             else:
                 self._results.draw(STEPS[space.step].lower())
@@ -64,24 +62,29 @@ class RecordingsRoom:
         self._step = space.step
 
     def _quietly(self) -> None:
-        """Take a change that this tab shows already, and leave its fields alone; other tabs draw the page anew."""
+        """Take a change that this tab shows already; other tabs draw the page anew.
+
+        Fields and buttons stay the same elements: somebody is at them, and a click on one that is replaced meanwhile is lost.
+        """
         self._space.changed()
         self._seen = self._space.version
-        self._rail()
-        self._actions()
+        furthest = self._furthest()
+        for number, button in enumerate(self._steps):
+            button.set_enabled(number <= furthest)
+        self._onward.set_enabled(self._may_go_on())
 
     def _rail(self) -> None:
         """Show the steps; those that can be gone to are buttons."""
-        space = self._space
-        self._steps.clear()
-        with self._steps:
+        furthest, self._steps = self._furthest(), []
+        with ui.element("nav").classes("row items-center no-wrap").props("aria-label='steps'").style("gap: .1rem"):
             for number, name in enumerate(STEPS):
                 button = ui.button(f"{number + 1}  {name}", on_click=lambda n=number: self._go(n)).props("flat dense no-caps")
-                button.classes("step q-px-sm" + (" now" if number == space.step else ""))
-                if number == space.step:
+                now = number == self._space.step
+                button.classes("step q-px-sm" + (" now" if now else ""))
+                if now:
                     button.props("aria-current=step")
-                if number > self._furthest():
-                    button.disable()
+                button.set_enabled(number <= furthest)
+                self._steps.append(button)
 
     def _furthest(self) -> int:
         """Return the last step that can be gone to."""
@@ -100,18 +103,23 @@ class RecordingsRoom:
 
     def _actions(self) -> None:
         """Show the one action that leads on."""
-        space, step = self._space, self._space.step
-        busy = space.busy is not None
-        self._leads.clear()
-        with self._leads:
-            if step == 0:
-                shell.primary("Continue: columns", lambda: self._go(1), busy or not space.usable)
-            elif step == 1:
-                shell.primary("Continue: vehicle", lambda: self._go(2), bool(space.missing))
-            else:
-                shell.primary("Check the recordings", shell.tried(self._check))
+        step = self._space.step
+        words, act = (
+            ("Continue: columns", lambda: self._go(1)),
+            ("Continue: vehicle", lambda: self._go(2)),
+            ("Check the recordings", shell.tried(self._check)),
+        )[step]
+        with ui.row().classes("items-center").style("gap: .6rem"):
+            self._onward = shell.primary(words, act, not self._may_go_on())
             if step:
                 shell.secondary("Back", lambda: self._go(step - 1))
+
+    def _may_go_on(self) -> bool:
+        """Whether nothing is missing on the screens of files and of columns; the vehicle's says itself what it lacks."""
+        space = self._space
+        if space.step == 0:
+            return bool(space.usable) and space.busy is None
+        return space.step != 1 or not space.missing
 
     def _check(self) -> None:
         space = self._space
