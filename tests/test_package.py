@@ -3,6 +3,7 @@
 import functools
 import importlib
 import json
+import os
 import re
 import shlex
 import subprocess
@@ -32,9 +33,9 @@ def wheel(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_wheel_carries_the_two_packages_and_nothing_else(wheel):
+def test_wheel_carries_the_two_packages_and_the_command_and_nothing_else(wheel):
     tops = {name.split("/")[0] for name in wheel.namelist()}
-    assert {top for top in tops if not top.endswith(".dist-info")} == {"wsp_env", "baselines"}
+    assert {top for top in tops if not top.endswith(".dist-info")} == {"wsp_env", "baselines", "wsp_command.py"}
 
 
 @pytest.mark.slow
@@ -50,8 +51,19 @@ def test_wheel_carries_every_source_and_data_file(wheel):
 @pytest.mark.slow
 def test_wheel_has_the_command_and_the_licence(wheel):
     (entry_points,) = (name for name in wheel.namelist() if name.endswith(".dist-info/entry_points.txt"))
-    assert "wsp = wsp_env.cli:main" in wheel.read(entry_points).decode()
+    assert "wsp = wsp_command:main" in wheel.read(entry_points).decode()
     assert any(name.endswith("licenses/LICENSE") for name in wheel.namelist())
+
+
+def test_ctrl_c_while_the_libraries_are_being_loaded_is_one_line(tmp_path):
+    slow = tmp_path / "wsp_env"  # in place of the package: interrupted in the middle of a class, as a library may be
+    slow.mkdir()
+    interrupted = "import os, signal, time\nclass Half:\n    os.kill(os.getpid(), signal.SIGINT)\n    time.sleep(30)\n"
+    (slow / "__init__.py").write_text(interrupted)
+    code = "import sys, wsp_command; sys.exit(wsp_command.main())"
+    paths = {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, env={**os.environ, **paths})
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
 
 
 @pytest.mark.slow
