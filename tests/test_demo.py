@@ -1,5 +1,6 @@
 """`wsp demo`: the whole way, and the pages it writes."""
 
+import dataclasses
 import re
 from types import SimpleNamespace
 
@@ -7,7 +8,8 @@ import numpy as np
 import pytest
 
 from wsp_env import report
-from wsp_env.cli import demo_stops, main
+from wsp_env.cli import demo, demo_stops, main
+from wsp_env.diagnosis.data_first import data_first
 
 
 @pytest.mark.slow
@@ -27,6 +29,22 @@ def test_demo_goes_from_recordings_to_what_they_conceal(tmp_path, capsys):
     assert [to.partition("/plotly-")[0] for to in loaded] == ["https://cdn.plot.ly"]
     names = {file.name for file in page.parent.iterdir()}
     assert names == {"demo.html", "demo_diagnosis.html"}  # nothing half-written is left beside them
+
+
+@pytest.mark.slow
+def test_a_diagnosis_that_doubts_the_channels_ends_the_demo_before_its_stops(tmp_path, capsys, monkeypatch):
+    def doubts(campaign, *rest):
+        runs = {
+            name: dataclasses.replace(run, vehicle_speed_mps=3.6 * run.vehicle_speed_mps) for name, run in campaign.runs.items()
+        }
+        return data_first(dataclasses.replace(campaign, runs=runs)).answer
+
+    monkeypatch.setattr(demo, "diagnose", doubts)
+    assert main(["demo", "--out", str(tmp_path / "demo.html")]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "The recordings contradict themselves" in printed
+    assert "with the found physics" not in printed
+    assert {file.name for file in tmp_path.iterdir()} == {"demo.html", "demo_diagnosis.html"}
 
 
 def test_a_missing_policy_is_said(tmp_path):

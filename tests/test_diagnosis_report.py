@@ -168,6 +168,14 @@ def test_maps_grow_darker_by_factors():
     assert list(heat.text[0]) == ["1.0", "10", "100"]
 
 
+def test_a_map_over_a_track_that_nobody_knows_is_left_out(found, tmp_path):
+    _, body = page_of(found, tmp_path)
+    assert "place of the axle" in body
+    _, without = page_of(dataclasses.replace(found, residuals=found.residuals | {"places": []}), tmp_path)
+    assert "place of the axle" not in without
+    assert "no map over the track" in without
+
+
 def test_figures_have_a_column_each_and_held_out_runs_are_marked(found):
     by_axle, by_run = figures(found, True)
     assert len(by_axle.rows) == 2 * len(found.runs)
@@ -175,8 +183,10 @@ def test_figures_have_a_column_each_and_held_out_runs_are_marked(found):
     assert by_axle.rows[0] == ("A1", "1", "4.00", "2.00", *["0.50"] * 6)
     assert by_axle.rows[3][:4] == ("B1*", "2", "no slide", "no slide")
     assert by_run.rows[1] == ("B1*", "0.3", "0.2")
+    heads = [name for table in (by_axle, by_run) for name in table.header]
+    assert len({name.lower() for name in heads} - {"run"}) == len(heads) - 2  # none differs from another by case alone
     before = figures(found, False)
-    assert not any("after" in name for table in before for name in table.header)
+    assert not any("after" in name or "before" in name for table in before for name in table.header)
 
 
 def test_only_cells_that_stay_high_are_told_of(found):

@@ -284,6 +284,8 @@ def test_a_worn_wheel_is_named_alone_where_nobody_knows_the_starts(tmp_path):
     assert found.verdict == "named"
     assert [one.name for one in found.mechanisms] == ["wheel_radius"]
     assert any("start positions" in note for note in found.notes)
+    assert found.residuals["cells"]
+    assert found.residuals["places"] == []  # what is made up is not drawn
 
 
 # --- axles without sensors -------------------------------------------------------------------------------------------

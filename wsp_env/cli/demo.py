@@ -53,9 +53,11 @@ def main(
     with console.status("diagnosing: does the law lack any physics? ..."):
         found = signed(diagnose(campaign, lambda step: None, os.cpu_count() or 1), folder, campaign)
     _say(console, [diagnosis := diagnosis_section(found)])
-    with console.status("braking with what was found ..."):
-        before, after = worlds(campaign, validation.tuning, found.model)
-        last = [found_section(before, after, campaign.validate[0]), policy_section(after)]
+    last: list[Section] = []
+    if found.verdict != "data":  # channels that contradict themselves say nothing to brake with
+        with console.status("braking with what was found ..."):
+            before, after = worlds(campaign, validation.tuning, found.model)
+            last = [found_section(before, after, campaign.validate[0]), policy_section(after)]
     _say(console, last)
     sections = [*first, diagnosis, *last]
     write_page(

@@ -121,14 +121,17 @@ def residual_map(balances: Replica, model: Model, extended: Model, weights: Weig
 
 
 def _places(balances: Replica, squares: dict[str, np.ndarray]) -> list[dict[str, Any]]:
-    """Mean squares by balance, axle and stretch of track."""
+    """Mean squares by balance, axle and stretch of track, of the runs that somebody placed on it; of a lone run always."""
     rows, cells = balances.rows, []
-    edges = np.linspace(rows.place.min(), rows.place.max() + 1e-6, _STRETCHES + 1)
+    placed = np.array([stop.start_is_known or len(balances.stops) == 1 for stop in balances.stops])[rows.run]
+    if not placed.any():
+        return []
+    edges = np.linspace(rows.place[placed].min(), rows.place[placed].max() + 1e-6, _STRETCHES + 1)
     which = np.digitize(rows.place, edges) - 1
     for balance, name in enumerate(BALANCES):
         for axle in range(-1, balances.axles):
             for i in range(_STRETCHES):
-                mine = (rows.balance == balance) & (rows.axle == axle) & (which == i)
+                mine = placed & (rows.balance == balance) & (rows.axle == axle) & (which == i)
                 if mine.any():
                     means = {key: float(values[mine].mean()) for key, values in squares.items()}
                     middle = round(float(0.5 * (edges[i] + edges[i + 1])), 1)

@@ -90,6 +90,8 @@ def _where(found: Diagnosis) -> Section | None:
         text.append(still_high(found))
     if places:
         shows.append(heat_maps(places, "place_m", sides, "place of the axle [m]"))
+    else:
+        text.append("There is no map over the track: nobody knows where the runs began (campaign.toml: start_position_m).")
     return Section("Where: residuals by run, axle and place", text, shows, fold=True)
 
 
@@ -160,18 +162,17 @@ def _curve(name: str, curve: Curve) -> Any:
 
 def _before_after(found: Diagnosis) -> Section | None:
     fit, shows = found.fit, []
-    rows = [
-        (group, f"{fit.baseline[group]:.3f}", f"{fit.extended[group]:.3f}", f"{fit.noise_floor:.3f}") for group in fit.baseline
-    ]
+    sides = {"Baseline": fit.baseline, "Extended": fit.extended} if _extended(found) else {"As tuned": fit.baseline}
+    rows = [(group, *(f"{side[group]:.3f}" for side in sides.values()), f"{fit.noise_floor:.3f}") for group in fit.baseline]
     text = ["Parameters fitted to the runs to tune on alone, scored on the runs to validate too."]
     if rows:
         caption = "Mean squares relative to what noise and normal variation leave, which is 1."
-        shows.append(Table(("Runs", "Baseline", "Extended", "Noise floor"), rows, caption))
+        shows.append(Table(("Runs", *sides, "Noise floor"), rows, caption))
     if found.course:
         text.append(
             "The course of one run: its residuals still hold the normal variation of brakes and track. That of the speed is "
-            "computed with the measured torque, as E (eq. 19) is: by construction both are the same before and after, unless "
-            "what was found acts on the vehicle, its brakes or its speed sensor."
+            "computed with the measured torque, as the speed error E (eq. 19) is: by construction both are the same before and "
+            "after, unless what was found acts on the vehicle, its brakes or its speed sensor."
         )
         other = "adhesion" if found.course.shows == "speed" else "speed"
         shows.append(course_plot(found.course, other, _extended(found)))

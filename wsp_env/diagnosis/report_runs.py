@@ -160,8 +160,8 @@ def _left(values: Mapping[str, Sequence[float]], extended: bool, unit: str) -> s
 
 
 def figures(found: Diagnosis, extended: bool) -> list[Table]:
-    """Return the paper's figures by run and axle; before alone where nothing was found."""
-    sides = ("before", "after") if extended else ("before",)
+    """Return the paper's figures by run and axle; as tuned alone where nothing was found."""
+    sides = {"before": "before", "after": "after"} if extended else {"before": "as tuned"}
     speeds, axle_rows = [], []
     for one in found.runs:
         name = f"{one.run}*" if one.group == "validate" else one.run
@@ -173,13 +173,15 @@ def figures(found: Diagnosis, extended: bool) -> list[Table]:
             ]
             shown = ["no slide" if error is None else f"{100.0 * error:.2f}" for error in errors]
             axle_rows.append((name, str(k + 1), *shown, *(f"{slide:.2f}" for slide in slides)))
-    recorded = ("recorded", *sides)
-    header = ("Run", "Axle", *(f"e {side} [%]" for side in sides), *(f"mean slide {side} [m/s]" for side in recorded),
+    said, recorded = sides.values(), ("recorded", *sides.values())
+    header = ("Run", "Axle", *(f"adhesion error {side} [%]" for side in said),
+              *(f"mean slide {side} [m/s]" for side in recorded),
               *(f"deviation {side} [m/s]" for side in recorded))  # fmt: skip
     return [
         Table(header, axle_rows,
-              "*: held out. e: error of the adhesion coefficient over its mean while the axle slides (Table 4). "
+              "*: held out. Adhesion error: of the coefficient, over its mean while the axle slides (e, Table 4). "
               "Mean slide and its deviation (eqs. 20 and 21) of whole stops simulated with the recorded torque, which "
               "no controller corrects: compare the statistics, not instants."),
-        Table(("Run", *(f"E {side} [m/s]" for side in sides)), speeds, "*: held out."),
+        Table(("Run", *(f"speed error {side} [m/s]" for side in said)), speeds,
+              "*: held out. Speed error: of the vehicle's speed, computed with the measured torque (E, eq. 19)."),
     ]  # fmt: skip

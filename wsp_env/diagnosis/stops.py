@@ -89,6 +89,7 @@ class PreparedStop:
     noise: Noise
     uncertain: np.ndarray  # (T, m) deviations of the estimated speed along its principal directions [m/s]
     estimator: SpeedEstimator
+    start_is_known: bool = True  # whether somebody measured where on the track it began
     earlier: int = 0  # stops before it on the same rail (assumption: a campaign lists its runs in the order they were made)
 
 
@@ -129,7 +130,8 @@ def prepare(campaign: Campaign) -> tuple[list[PreparedStop], list[str]]:
             axles = ", ".join(map(str, strange))
             left_out.append(f"run {name}: torque and cylinder pressure of axle {axles} do not go together; pressures left out")
             stop = dataclasses.replace(stop, pressed=None)
-        stops.append(dataclasses.replace(stop, earlier=list(campaign.runs).index(name)))
+        earlier = list(campaign.runs).index(name)
+        stops.append(dataclasses.replace(stop, start_is_known=run.start_is_known, earlier=earlier))
     return stops, left_out
 
 
