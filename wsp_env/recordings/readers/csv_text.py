@@ -170,7 +170,11 @@ def _separator(line: str) -> str:
 
 
 def _cells(line: str, separator: str) -> list[str]:
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+    try:
+        cells = next(csv.reader([line], delimiter=separator), [])
+    except csv.Error:  # a carriage return within the line, or a cell of more than 128 KiB
+        cells = line.split(separator)
+    return [cell.strip() for cell in cells]
 
 
 def _ends_open(line: str, separator: str, cells: int) -> bool:
