@@ -22,7 +22,7 @@ from experiments.concealed.interest import sizes
 from experiments.concealed.plan import Case
 from wsp_env.cli import main
 from wsp_env.diagnosis import Diagnosis, diagnose
-from wsp_env.diagnosis.answer import Verdict
+from wsp_env.diagnosis.answer import Location, Verdict
 from wsp_env.diagnosis.balances import VEHICLE, Balances
 from wsp_env.diagnosis.effects import course
 from wsp_env.diagnosis.evaluate import Model
@@ -274,6 +274,16 @@ def test_the_course_of_a_held_out_run_is_what_the_law_predicts(replica):
     assert np.abs(after - measured).mean() < 0.05 * measured.mean()  # the demo campaign is made with this law
     assert before[measured > 0.05].mean() < after[measured > 0.05].mean()
     assert shown.speed_residual_before_mps == shown.speed_residual_after_mps  # the vehicle's balance holds no law
+
+
+def test_the_course_is_of_a_run_in_which_something_was_found(replica):
+    """Held-out stops may be too gentle to show it: a picture of one that it hardly moves would contradict the answer."""
+    recorded, model = replica.recorded, replica.baseline
+    found = dataclasses.replace(model, choice={"leading_axle_cleaning": {"removal_m_per_j": 2e-5}})
+    tuned = next(stop.name for stop in recorded.stops if stop.group == "tune")
+    for runs, shown in (((tuned,), tuned), ((tuned, "B1"), "B1"), ((), "B1")):
+        where = (Location("adhesion", (2,), runs, "everywhere", 1.0),)
+        assert course(recorded, model, found, where).run == shown
 
 
 def test_the_law_is_found_from_wherever_it_is_sought(replica):

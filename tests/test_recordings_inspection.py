@@ -9,6 +9,7 @@ from synthetic_stops import AXLES, INERTIA_KGM2, MASS_KG, RADIUS_M, stop
 
 from wsp_env.cli import main
 from wsp_env.recordings import CampaignError, guessing, inspection, read_campaign, tune
+from wsp_env.recordings.folder import in_order
 from wsp_env.recordings.readers import open_file
 
 TAU, MU_CD, NM_PER_BAR = 2e-4, 0.06, 2000.0
@@ -126,3 +127,10 @@ def test_files_that_cannot_be_inspected(tmp_path, capsys):
     printed = capsys.readouterr().err
     assert "nothing.csv is empty" in printed
     assert "nowhere.mf4 cannot be opened" in printed
+
+
+def test_runs_of_a_folder_stand_in_the_order_of_their_numbers(tmp_path):
+    """Mechanisms may count the stops that came before on the same rail."""
+    places = [tmp_path / name for name in ("B1.csv", "a10.csv", "a9.csv", "a2.csv", "early/z.csv", "a2b.csv", "A11.csv")]
+    names = [str(path.relative_to(tmp_path)) for path in in_order(places)]
+    assert names == ["a2.csv", "a2b.csv", "a9.csv", "a10.csv", "A11.csv", "B1.csv", "early/z.csv"]

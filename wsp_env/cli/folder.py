@@ -21,6 +21,10 @@ _ASSUMED = (
     "Assumed in it: somebody measured the brake torques. Where they were computed from pressures, change brake_torque_source: "
     "brakes that give less than computed are then looked for"
 )
+_PLACES = (
+    "Open in it: where on the track each stop began. With start_position_m of every run the diagnosis finds more; it then "
+    "compares what the stops met at the same place"
+)
 
 
 def make_campaign(folder: Path, vehicle: str, out: Path | None, console: Console) -> Path:
@@ -47,6 +51,7 @@ def make_campaign(folder: Path, vehicle: str, out: Path | None, console: Console
     _tell(found, file, console)
     if MEASURED in text:
         console.print(_ASSUMED, markup=False)
+    console.print(_PLACES, markup=False)
     for reason in found.left.values():
         warnings.warn(f"left out: {reason}", CampaignWarning, stacklevel=2)
     if asked := open_questions(text):

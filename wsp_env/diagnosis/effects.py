@@ -101,15 +101,19 @@ def held_out(balances: Balances, before: Model, after: Model) -> tuple[RunFigure
 
 
 def course(balances: Balances, before: Model, after: Model, where: Sequence[Location] = ()) -> RunTrace | None:
-    """Return the course of the axle and the held-out run that the answer is about.
+    """Return the course of the axle and the run that the answer is about.
 
-    The axle is the one that a mechanism names, else one of the first place in `where` (of all, if it tells none). Of these, and
-    of the runs, it is what the mechanisms move most, whether they do it well or not: the noise of both sides is the same, so
-    that none of it counts. Where nothing was found, it is what the baseline fits worst beyond noise while it slides: on the
-    steep side of the creep curve a hair of slip, within the noise, moves the prediction far.
+    The run is a held-out one; where the first place in `where` lies in other runs alone, one of these. The axle is the one that
+    a mechanism names, else one of that place (of all, if it tells none). Of these, and of the runs, it is what the mechanisms
+    move most, whether they do it well or not: the noise of both sides is the same, so that none of it counts. Where nothing was
+    found, it is what the baseline fits worst beyond noise while it slides: on the steep side of the creep curve a hair of slip,
+    within the noise, moves the prediction far.
     """
     rows = balances.rows
     scored = rows.validate if rows.validate.any() else np.ones(len(rows), dtype=bool)
+    seen_in = [i for i, stop in enumerate(balances.stops) if any(stop.name in one.runs for one in where[:1])]
+    if after.choice and seen_in and not np.isin(rows.run[scored], seen_in).any():
+        scored = np.isin(rows.run, seen_in)
     # Where a wheel rolls freely that is worse still: shown only where it is what was found.
     rolls = bool(where) and where[0].equation == BALANCES[KINEMATICS]
     wheels = (rows.wheels if rolls else rows.balance == ADHESION) & scored

@@ -4,7 +4,7 @@ import dataclasses
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +84,15 @@ def split(runs: tuple[Path, ...]) -> tuple[list[Path], list[Path]]:
     return [run for run in runs if run not in validate], validate
 
 
+def in_order(runs: Sequence[Path]) -> list[Path]:
+    """Return runs as they were made, by their names, of which the numbers count: a campaign lists its runs in that order."""
+
+    def parts(run: Path) -> list[tuple[str, int]]:
+        return [(words.casefold(), int(digits or -1)) for words, digits in re.findall(r"(\D*)(\d{0,18})", str(run))]
+
+    return sorted(runs, key=parts)
+
+
 def write(found: Found, folder: Path, known: Mapping[str, float | list[float]]) -> str:
     """Return the campaign.toml of a folder.
 
@@ -94,8 +103,8 @@ def write(found: Found, folder: Path, known: Mapping[str, float | list[float]]) 
         the recordings have are left out
 
     """
-    tune, validate = split(found.runs)
-    text = draft(found.runs[0], found.channels, found.runs, folder)
+    tune, validate = map(in_order, split(found.runs))
+    text = draft(found.runs[0], found.channels, in_order(found.runs), folder)
     text = text.replace(f"\nname = {json.dumps(found.runs[0].stem)}\n", f"\nname = {json.dumps(folder.resolve().name)}\n", 1)
     names = run_names(found.runs, folder)
     for key, group in (("tune", tune), ("validate", validate)):

@@ -18,10 +18,12 @@ def adhesion_table(tuning: Tuning) -> Table:
     header = ("run", "used to", "friction mu_cd [-]", *(f"axle {k} [%]" for k in range(1, axles + 1)))
     rows = []
     for name, score in tuning.runs.items():
-        mark = "" if score.mu_cd_tuned else " (believed)"
+        mark = "" if score.mu_cd_tuned else "*"
         errors = ("no slide" if error is None else f"{100 * error:.1f}" for error in score.error)
         rows.append((name, score.group, f"{score.mu_cd:.4f}{mark}", *errors))
     caption = "per axle the relative error e_j of the adhesion coefficient, as in the seed paper's Table 4"
+    if not all(score.mu_cd_tuned for score in tuning.runs.values()):
+        caption += "; *: as believed, not tuned"
     return Table(header, rows, caption)
 
 

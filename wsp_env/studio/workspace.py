@@ -15,7 +15,7 @@ from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.parameters.vehicle_file import read_vehicle
 from wsp_env.recordings import channels as kinds
 from wsp_env.recordings.errors import CampaignError
-from wsp_env.recordings.folder import ASKED, of_vehicle, open_questions, run_names, split, with_vehicle
+from wsp_env.recordings.folder import ASKED, in_order, of_vehicle, open_questions, run_names, split, with_vehicle
 from wsp_env.recordings.inspection import InspectedChannel, draft
 from wsp_env.recordings.readers import FORMATS
 from wsp_env.studio.files import Column, File, channel_of, channel_words, speed_of
@@ -240,12 +240,13 @@ class Workspace:
         by_column = {column.name: (channel, column.unit) for channel, column in self.columns.items()}
         mapped = [_mapped(channel, by_column) for channel in runs[0].channels]
         paths = tuple(file.path for file in runs)
-        text = draft(paths[0], mapped, paths, self.recordings)
+        text = draft(paths[0], mapped, in_order(paths), self.recordings)
         names = run_names(paths, self.recordings)
         others = f" and {len(runs) - 1} more" if len(runs) > 1 else ""
         text = _with(text, "\nname = ", f"name = {json.dumps(paths[0].stem + others, ensure_ascii=False)}")
         for group in ("tune", "validate"):
-            listed = json.dumps([names[file.path] for file in runs if file.group == group], ensure_ascii=False)
+            chosen = in_order([file.path for file in runs if file.group == group])
+            listed = json.dumps([names[path] for path in chosen], ensure_ascii=False)
             text = _with(text, f"\n{group} = ", f"{group} = {listed}")
         text = with_vehicle(text, {**self.described, **self.vehicle})
         if still := open_questions(text):
