@@ -167,10 +167,33 @@ def unit_of_the_time_alone(folder, columns):
     (folder / "a.csv").write_text("\n".join([names, "s" + "," * names.count(","), *rows]) + "\n")
 
 
+def words_for_a_value(folder, columns):
+    """Signals of a bus with a code for "not available", which is a text: https://github.com/danielhrisca/asammdf/issues/748."""
+    import asammdf
+    from asammdf.blocks.conversion_utils import from_dict
+
+    with asammdf.MDF(version="4.10") as mdf:
+        for name, values in columns.items():
+            if "wheel" in name:
+                coded = np.round(values / 0.005).astype("<u2")
+                coded[300:305] = 65535
+                told = from_dict({"val_0": 65535, "text_0": "SNA", "default_addr": {"a": 0.005, "b": 0.0}})
+                mdf.append([asammdf.Signal(coded, columns["time_s"], name=name, conversion=told, unit="rad/s")])
+            elif name != "time_s":
+                mdf.append([asammdf.Signal(values, columns["time_s"], name=name)])
+        mdf.save(folder / "a.mf4")
+
+
+def lines_on_the_device(folder, columns):
+    """Lines that begin with a hash before the names: https://github.com/ngscopeclient/scopehal/issues/408."""
+    device = "#Digital recorder\n#Serial Number: SN:1, 2\n#Date Time: 2026-04-14 13:10:34.255\n\n"
+    (folder / "a.csv").write_text(device + text_of(rounded(columns)))
+
+
 ODD = [
     missing_wheel, dead_wheel, each_at_its_rate, matlab_structure, wide_text, returns_only, times_of_day, code_page_850,
     names_of_its_own, sixty_channels, lines_ended_twice, points_at_thousands, one_name_in_two_groups, union_of_clocks,
-    delimiters_at_the_end, unit_of_the_time_alone,
+    delimiters_at_the_end, unit_of_the_time_alone, words_for_a_value, lines_on_the_device,
 ]  # fmt: skip
 
 
