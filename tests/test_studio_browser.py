@@ -131,7 +131,7 @@ def test_from_six_strange_files_to_a_forwarded_report(open_tab, six, tmp_path):
     press(tab, "Validate", "Continue: diagnose", WORK_MS)
     press(tab, "Continue: diagnose", "Which physics is missing?")
     press(tab, "Diagnose", "Download the report", WORK_MS)
-    assert tab.frame_locator("iframe").get_by_role("heading", name="Diagnosis of").is_visible(timeout=PATIENCE_MS)
+    tab.frame_locator("iframe").get_by_role("heading", name="Diagnosis of").wait_for()  # is_visible would not wait
     with tab.expect_download() as taken:
         tab.get_by_role("link", name="The report, one page (HTML)").click()
     taken.value.save_as(tmp_path / "report.html")
