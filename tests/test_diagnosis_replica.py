@@ -17,9 +17,9 @@ from wsp_env.diagnosis.evaluate import Evaluator, Model
 from wsp_env.diagnosis.forces import Forces
 from wsp_env.diagnosis.replica import Replica, _needed
 from wsp_env.diagnosis.search import _Law, candidate
-from wsp_env.diagnosis.stops import SLIP_MPS, least_slip, prepare
+from wsp_env.diagnosis.stops import SLIP_MPS, PreparedStop, least_slip, prepare
 from wsp_env.diagnosis.swings import swings
-from wsp_env.diagnosis.variation import Group
+from wsp_env.diagnosis.variation import Group, law_columns
 from wsp_env.recordings import Campaign, read_campaign
 
 DRAG = {"dragging_brake": {"torque_nm": 600.0, "axle": 2.0}}
@@ -80,7 +80,7 @@ def test_the_slip_that_a_force_needs_is_where_the_law_gives_it(sound):
     """A slide's measured slip is kept whole, that of a wheel on the steep part of the curve not at all."""
     law, load = sound.vehicle.contact.law, MASS_KG * 9.81 / (2 * AXLES)
     for i, (stop, one) in enumerate(zip(sound.stops, sound.evaluate(LAW), strict=True)):
-        slip, share = _needed(sound, stop, one, LAW, i)
+        slip, share = _needed(sound, stop, one, LAW, i, np.zeros(AXLES))
         limit = least_slip(stop.speed)[:, None]
         inside = np.abs(slip) < 0.99 * limit
         given = degraded_adhesion(slip, stop.speed[:, None], load, LAW.mu_cd[i], LAW.tau, law)
@@ -100,9 +100,39 @@ def test_a_clock_s_error_is_no_slide(sound):
     rolls = stop.time < 0.9  # of a stop that coasts for a second
     fast = dataclasses.replace(stop, speed=stop.speed + 0.1)
     one = Evaluator(sound.campaign, [fast])(Model(LAW.tau, LAW.mu_cd[:1]))[0]
-    slip, share = _needed(sound, fast, one, LAW, 0)
+    slip, share = _needed(sound, fast, one, LAW, 0, np.zeros(AXLES))
     assert (one.slip[rolls] > 0.05).all()
     assert np.abs((share * one.slip + (1.0 - share) * slip)[rolls]).max() < 0.01
+
+
+@pytest.mark.parametrize("change", [-0.014, 0.014])
+def test_a_wheel_of_another_radius_rolls_and_is_no_slide(sound, change):
+    """With its radius in the model, residuals and what the law does to them are those of the wheel as it was believed."""
+    larger = 1.0 + change * (np.arange(AXLES) == 1)
+
+    def turns(stop: PreparedStop) -> PreparedStop:
+        """Return the same stop, forces and slips, with the wheels that turn less and the torques that belong to them."""
+        rate, force = stop.wheel_rate / larger, stop.torque + sound.inertia * stop.wheel_rate
+        torque = force * larger - sound.inertia * rate
+        wheel, jerk = stop.wheel / larger, stop.wheel_jerk / larger
+        return dataclasses.replace(stop, wheel=wheel, wheel_rate=rate, wheel_jerk=jerk, torque=torque)
+
+    turned = sound.like([turns(stop) for stop in sound.sources])
+    known = Model(LAW.tau, LAW.mu_cd, {"wheel_radius": {"change": change, "axle": 2.0}})
+    replica, other = Replica(sound, LAW), Replica(turned, LAW)
+    mine = (sound.rows.axle == 1) & sound.rows.wheels
+    assert (other.rows.slides == replica.rows.slides)[mine].mean() > 0.98
+    white = replica.whitening(LAW)
+
+    def beyond(raw: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(white(raw - replica.raw(LAW))[mine] ** 2)))
+
+    assert beyond(other.raw(known)) < 0.02 * beyond(other.raw(LAW))
+    half = Model(LAW.tau, LAW.mu_cd, {"wheel_radius": {"change": 0.5 * change, "axle": 2.0}})
+    assert beyond(other.raw(half)) == pytest.approx(0.5 * beyond(other.raw(LAW)), rel=0.05)
+    column, expected = (white(law_columns(one, model, one.raw(model)))[mine] for one, model in ((other, known), (replica, LAW)))
+    assert np.abs(column - expected).max() < 0.1 * np.abs(expected).max()
+    assert np.linalg.norm(column - expected) < 0.02 * np.linalg.norm(expected)
 
 
 def test_columns_of_a_torque_s_zero_are_what_an_offset_does(sound):

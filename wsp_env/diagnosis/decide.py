@@ -110,8 +110,11 @@ class Outcome:
 
 
 def form_of(variant: Variant) -> float:
-    """Share of an effect that nature's form may differ by."""
-    return FORM_TERM if variant.family else FORM
+    """Share of an effect that nature's form may differ by; none where it is what a sensor shows by geometry or by its clock."""
+    if variant.family:
+        return FORM_TERM
+    signature = ALL[variant.name].signature
+    return 0.0 if signature.exact and signature.acts_on == "sensor" else FORM
 
 
 def odds(variant: Variant, evidence: float) -> float:
@@ -300,6 +303,7 @@ def forms(replica: Replica, model: Model, variants: Sequence[Variant]) -> list[G
     return [
         Group(_form_name(one), (replica.raw(without(model, one)) - base)[:, None] * bent, form_of(one), True)
         for one in variants
+        if form_of(one) > 0.0
     ]
 
 

@@ -43,6 +43,7 @@ class Evaluation:
     recorded_speed: np.ndarray  # (T,) raw, with the mechanisms on its recorder undone [m/s]
     resistance: np.ndarray  # (T,) beside the wheels [N]
     mass: float  # [kg]
+    misread: np.ndarray | float = 0.0  # slip that sensors show beside that of wheels that are known to roll [m/s]
 
 
 def vehicle_of(campaign: Campaign) -> Vehicle:

@@ -75,13 +75,14 @@ def _moved(speed: np.ndarray, one: Evaluation, other: Evaluation, slides: np.nda
     `radius` None: of the slip as it is measured.
     """
     fast = speed > 0.5 * speed[0]
+    shown = other.slip + other.misread - one.slip - one.misread
     result: np.ndarray = np.full((2, slides.shape[1]), np.nan)
     for i, half in enumerate((fast, ~fast)):
         for k in range(slides.shape[1]):
             used = half if radius is None else half & slides[:, k]
             if used.sum() >= _LEAST_SAMPLES:
                 if radius is None:
-                    result[i, k] = float(np.quantile(np.abs((other.slip - one.slip)[used, k]), _PEAKS))
+                    result[i, k] = float(np.quantile(np.abs(shown[used, k]), _PEAKS))
                 else:
                     steepness = max(float(np.abs(one.slope[used, k]).mean()), _LEAST_STEEPNESS)
                     moved = (_unbalanced(other, radius) - _unbalanced(one, radius)) / steepness

@@ -18,9 +18,9 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from wsp_env.contact.degraded import adhesion_slope, degraded_adhesion
-from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.balances import Balances, Rows
 from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
-from wsp_env.diagnosis.stops import SLIP_MPS, PreparedStop, least_slip, smooth_wheels
+from wsp_env.diagnosis.stops import BLOCK_S, ROLLING_SHARE, SLIP_MPS, PreparedStop, least_slip, smooth_wheels
 from wsp_env.plant.mechanisms import ALL
 
 _WINDOW_S = 0.25  # over which the kept creepage is smoothed once more: its noise is the recordings' own
@@ -36,17 +36,20 @@ class Replica:
 
     def __init__(self, recorded: Balances, baseline: Model) -> None:
         self.recorded, self.baseline = recorded, baseline
+        larger = _larger_radii(recorded, baseline)
         evaluator = Evaluator(recorded.campaign, recorded.sources)
         found = evaluator(baseline)
-        made = [_rolling(recorded, one, baseline, i) for i, one in enumerate(found)]
+        made = [_rolling(recorded, one, baseline, i, larger) for i, one in enumerate(found)]
         forces = Evaluator(recorded.campaign, made)(baseline)
         self._copy = recorded.like([_braked(recorded, stop, one) for stop, one in zip(made, forces, strict=True)])
-        self.rows = recorded.rows
+        self.rows = _rows_of_true_slips(recorded.rows, self._copy.rows, larger)
         self._kept = threading.local()  # every thread keeps its last evaluation
         self._share = [
-            _needed(recorded, stop, one, baseline, i)[1]
+            # A wheel of another radius is in the replica as it slides, and what its sensor shows is linear in that radius.
+            _needed(recorded, stop, one, baseline, i, larger)[1] * (larger == 0.0)
             for i, (stop, one) in enumerate(zip(recorded.stops, recorded.evaluate(baseline), strict=True))
         ]
+        self._slopes = [one.slope for one in self._copy.evaluate(baseline)]
         smoothing = self._changed(baseline)  # what smoothing leaves of an exact balance
         self._offset = self._residuals() - smoothing * (1.0 + recorded.rows.wheels)
 
@@ -68,7 +71,7 @@ class Replica:
             if sensors:
                 others = {name: values for name, values in model.choice.items() if name not in sensors}
                 without = self._copy.evaluate(dataclasses.replace(model, choice=others))
-                whole = [_seen(a, b, share) for a, b, share in zip(whole, without, self._share, strict=True)]
+                whole = [_seen(*each) for each in zip(whole, without, self._share, self._slopes, strict=True)]
             last = self._kept.last = (model, whole)
         return last[1]
 
@@ -91,17 +94,53 @@ class Replica:
         return result
 
 
-def _seen(whole: Evaluation, without: Evaluation, share: np.ndarray) -> Evaluation:
-    """Return an evaluation with sensors' errors, which are linear in the slip where little of the measured one is kept."""
-    linear = without.adhesion + without.slope * (whole.slip - without.slip)
-    return dataclasses.replace(whole, adhesion=share * whole.adhesion + (1.0 - share) * linear)
+def _seen(whole: Evaluation, without: Evaluation, share: np.ndarray, slope: np.ndarray) -> Evaluation:
+    """Return an evaluation with sensors' errors, which are linear in the slip where little of the measured one is kept.
+
+    The slope is the baseline's, as in the recordings' residual. The wheels slide there as without the errors.
+    """
+    misread = (1.0 - share) * (whole.slip - without.slip)
+    linear = without.adhesion + slope * (whole.slip - without.slip)
+    return dataclasses.replace(
+        whole,
+        adhesion=share * whole.adhesion + (1.0 - share) * linear,
+        slope=share * whole.slope + (1.0 - share) * without.slope,
+        slip=whole.slip - misread,
+        misread=misread,
+    )
 
 
-def _rolling(recorded: Balances, one: Evaluation, model: Model, index: int) -> PreparedStop:
+def _rows_of_true_slips(recorded: Rows, copied: Rows, larger: np.ndarray) -> Rows:
+    """Return the recorded rows with the replica's slip and work of wheels of another radius."""
+    turned = recorded.wheels & (larger[recorded.axle] != 0.0)
+    slip, work = (np.where(turned, copy, own) for copy, own in ((copied.slip, recorded.slip), (copied.work, recorded.work)))
+    return dataclasses.replace(recorded, slip=slip, work=work)
+
+
+def _larger_radii(recorded: Balances, model: Model) -> np.ndarray:
+    """Return the shares (A,) by which the wheels' radii are larger than believed, as they roll before they are first braked.
+
+    0 where that looks like no slide, or where less than three blocks of the recordings say so.
+    """
+    found: list[list[np.ndarray]] = [[] for _ in range(recorded.axles)]
+    for stop, one in zip(recorded.stops, recorded.evaluate(model), strict=True):
+        braked = np.abs(stop.torque) > ROLLING_SHARE * np.abs(stop.torque).max()
+        before = ~np.logical_or.accumulate(braked, axis=0) & stop.usable
+        for axle, mine in enumerate(before.T):
+            found[axle].append(one.slip[mine, axle] / (stop.speed[mine] - one.slip[mine, axle]))
+    least = 3.0 * BLOCK_S / max(stop.step_s for stop in recorded.stops)
+    every = [np.concatenate(one) for one in found]
+    larger = np.array([np.median(one) if len(one) >= least else 0.0 for one in every])
+    fastest = max(float(stop.speed.max()) for stop in recorded.stops)
+    result: np.ndarray = np.where(np.abs(larger) * fastest > SLIP_MPS, larger, 0.0)
+    return result
+
+
+def _rolling(recorded: Balances, one: Evaluation, model: Model, index: int, larger: np.ndarray) -> PreparedStop:
     """Return a stop with the wheels at the replica's creepage; their torques are still the recorded ones."""
     stop, radius = recorded.sources[index], recorded.radius
     length = 2 * round(0.5 * _WINDOW_S / stop.step_s) + 1
-    smooth = savgol_filter(_creepage(recorded, one, model, index), length, 3, axis=0)
+    smooth = savgol_filter(_creepage(recorded, one, model, index, larger), length, 3, axis=0)
     wheel = (one.speed[:, None] - smooth * stop.speed[:, None]) / radius
     return dataclasses.replace(stop, wheel=wheel, wheel_rate=np.gradient(wheel, stop.step_s, axis=0))
 
@@ -113,20 +152,28 @@ def _braked(recorded: Balances, stop: PreparedStop, one: Evaluation) -> Prepared
     return dataclasses.replace(stop, wheel=wheel, wheel_rate=rate, wheel_jerk=jerk, torque=smooth)
 
 
-def _creepage(balances: Balances, one: Evaluation, model: Model, index: int) -> np.ndarray:
+def _creepage(balances: Balances, one: Evaluation, model: Model, index: int, larger: np.ndarray) -> np.ndarray:
     """Creepage (T, A) of the stop: as measured where the wheel slides, else as its force needs it."""
     stop = balances.sources[index]
-    slip, share = _needed(balances, stop, one, model, index)
+    slip, share = _needed(balances, stop, one, model, index, larger)
     v = np.maximum(stop.speed, 0.1)[:, None]
-    result: np.ndarray = np.clip((share * one.slip + (1.0 - share) * slip) / v, -0.2, 0.999)
+    result: np.ndarray = np.clip((share * _true_slip(one, v, larger) + (1.0 - share) * slip) / v, -0.2, 0.999)
     return result
 
 
-def _needed(balances: Balances, stop: PreparedStop, one: Evaluation, model: Model, index: int) -> tuple[np.ndarray, np.ndarray]:
+def _true_slip(one: Evaluation, v: np.ndarray, larger: np.ndarray) -> np.ndarray:
+    """Slip (T, A) of wheels whose radii are larger by a share than believed, at a speed (T, 1)."""
+    slip: np.ndarray = one.slip - larger * (v - one.slip)
+    return slip
+
+
+def _needed(
+    balances: Balances, stop: PreparedStop, one: Evaluation, model: Model, index: int, larger: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the slip (T, A) that the wheels' forces need on the creep curve's steep part, and the share kept of the measured.
 
     The measured slip is kept where it is a slide's, and where the curve is so flat at both slips that an error hardly moves the
-    adhesion; blended between, so that no wheel jumps.
+    adhesion; blended between, so that no wheel jumps. What a wheel of another radius shows while it rolls is no slide.
     """
     law = balances.vehicle.contact.law
     load = stop.mass * balances.vehicle.gravity_mps2 / (2 * balances.axles)
@@ -137,8 +184,9 @@ def _needed(balances: Balances, stop: PreparedStop, one: Evaluation, model: Mode
         f = degraded_adhesion(slip, v, load, model.mu_cd[index], model.tau, law)
         slope = adhesion_slope(slip, v, load, model.mu_cd[index], model.tau, law)
         slip = np.clip(slip + (aim - f) / np.maximum(slope, 0.05 / v), -most, most)
-    measured = adhesion_slope(np.clip(one.slip, 0.0, None), v, load, model.mu_cd[index], model.tau, law)
+    true = _true_slip(one, v, larger)
+    measured = adhesion_slope(np.clip(true, 0.0, None), v, load, model.mu_cd[index], model.tau, law)
     steep = SLIP_MPS * np.maximum(slope, measured) / np.maximum(aim, _LEAST_ADHESION)
-    slides = (one.slip / most - 0.7) / 0.6
+    slides = (true / most - 0.7) / 0.6
     share: np.ndarray = np.clip(np.maximum(slides, 2.0 * (1.0 - steep)), 0.0, 1.0)
     return slip, share
