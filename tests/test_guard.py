@@ -226,3 +226,13 @@ def test_a_valve_that_vents_no_more_locks_its_own_wheel_alone_and_is_reported():
     assert found["locked_s"].max() < 0.4
     assert found["unreported_s"].max() < 3.0
     assert (controller.wheels.failed >= np.isfinite(stuck)).all()
+
+
+def test_an_axle_that_slides_on_and_seems_to_roll_does_not_pull_the_running_speed_down():
+    """Where sliding cleans the rail a wheel that cannot be vented slides on, hardly slowing, at a third of the speed."""
+    stops = low_adhesion(COACH, "recovering", 4, 11)
+    stuck = np.full((4, 4), np.inf)
+    stuck[np.arange(4), np.arange(4)] = 5.0
+    faults = dataclasses.replace(Faults.none(4, 4), applies_s=stuck)
+    found = figures(run(load("adaptive"), COACH, stops, faults=faults), ceiling(COACH, stops), faults.protected)
+    assert found["beyond_limit_s"].max() < 0.5  # 3.6 s before the running speed was asked

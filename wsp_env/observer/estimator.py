@@ -208,8 +208,10 @@ def update(
         e.usual_adhesion[i, k] += c.usual * (e.adhesion[i, k] - e.usual_adhesion[i, k])
         e.rolling_adhesion[i, k] = max(ROLLING_ADHESION, ROLLING_SHARE * e.usual_adhesion[i, k])
     _predict(i, slowed / c.mass, e, c)
+    # No braked wheel is faster than one that rolls: the brake of a slower one is not as empty as it is taken to be.
+    slowest = fastest * (1.0 - SLIDING_CREEPAGE_SEEN) - 3.0 * ROLLING_DEVIATION_MPS
     for k in range(axles):
-        if e.rolling_time[i, k] >= ROLLING_S:
+        if e.rolling_time[i, k] >= ROLLING_S and e.wheel[i, k] > slowest:
             _correct(i, e.wheel[i, k] + ROLLING_CREEP_MPS, ROLLING_DEVIATION_MPS, e)
     if e.since_slide[i] == math.inf and fastest >= 0.0:
         _correct(i, fastest + ROLLING_CREEP_MPS, BRAKED_DEVIATION_MPS, e)
