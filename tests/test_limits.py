@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections import deque
 
 import numpy as np
@@ -167,21 +168,28 @@ def test_a_worker_that_is_just_being_started_says_nothing_of_ctrl_c():
 
 
 @posix
-def test_ctrl_c_while_a_worker_is_begun_is_not_lost():
-    begun = []
+@pytest.mark.parametrize("beside", [0, 3], ids=["alone", "beside threads"])
+def test_ctrl_c_while_a_worker_is_begun_is_not_lost(beside):
+    begun, over = [], threading.Event()
+    threads = [threading.Thread(target=over.wait) for _ in range(beside)]
 
     def begin():
         with child.deaf_children():
             os.kill(os.getpid(), signal.SIGINT)
             begun.append(1)
 
+    for thread in threads:
+        thread.start()
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # shells start what runs behind deaf to it
     try:
         with pytest.raises(KeyboardInterrupt):
             begin()
+        after = signal.getsignal(signal.SIGINT)
     finally:
         signal.signal(signal.SIGINT, before)
+        over.set()
     assert begun
+    assert after is signal.default_int_handler
 
 
 def model(nodes, outputs=(("command", TensorProto.FLOAT, ["N", 2]),), constants=(), functions=(), domains=("",)):

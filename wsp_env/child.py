@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from multiprocessing import connection, parent_process, resource_tracker
 from types import FrameType
 
@@ -52,17 +52,34 @@ def become_worker() -> None:
 def deaf_children() -> Iterator[None]:
     """While processes are begun: they are deaf to Ctrl-C from their first instant, before `become_worker` can say so.
 
-    Ctrl-C reaches this process at the end.
+    Ctrl-C reaches this process at the end, by whichever of its threads the system delivers it.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
     resource_tracker.ensure_running()  # beginning it would let Ctrl-C through again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    pressed = []
+    with _handled_by(lambda *_: pressed.append(True)):  # a thread whose mask is its own lets it through
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    if pressed:
+        signal.raise_signal(signal.SIGINT)
+
+
+@contextlib.contextmanager
+def _handled_by(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
+    """Answer Ctrl-C so meanwhile, in the main thread; elsewhere Python has no handlers to set."""
+    if threading.current_thread() is not threading.main_thread() or (before := signal.getsignal(signal.SIGINT)) is None:
+        yield
+        return
+    signal.signal(signal.SIGINT, handler)
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGINT, before)
 
 
 def become_expendable() -> None:
