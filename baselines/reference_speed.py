@@ -139,9 +139,14 @@ class ReferenceSpeed:
         self._release(active & (self._age > p.resynchronise_s))
 
     def _release(self, wanted: np.ndarray) -> None:
-        """Release one sound axle: the one vented longest, else the last, which runs on the rail that the others cleaned."""
+        """Release one sound axle: the one vented longest, else the last, which runs on the rail that the others cleaned.
+
+        A wheel that stands although it has been vented may have a valve that is stuck: it is chosen only where all stand.
+        """
         order = self._vented + 1e-6 * np.arange(self.speed.shape[1])
-        chosen = np.argmax(np.where(self.failed, -1.0, order), axis=1)
-        keep = self.released & ~self.failed
+        stuck = self.failed | self.standing
+        useless = np.where(stuck.all(axis=1, keepdims=True), self.failed, stuck)
+        chosen = np.argmax(np.where(useless, -1.0, order), axis=1)
+        keep = self.released & ~useless
         chosen = np.where(keep.any(axis=1), np.argmax(keep, axis=1), chosen)
         self.released = wanted[:, None] & (np.arange(self.speed.shape[1]) == chosen[:, None])

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 from plant_cases import plant_of
 
 from baselines.adaptive import AdaptiveController
@@ -177,6 +178,33 @@ def test_reference_follows_a_rolling_vehicle_and_is_renewed_by_a_released_axle()
         asked |= bool(wheels.released.any())
         assert abs(wheels.reference[0] - true) < 1.0
     assert asked
+
+
+def lost(stands):
+    """Return a reference that was last renewed long ago; wheels that `stands` have been vented, longer than the others."""
+    wheels = ReferenceSpeed(ReferenceParameters(), 1, BOGIE)
+    speeds = np.full(2, 30.0)
+    for step in range(400):
+        slows = stands & (step > 50)  # once it is known how fast the wheels roll
+        speeds = np.where(slows, np.maximum(speeds - 1.0, 0.0), 30.0)  # 50 m/s2: no sensor fault
+        command = np.where(slows, -1.0, 1.0)[None]
+        wheels.update(measured(step * INTERVAL_S, speeds), command, np.ones(1, dtype=bool))
+    return wheels
+
+
+@pytest.mark.parametrize("standing", [0, 1])
+def test_a_wheel_that_stands_though_vented_is_not_asked_for_the_running_speed(standing):
+    """Its valve may be stuck: waiting for it to roll, the running speed would never be renewed."""
+    stands = np.arange(2) == standing
+    wheels = lost(stands)
+    assert_array_equal(wheels.standing, stands[None])
+    assert_array_equal(wheels.released, ~stands[None])
+
+
+def test_where_all_wheels_stand_one_of_them_is_released():
+    wheels = lost(np.ones(2, dtype=bool))
+    assert wheels.standing.all()
+    assert wheels.released.sum() == 1
 
 
 def test_set_point_is_held_and_recovers_more_adhesion_when_it_is_deeper():
