@@ -1,7 +1,6 @@
 """The decision's parts: evidence, sizes of discrepancies, the speed's noise, what compensates and what is normal."""
 
 import dataclasses
-from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,23 +8,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
+from trial_cases import GAIN, GRADIENT, TERM, candidate, found, trial
 
 from wsp_env.diagnosis import decide
 from wsp_env.diagnosis.balances import NOISES, Whitening
-from wsp_env.diagnosis.candidates import Candidate, Variant, refined, switched, values_in, without
+from wsp_env.diagnosis.candidates import Variant, parameter_of, refined, switched, values_in, without
 from wsp_env.diagnosis.covariance import Evidence, Sizes
-from wsp_env.diagnosis.decide import FORM, MATTERS, PRIOR, PRIOR_TERM, SURE, Trial, belief, odds
+from wsp_env.diagnosis.decide import MATTERS, belief
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights
 from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.interest import StopChange
-from wsp_env.diagnosis.search import LARGE, SEEN, SMALL, Found, _freed, _one, _posterior, can_be
+from wsp_env.diagnosis.search import LARGE, SEEN, SMALL, _freed, _one, _posterior, can_be
 from wsp_env.diagnosis.speed import SpeedNoise, estimate, estimate_noise
+from wsp_env.diagnosis.trials import FORM, PRIOR, PRIOR_TERM, SURE, odds
 from wsp_env.diagnosis.variation import Group, contrasts
-
-GRADIENT = Variant("track_gradient", ("rise",), {})
-GAIN = Variant("brake_gain_imbalance", ("gain",), {"axle": 2.0})
-TERM = Variant("discovered", ("coefficient_1",), {"slot_1": 0.0}, (100.0,), "brake torque by braking")
 
 
 class FakeRows:
@@ -40,18 +37,6 @@ class FakeBalances:
 
     def __init__(self, n: int) -> None:
         self.rows, self.stops = FakeRows(n), range(8)
-
-
-def candidate(variant: Variant = GRADIENT, k: int = 1) -> Candidate:
-    return Candidate(variant, np.zeros((0, k)), np.ones(k))
-
-
-def found(variant: Variant, evidence: float) -> Found:
-    return Found(candidate(variant), evidence, np.ones(1), np.ones(1), np.ones(1), 2.0 * evidence)
-
-
-def trial(variant: Variant, evidence: float, multiple: float = 2.0) -> Trial:
-    return Trial(found(variant, evidence), variant, variant, None, evidence, 2.0 * evidence, StopChange(0.01 * multiple, 0.0))
 
 
 def evidence_of(columns: np.ndarray, y: np.ndarray, groups: list[Group]) -> Evidence:
@@ -100,10 +85,10 @@ def test_a_brake_never_pushes():
     assert can_be(candidate(GRADIENT), np.array([-1.0]))
 
 
-def test_a_name_needs_less_evidence_than_a_term_and_a_sure_one_is_ninety_nine_in_a_hundred():
+def test_a_name_needs_less_evidence_than_a_term_and_a_sure_one_is_ninety_five_in_a_hundred():
     assert odds(GRADIENT, 10.0) - odds(TERM, 10.0) == pytest.approx(PRIOR - PRIOR_TERM)
-    assert 1.0 / (1.0 + np.exp(-SURE)) == pytest.approx(0.99)
-    assert pytest.approx(np.log(19.0) - PRIOR) == SEEN
+    assert 1.0 / (1.0 + np.exp(-SURE)) == pytest.approx(0.95)
+    assert pytest.approx(SURE - PRIOR) == SEEN
     assert pytest.approx(1.0 / (1.0 + 1.645 * FORM), abs=0.01) == MATTERS
 
 
@@ -231,7 +216,7 @@ def test_belief_is_shared_with_what_explains_nearly_as_much():
 
 def test_what_makes_another_grow_compensates_it(monkeypatch):
     accepted = decide.Accepted(trial(GRADIENT, 40.0, multiple=2.0), ("track_gradient",), 1.0)
-    new = dataclasses.replace(trial(GAIN, 30.0), fitted=decide.Fitted(Model(2e-4, (0.06,)), (), (), (), 0.0))
+    new = dataclasses.replace(trial(GAIN, 30.0), fitted=Fitted(Model(2e-4, (0.06,)), (), (), (), 0.0))
     screen = type("Seen", (), {"whitening": None})()
     for multiple, compensates in ((2.2, False), (20.0, True)):
         monkeypatch.setattr(decide, "net_effect", lambda *_, m=multiple: StopChange(0.01 * m, 0.0))
@@ -239,71 +224,84 @@ def test_what_makes_another_grow_compensates_it(monkeypatch):
     assert not decide._compensates(None, new, [], screen)
 
 
-@pytest.mark.parametrize(("own", "expected"), [(0.0, 0.0), (12.0, 12.0)])
-def test_what_those_before_explain_better_is_no_merit_of_the_next(monkeypatch, own, expected):
-    """A fit in which an accepted gain is at its right size costs 80 less, whatever is tried beside it, which adds 2 own."""
+# --- which trial holds
 
-    def refit(_, model, variants, __):
-        # The gain finds its way from a start that holds something else beside it, or from its right size.
-        right = "track_gradient" in model.choice or values_in(model, GAIN)[0] == 0.1
-        model = switched(model, GAIN, np.array([0.1 if right else 0.05]))
-        cost = 100.0 - 80.0 * right - 2.0 * own * ("track_gradient" in model.choice)
-        return Fitted(model, tuple(variants), (), (), cost)
 
-    monkeypatch.setattr(decide, "refit", refit)
-    monkeypatch.setattr(decide, "cost", lambda *_: 0.0)
-    monkeypatch.setattr(decide, "net_effect", lambda *_: StopChange(0.02, 0.0))
-    seen = dataclasses.replace(found(GRADIENT, 5.0), reduction=10.0)
-    screen = SimpleNamespace(found=[seen], second={}, whitening=None)
-    before = Fitted(switched(Model(2e-4, (0.06,)), GAIN, np.array([0.05])), (GAIN,), (), (), 0.0)
-    with ThreadPoolExecutor(1) as pool:
-        (one,) = decide._trials(None, screen, before, None, pool)
-    assert one.reduction == pytest.approx(2.0 * expected)
-    assert one.evidence == pytest.approx(5.0 + expected - 5.0)
+def held(evidence):
+    """Return what a trial is about a replica of its own: its evidence there is given by name."""
+    return lambda one: decide.Held(dataclasses.replace(one, evidence=evidence[one.listed.title]), None)
+
+
+EVIDENCE = {"brake_gain_imbalance": 40.0, "track_gradient": 50.0, "brake torque by braking": 60.0}
+THREE = [trial(variant, EVIDENCE[variant.title]) for variant in (GAIN, GRADIENT, TERM)]
 
 
 def test_what_is_refused_is_told_and_the_next_best_is_taken():
-    trials, refused = [trial(GAIN, 40.0), trial(GRADIENT, 50.0), trial(TERM, 60.0)], set()
-    best = decide._first_that_holds(trials, lambda one: one.evidence > 45.0, refused)
-    assert best is trials[0]
+    best, refused = decide._best(THREE, lambda one: one.evidence > 45.0, held(EVIDENCE), SURE)
+    assert best.trial.listed == GAIN
     assert refused == {"track_gradient"}  # a term is asked after the names
-    assert decide._first_that_holds(trials, lambda one: True, refused) is None
+    best, refused = decide._best(THREE, lambda one: True, held(EVIDENCE), SURE)
+    assert best is None
+    assert refused == set(EVIDENCE)
 
 
-@pytest.mark.parametrize("best", [2.0, 0.25, 0.1])
-def test_a_refit_begins_where_the_way_to_the_linear_step_leaves_least(monkeypatch, best):
-    """Residuals bend: the linear step of a wheel that is turned by a per cent leads beyond what can be fitted."""
-    step = float(-GRADIENT.moves()[0])
-    begun = []
-
-    def refit(_, model, variants, __):
-        begun.append(values_in(model, GRADIENT)[0] / step if "track_gradient" in model.choice else None)
-        return Fitted(model, tuple(variants), (), (), 0.0 if variants else 100.0)
-
-    monkeypatch.setattr(decide, "refit", refit)
-    monkeypatch.setattr(decide, "cost", lambda _, model, __: abs(np.log(values_in(model, GRADIENT)[0] / step / best)))
-    monkeypatch.setattr(decide, "net_effect", lambda *_: StopChange(0.02, 0.0))
-    screen = SimpleNamespace(found=[found(GRADIENT, 5.0)], second={}, whitening=None)
-    with ThreadPoolExecutor(1) as pool:
-        decide._trials(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None, pool)
-    assert begun[1] == pytest.approx(best)
+def test_a_trial_counts_as_it_stands_about_a_replica_of_its_own():
+    """A name that falls behind the next one there is passed by it; one of which nothing is left is refused."""
+    behind = decide._best(THREE, lambda one: False, held(EVIDENCE | {"track_gradient": 35.0}), SURE)
+    assert behind[0].trial.listed == GAIN
+    assert behind[1] == set()
+    nothing = decide._best(THREE, lambda one: False, held(EVIDENCE | {"track_gradient": 1.0}), SURE)
+    assert nothing[0].trial.listed == GAIN
+    assert nothing[1] == {"track_gradient"}
 
 
-@pytest.mark.parametrize(("factor", "way", "made"), [(0.0, 8.0, 2), (0.4, 8.0, 4), (0.95, 80.0, 6)])
-def test_replicas_are_made_until_sizes_settle(monkeypatch, factor, way, made):
-    """Each refit goes a share of the rest of the way, in deviations."""
-    replicas = []
+def test_what_need_not_be_asked_is_not():
+    asked = []
 
-    def refit(_, model, variants, __):
-        values = way * (1.0 - factor ** len(replicas))
-        return Fitted(model, tuple(variants), (np.array([values]),), (np.eye(1),), 0.0)
+    def stands(one):
+        asked.append(one.listed)
+        return decide.Held(one, None)
 
-    monkeypatch.setattr(decide, "Replica", lambda *_: replicas.append(1))
-    monkeypatch.setattr(decide, "refit", refit)
-    first = Fitted(Model(2e-4, (0.06,)), (GRADIENT,), (np.zeros(1),), (np.eye(1),), 0.0)
-    _, fitted = decide._settled(None, first, None)
-    assert len(replicas) == made
-    assert fitted.values[0][0] == pytest.approx(way * (1.0 - factor**made))
+    best, _ = decide._best(THREE, lambda one: False, stands, SURE)
+    assert best.trial.listed == GRADIENT
+    assert asked == [GRADIENT]
+
+
+@pytest.fixture
+def own(monkeypatch):
+    """What is said of a gradient about a replica of its own: it cost 100 before, and costs 100 without it there."""
+    on = switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.002]))
+    one = dataclasses.replace(trial(GRADIENT, 30.0), fitted=Fitted(on, (GRADIENT,), (), (), 100.0), price=3.0)
+    monkeypatch.setattr(decide, "refit", lambda replica, model, variants, _: Fitted(model, tuple(variants), (), (), 100.0))
+    monkeypatch.setattr(decide, "net_effect", lambda *_: StopChange(0.04, 0.0))
+
+    def ask(cost: float, pulls: bool = False, left: float = 20.0) -> decide.Held | None:
+        monkeypatch.setattr(decide, "settle", lambda *_: ("own replica", dataclasses.replace(one.fitted, cost=cost)))
+        monkeypatch.setattr(decide, "_pulls", lambda *_: pulls)
+        monkeypatch.setattr(decide, "agreement", lambda *_: SimpleNamespace(left_of=lambda evidence: left))
+        return decide._about_its_own(SimpleNamespace(recorded=None), SimpleNamespace(whitening=None), None, one)
+
+    return ask
+
+
+def test_a_trial_has_the_evidence_and_size_that_it_has_about_its_own_replica(own):
+    """What goes with it there, less the price of its variants."""
+    held = own(60.0)
+    assert held.replica == "own replica"
+    assert held.trial.evidence == 0.5 * 40.0 - 3.0
+    assert (held.trial.fitted.cost, held.trial.reduction) == (60.0, 40.0)
+    assert held.trial.size == StopChange(0.04, 0.0)
+
+
+def test_what_runs_away_about_its_own_replica_does_not_hold(own):
+    assert own(150.0) is not None
+    assert own(250.0) is None
+
+
+def test_what_pulls_nuisances_or_is_not_alike_in_the_runs_does_not_hold(own):
+    assert own(60.0, pulls=True) is None
+    assert own(60.0, left=SURE - PRIOR - 0.1) is None
+    assert own(60.0, left=SURE - PRIOR + 0.1) is not None
 
 
 @pytest.mark.parametrize("loss", [2.0, 200.0])
@@ -326,20 +324,8 @@ def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, l
     assert asked == ["track_gradient"] * 2  # both fits without what the form of the one that is asked for may do in its place
 
 
-def test_the_form_of_a_mechanism_that_is_asked_for_does_not_stand_in_for_it(monkeypatch):
-    groups = tuple(Group(name, np.zeros((3, 1)), 1.0) for name in ("track", "form of track_gradient", "form of vehicle_mass"))
-    seen = SimpleNamespace(groups=groups, sizes=Sizes(np.array([1.0, 2.0, 3.0]), np.ones(5)), whitening=None, small=groups[0])
-    monkeypatch.setattr(decide, "weigh", lambda _, __, groups, sizes: ([one.name for one in groups], list(sizes.groups)))
-    assert decide.weights_of(None, seen) == (["track", "form of track_gradient", "form of vehicle_mass", "track"], [1, 2, 3, 1])
-    assert decide.weights_of(None, seen, GRADIENT) == (["track", "form of vehicle_mass", "track"], [1, 3, 1])
-
-
-def test_a_term_s_form_may_miss_more_than_a_name_s():
-    assert decide.form_of(TERM) > decide.form_of(GRADIENT) == FORM
-
-
 def test_a_size_at_the_end_of_what_it_may_be_is_no_finding():
-    high = decide.parameter_of("brake_gain_imbalance", "gain").high
+    high = parameter_of("brake_gain_imbalance", "gain").high
     for value, expected in ((0.1, False), (high, True)):
         model = switched(Model(2e-4, (0.06,)), GAIN, np.array([value]))
         assert decide.at_bound(GAIN, model) == expected
@@ -358,8 +344,7 @@ def test_what_pulls_a_nuisance_is_no_finding(cancels, expected):
             return effect * (sizes[cancels] - 9.0 * ("track_gradient" in model.choice))
 
     on = switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.002]))
-    one = dataclasses.replace(trial(GRADIENT, 40.0), fitted=Fitted(on, (GRADIENT,), (), (), 0.0))
-    assert decide._pulls(Replica(), one, Model(2e-4, (0.06,)), weights) == expected
+    assert decide._pulls(Replica(), on, Model(2e-4, (0.06,)), weights) == expected
 
 
 def test_only_what_matters_is_missing():

@@ -236,3 +236,12 @@ def test_an_axle_that_slides_on_and_seems_to_roll_does_not_pull_the_running_spee
     faults = dataclasses.replace(Faults.none(4, 4), applies_s=stuck)
     found = figures(run(load("adaptive"), COACH, stops, faults=faults), ceiling(COACH, stops), faults.protected)
     assert found["beyond_limit_s"].max() < 0.5  # 3.6 s before the running speed was asked
+
+
+def test_the_rules_renew_the_running_speed_on_the_axle_whose_valve_obeys():
+    """The one that stands has been vented longer, but will not roll."""
+    stops = low_adhesion(BOGIE, "classic", 2, 11)
+    faults = dataclasses.replace(Faults.none(2, 2), applies_s=np.array([[5.0, np.inf], [np.inf, 5.0]]))
+    found = figures(run(load("rule-based"), BOGIE, stops, faults=faults), ceiling(BOGIE, stops), faults.protected)
+    assert found["beyond_limit_s"].max() < 0.5
+    assert found["locked_s"].max() == 0.0

@@ -91,6 +91,12 @@ def test_a_dragging_brake_stays_on_its_axle_once_it_was_applied():
     assert_array_equal(added[:, [0, 1, 3]], 0.0)
 
 
+def test_a_brake_that_has_stuck_since_the_stop_before_drags_from_the_start():
+    measured = trajectory(lambda time: np.where(time > 1.0, FULL_NM, 0.0))
+    torque = said(measured, "dragging_brake", torque_nm=400.0, axle=3.0, from_start=1.0).torque_nm
+    assert_allclose((torque - measured.brake_torque_nm)[:, 2], 400.0)
+
+
 def test_a_dragging_brake_slows_a_vehicle_that_was_released():
     drag = 600.0
     plant = plant_of(BOGIE, mechanisms={"dragging_brake": {"torque_nm": drag}})

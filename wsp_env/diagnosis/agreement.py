@@ -2,7 +2,7 @@
 
 The size is estimated in every run by itself, as a multiple of the one that was fitted to all, with all nuisances at liberty in
 that run. How uncertain it is, noise and nuisances say, and by how much nature's form may differ from the mechanism's from run
-to run (`wsp_env.diagnosis.decide.FORM`). Where the runs miss the common size by more than that, the model of what
+to run (`wsp_env.diagnosis.trials.FORM`). Where the runs miss the common size by more than that, the model of what
 varies is too small in just this direction, and so is the uncertainty that the evidence was computed with. By which factor is
 unknown: it is believed to be 1, and learned from the runs. With the factor integrated out, a likelihood ratio is Student's t's
 (Wedderburn, Biometrika 61, 1974, on the factor; Gelman et al., Bayesian data analysis, 2014, chapter 3, on the integral).

@@ -21,7 +21,8 @@ from scipy import linalg, sparse
 
 from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
 from wsp_env.diagnosis.speed import NODE_S
-from wsp_env.diagnosis.stops import BLOCK_S, ROLLING_SHARE, VEHICLE_BLOCK_S, PreparedStop, least_slip, thinned
+from wsp_env.diagnosis.stops import BLOCK_S, ROLLING_SHARE, VEHICLE_BLOCK_S, PreparedStop, least_slip
+from wsp_env.diagnosis.thinning import thinned
 from wsp_env.recordings import Campaign
 
 #: Error of the vehicle balance beside noise [m/s]: quantisation and the trapezoidal sum.
@@ -130,6 +131,10 @@ class Balances:
         if last is None or last[0] is not model:
             last = self._kept.last = (model, self._evaluator(model))
         return last[1]
+
+    def evaluate_slid(self, model: Model, more: Sequence[np.ndarray]) -> list[Evaluation]:
+        """Return the same of wheels that slide by some speeds (T, A) `more` [m/s]."""
+        return self._evaluator(model, [-slip / self.radius for slip in more])
 
     def raw(self, model: Model) -> np.ndarray:
         """Residuals (n,) of a model: adhesion coefficients [-], speeds [m/s]."""

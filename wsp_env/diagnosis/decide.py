@@ -9,39 +9,25 @@ import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from typing import NamedTuple
 
 import numpy as np
 
 from wsp_env.diagnosis.agreement import agreement
-from wsp_env.diagnosis.balances import Balances
-from wsp_env.diagnosis.candidates import Variant, near, parameter_of, refined, switched, values_in, without
-from wsp_env.diagnosis.covariance import Sizes
+from wsp_env.diagnosis.candidates import Variant, parameter_of, values_in, without
 from wsp_env.diagnosis.discovered import terms
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh
+from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
-from wsp_env.diagnosis.variation import Group, shapes
-from wsp_env.plant.mechanisms import ALL
+from wsp_env.diagnosis.settle import settle
+from wsp_env.diagnosis.trials import FORM, SURE, Trial, form_of, forms, odds, trials_of, weights_of
 
 #: Mechanisms that are accepted at most.
 MOST = 3
-#: Mechanisms that are refitted in every round.
-TRIED = 4
-#: Replicas that are made after an acceptance, each about the fit to the one before: the first may be far from the recordings,
-#: and of a wheel that is turned by a per cent so may the second. At least, and at most.
-_REPLICAS = 2, 6
-#: Deviations by which a size still moves from replica to replica, below which it has settled.
-_SETTLED = 0.5
-#: Shares of the linear step at which a refit may begin.
-_SHARES = (2.0, 1.0, 0.5, 0.25, 0.1)
-#: Log odds that a name of the library is missing in a campaign before it is seen: one in fifty (assumption).
-PRIOR = -float(np.log(50.0))
-#: The same of a term without a name: the library holds what practice meets (assumption: three in four).
-PRIOR_TERM = PRIOR - float(np.log(3.0))
-#: Log odds from which on a mechanism is accepted: 99 %.
-SURE = float(np.log(99.0))
+#: Times its cost by which a model fits worse about its own replica, from which on its mechanism has run away (assumption).
+_RUN_AWAY = 2.0
 #: Smallest effects of interest from which on a size matters: one, less what its form may err by at 95 %,
 #: 1 / (1 + 1.645 FORM), rounded.
 MATTERS = 0.75
@@ -51,23 +37,6 @@ INDISTINCT = 10.0
 GROWN = 1.7
 #: Deviations by which a nuisance may be pulled further beside a mechanism than without it: what cancels it is no finding.
 PULLED = 4.0
-#: Share of a mechanism's effect that nature's form may differ by, over slip, speed, work, axles and runs: assumption.
-FORM = 0.2
-#: The same of a term without a name, which is one of few forms that were tried: assumption.
-FORM_TERM = 0.4
-
-
-@dataclasses.dataclass(frozen=True)
-class Trial:
-    """A mechanism refitted together with those accepted before."""
-
-    found: Found
-    listed: Variant  # as it was searched
-    variant: Variant  # with what the refit moves free
-    fitted: Fitted
-    evidence: float  # with what the refit explains more than the linear search
-    reduction: float  # of chi-square, by the refit
-    size: StopChange  # net
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,19 +78,6 @@ class Outcome:
         return tuple(one for one in self.accepted if one.trial.size.multiple >= MATTERS)
 
 
-def form_of(variant: Variant) -> float:
-    """Share of an effect that nature's form may differ by; none where it is what a sensor shows by geometry or by its clock."""
-    if variant.family:
-        return FORM_TERM
-    signature = ALL[variant.name].signature
-    return 0.0 if signature.exact and signature.acts_on == "sensor" else FORM
-
-
-def odds(variant: Variant, evidence: float) -> float:
-    """Log odds that a mechanism is missing, or a term that has no name."""
-    return evidence + (PRIOR_TERM if variant.family else PRIOR)
-
-
 def select(
     replica: Replica, tried: Sequence[Variant], pool: Executor, progress: Callable[[str], None] = lambda step: None
 ) -> Outcome:
@@ -134,25 +90,30 @@ def select(
             break
         progress(f"refitting {len(accepted) + 1} of {MOST}")
         weights = weights_of(replica, seen)
-        trials = _trials(replica, seen, fitted, weights, pool)
+        trials = trials_of(replica, seen, fitted, weights, pool)
         # What the form of those before may leave of what they explain looks like another.
         form = sum(form_of(one.trial.listed) ** 2 * one.trial.evidence for one in accepted)
-        sure = [one for one in trials if odds(one.listed, one.evidence) > max(SURE, form)]
-        refused: set[str] = set()  # what contradicts itself is no alternative either
-        best = _first_that_holds(sure, functools.partial(_refused, replica, accepted, fitted.model, seen, weights), refused)
+        least = max(SURE, form)
+        sure = [one for one in trials if odds(one.listed, one.evidence) > least]
+        refuses = functools.partial(_refused, replica, accepted, seen)
+        best, refused = _best(sure, refuses, functools.partial(_about_its_own, replica, seen, weights), least)
         if best is None:
             break
-        rivals = [one for one in trials if one.listed.title not in refused]
-        accepted.append(Accepted(best, *belief(best, rivals, [one for one in seen.found if one.name not in refused])))
-        accepted, fitted = _still_sure(replica, accepted, best.fitted, seen)
-        if all(one.size.multiple < MATTERS for one in sure):
-            break  # told as too small; nothing that matters could be taken for it
-        replica, fitted = _settled(replica.recorded, fitted, weights)
+        others = [one for one in trials if one.listed.title not in {*refused, best.trial.listed.title}]
+        searched = [one for one in seen.found if one.name not in refused]
+        accepted.append(Accepted(best.trial, *belief(best.trial, others, searched)))
+        kept, fitted = _still_sure(best.replica, accepted, best.trial.fitted, seen)
+        replica = best.replica
+        if len(kept) < len(accepted):
+            accepted = kept
+            replica, fitted = settle(replica.recorded, fitted, weights)
         accepted = [one.sized(net_effect(replica, fitted.model, one.trial.variant, seen.whitening)) for one in accepted]
         left = [one for one in tried if one.name not in fitted.model.choice]
         left += terms(replica, 1 + sum(len(one.trial.listed.sizes) for one in accepted if one.trial.listed.family))
         bent = forms(replica, fitted.model, fitted.variants)
         seen = screen(replica, fitted.model, left, pool, fitted.variants, bent)
+        if all(one.size.multiple < MATTERS for one in (best.trial, *(other for other in others if other in sure))):
+            break  # told as too small; nothing that matters could be taken for it
     return Outcome(replica, fitted, tuple(accepted), first, seen)
 
 
@@ -163,42 +124,9 @@ def _still_sure(replica: Replica, accepted: list[Accepted], fitted: Fitted, seen
         beside = refit(replica, fitted.model, fitted.variants, weights)
         others = [variant for variant in fitted.variants if variant is not one.trial.variant]
         again = refit(replica, without(fitted.model, one.trial.variant), others, weights)
-        price = 0.5 * one.trial.reduction - one.trial.evidence  # of its sizes and variants
-        if odds(one.trial.listed, 0.5 * (again.cost - beside.cost) - price) <= SURE:
+        if odds(one.trial.listed, 0.5 * (again.cost - beside.cost) - one.trial.price) <= SURE:
             accepted, fitted = [other for other in accepted if other is not one], again
     return accepted, fitted
-
-
-def _settled(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Replica, Fitted]:
-    """Return the replica about an extended model, and the model fitted to it."""
-    for made in range(1, _REPLICAS[1] + 1):
-        replica = Replica(recorded, _with_sensors_as_read(fitted.model))
-        again = refit(replica, fitted.model, fitted.variants, weights)
-        moved = max(
-            float(np.max(np.abs(new - old) / np.sqrt(np.maximum(np.diag(spread), 1e-300))))
-            for new, old, spread in zip(again.values, fitted.values, again.covariance, strict=True)
-        )
-        fitted = again
-        if made >= _REPLICAS[0] and moved < _SETTLED:
-            break
-    return replica, fitted
-
-
-def _with_sensors_as_read(model: Model) -> Model:
-    """Return a model without mechanisms on sensors: a replica holds what sensors read."""
-    true = {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on != "sensor"}
-    return dataclasses.replace(model, choice=true)
-
-
-def weights_of(replica: Replica, seen: Screen, asked: Variant | None = None) -> Weights:
-    """Return the weights of a screen; not those of the form of a mechanism that is asked for, which would stand in for it."""
-    kept = [i for i, group in enumerate(seen.groups) if asked is None or group.name != _form_name(asked)]
-    sizes = Sizes(np.append(seen.sizes.groups[kept], 1.0), seen.sizes.noise)
-    return weigh(replica, seen.whitening, [*(seen.groups[i] for i in kept), seen.small], sizes)
-
-
-def _form_name(variant: Variant) -> str:
-    return f"form of {variant.title}"
 
 
 def _preferred(trials: Sequence[Trial]) -> list[Trial]:
@@ -209,25 +137,56 @@ def _preferred(trials: Sequence[Trial]) -> list[Trial]:
     return sorted(trials, key=lambda one: (bool(one.listed.family) or one.evidence < least, -one.evidence))
 
 
-def _first_that_holds(sure: Sequence[Trial], refuses: Callable[[Trial], bool], refused: set[str]) -> Trial | None:
-    """Return the best trial that is not refused; the names of those that are, are added to `refused`."""
+class Held(NamedTuple):
+    """A trial, and the replica that it was fitted to."""
+
+    trial: Trial
+    replica: Replica
+
+
+def _about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Trial) -> Held | None:
+    """Return a trial about a replica of its own, with the size and the evidence that it has there; None: it does not hold.
+
+    About the replica that it was found with a mechanism that bends is a straight line at its end.
+    """
+    own, fitted = settle(replica.recorded, trial.fitted, weights)
+    if fitted.cost > _RUN_AWAY * trial.fitted.cost:
+        return None
+    others = [one for one in fitted.variants if one is not trial.variant]
+    gone = refit(own, without(fitted.model, trial.variant), others, weights)
+    if _pulls(own, fitted.model, gone.model, weights):
+        return None
+    reduction = gone.cost - fitted.cost
+    evidence, size = 0.5 * reduction - trial.price, net_effect(own, fitted.model, trial.variant, seen.whitening)
+    runs = agreement(own, fitted.model, trial.variant, weights, form_of(trial.listed))
+    if odds(trial.listed, runs.left_of(evidence)) <= SURE:
+        return None
+    return Held(dataclasses.replace(trial, fitted=fitted, reduction=reduction, evidence=evidence, size=size), own)
+
+
+def _best(
+    sure: Sequence[Trial], refuses: Callable[[Trial], bool], stands: Callable[[Trial], Held | None], least: float
+) -> tuple[Held | None, set[str]]:
+    """Return the best trial that holds, and the names of those found not to: they are no alternatives either.
+
+    As it `stands`, its log odds must be above `least`, too.
+    """
+    best: Held | None = None
+    refused: set[str] = set()
     for one in _preferred(sure):
-        if not refuses(one):
-            return one
-        refused.add(one.listed.title)
-    return None
+        if best is not None and _preferred([best.trial, one])[0] is best.trial:
+            continue
+        held = None if refuses(one) else stands(one)
+        if held is None or odds(held.trial.listed, held.trial.evidence) <= least:
+            refused.add(one.listed.title)
+        elif best is None or _preferred([best.trial, held.trial])[0] is held.trial:
+            best = held
+    return best, refused
 
 
-def _refused(
-    replica: Replica, accepted: Sequence[Accepted], before: Model, seen: Screen, weights: Weights, trial: Trial
-) -> bool:
+def _refused(replica: Replica, accepted: Sequence[Accepted], seen: Screen, trial: Trial) -> bool:
     """Whether a mechanism contradicts itself, whatever its evidence."""
-    if at_bound(trial.listed, trial.fitted.model) or _compensates(replica, trial, accepted, seen):
-        return True
-    runs = agreement(replica, trial.fitted.model, trial.variant, weights, form_of(trial.listed))
-    if odds(trial.listed, runs.left_of(trial.evidence)) <= SURE:
-        return True
-    return _pulls(replica, trial, before, weights)
+    return at_bound(trial.listed, trial.fitted.model) or _compensates(replica, trial, accepted, seen)
 
 
 def at_bound(listed: Variant, model: Model) -> bool:
@@ -248,63 +207,14 @@ def _compensates(replica: Replica, trial: Trial, accepted: Sequence[Accepted], s
     return False
 
 
-def _pulls(replica: Replica, trial: Trial, before: Model, weights: Weights) -> bool:
+def _pulls(replica: Replica, beside: Model, before: Model, weights: Weights) -> bool:
     """Whether a mechanism pulls nuisances from what they are: what is missing lets them relax, as they stood in for it."""
 
     def unlikely(model: Model) -> float:
         amplitudes = weights.projector.amplitudes(weights(replica.raw(model)))
         return float(amplitudes @ amplitudes)
 
-    return unlikely(trial.fitted.model) - unlikely(before) > PULLED**2
-
-
-def _trials(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor) -> list[Trial]:
-    """Refit the mechanisms that promise most; the best first."""
-    promising = sorted(seen.found, key=lambda one: -odds(one.candidate.variant, one.evidence))[:TRIED]
-    promising = [one for one in promising if odds(one.candidate.variant, one.evidence) > 0.0]
-    if not promising:
-        return []
-    # A refit moves where a mechanism acts only from near: its next best place or band may be the better one to begin with.
-    seconds = [seen.second[one.name] for one in promising if one.name in seen.second]
-    promising += [one for one in seconds if len(refined(one.candidate.variant).sizes) > len(one.candidate.variant.sizes)]
-    start = refit(replica, fitted.model, fitted.variants, weights)
-
-    def trial(one: Found) -> Trial:
-        listed = one.candidate.variant
-        change = -one.amplitude * listed.moves()
-        best, free = start, listed
-        # The linear step may lead astray: the refit begins where the way to it leaves least. Where it acts may be found better
-        # than it was searched, or be lost.
-        on_the_way = [switched(start.model, listed, listed.null() + share * change) for share in _SHARES]
-        first, second = sorted(on_the_way, key=lambda model: cost(replica, model, weights))[:2]
-        there, wide = near(listed), refined(near(listed))
-        narrow = [(there, first)] if wide.sizes != there.sizes else []
-        for tried, begin in ((wide, first), *narrow, (wide, second)):
-            again = refit(replica, begin, (*start.variants, tried), weights)
-            if again.cost < best.cost or best is start:
-                best, free = again, tried
-            if best.cost < start.cost - 0.8 * one.reduction:
-                break
-        # Those before may fit better now for a reason of their own: no merit of the one that was tried.
-        alone = refit(replica, without(best.model, free), start.variants, weights)
-        reduction = min(start.cost, alone.cost) - best.cost
-        evidence = one.evidence + 0.5 * (reduction - one.reduction)
-        return Trial(one, listed, free, best, evidence, reduction, net_effect(replica, best.model, free, seen.whitening))
-
-    best: dict[str, Trial] = {}
-    for one in sorted(pool.map(trial, promising), key=lambda one: -odds(one.listed, one.evidence)):
-        best.setdefault(one.listed.title, one)
-    return list(best.values())
-
-
-def forms(replica: Replica, model: Model, variants: Sequence[Variant]) -> list[Group]:
-    """Return for every mechanism that is on what it may leave of nature's form: its own effect, bent over what was measured."""
-    base, bent = replica.raw(model), shapes(replica)
-    return [
-        Group(_form_name(one), (replica.raw(without(model, one)) - base)[:, None] * bent, form_of(one), True)
-        for one in variants
-        if form_of(one) > 0.0
-    ]
+    return unlikely(beside) - unlikely(before) > PULLED**2
 
 
 def belief(best: Trial, trials: Sequence[Trial], found: Sequence[Found]) -> tuple[tuple[str, ...], float]:

@@ -12,7 +12,7 @@ from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, 
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import parameter_of, unavailable, variants, without
 from wsp_env.diagnosis.data_first import data_first
-from wsp_env.diagnosis.decide import FORM, Accepted, Outcome, form_of, select
+from wsp_env.diagnosis.decide import Accepted, Outcome, select
 from wsp_env.diagnosis.discovered import equation, looks_like, slot_of
 from wsp_env.diagnosis.effects import course, curve, held_out
 from wsp_env.diagnosis.evaluate import Model
@@ -23,6 +23,7 @@ from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import detectable, net_change
 from wsp_env.diagnosis.stops import PreparedStop, prepare
 from wsp_env.diagnosis.timing import aligned, times
+from wsp_env.diagnosis.trials import FORM, form_of
 from wsp_env.diagnosis.words import next_test, sentence
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import Campaign, CampaignError

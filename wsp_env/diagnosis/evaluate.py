@@ -75,23 +75,27 @@ class Evaluator:
         ]
         self._bare: list[np.ndarray | None] = [None] * len(self.stops)
 
-    def __call__(self, model: Model) -> list[Evaluation]:
-        """Return what the model says of every stop."""
+    def __call__(self, model: Model, faster: Sequence[np.ndarray] | None = None) -> list[Evaluation]:
+        """Return what the model says of every stop; of wheels that are by some speeds (T, A) `faster` [rad/s], where given."""
         common = along.model(self.vehicle, model.choice)
         own = [at_stop(model.choice, stop.earlier) for stop in self.stops]
         each = [common if one is model.choice else along.model(self.vehicle, one) for one in own]
-        return [self._one(i, constants, model) for i, constants in enumerate(each)]
+        trajectories = self._trajectories
+        if faster is not None:
+            pairs = zip(trajectories, faster, strict=True)
+            trajectories = [dataclasses.replace(one, wheel_speed_radps=one.wheel_speed_radps + more) for one, more in pairs]
+        return [self._one(i, constants, model, trajectories[i]) for i, constants in enumerate(each)]
 
-    def _one(self, i: int, constants: Any, model: Model) -> Evaluation:
+    def _one(self, i: int, constants: Any, model: Model, trajectory: along.Trajectory) -> Evaluation:
         stop = self.stops[i]
         belief = along.Belief(model.mu_cd[i], model.tau, stop.mass, self.vehicle.wheel_radius_m, stop.gradient)
-        p = along.along(self._trajectories[i], belief, constants)
+        p = along.along(trajectory, belief, constants)
         shift = p.speed_mps - stop.speed
         # What forces predict of the speed is believed, the recorded speed only as far as it is slow.
         moved = self._predicted(stop, p, constants) - self._believed(i)
         held = moved - stop.estimator(stop.time, moved - shift)
         if held.any():
-            again = dataclasses.replace(self._trajectories[i], speed_mps=stop.speed + held - shift)
+            again = dataclasses.replace(trajectory, speed_mps=stop.speed + held - shift)
             p = along.along(again, belief, constants)
         rate = along.true_wheel_acceleration(constants, stop.wheel_rate, stop.wheel_jerk)
         torque = p.torque_nm if stop.pressed is None else stop.torque

@@ -55,9 +55,7 @@ def weigh(
     """Return the weights under some sizes of groups and noises; None: the expected ones."""
     noise = np.ones(len(balances.rows)) if sizes is None else sizes.noise[balances.rows.noise]
     columns = []
-    for i, group in enumerate(groups):
-        if group.name in ("tau", "mu_cd"):
-            continue
+    for i, group in enumerate(_left_to_the_weights(balances, group) for group in groups):
         white = whitening(group.columns) / noise[:, None]
         if np.isinf(group.expected):
             columns.append(white * _FREE / np.maximum(np.linalg.norm(white, axis=0), 1e-12))
@@ -67,6 +65,16 @@ def weigh(
     if keep is not None:
         matrix, run = matrix[keep], run[keep]
     return Weights(whitening, noise, Projector(matrix, np.ones(matrix.shape[1], dtype=bool), run))
+
+
+def _left_to_the_weights(balances: Balances | Replica, group: Group) -> Group:
+    """Return a group without what a refit moves; the mu_cd of a run that hardly slides varies, as in a screen, but stays."""
+    if group.name not in ("tau", "mu_cd"):
+        return group
+    moved = moved_by(balances)
+    run = balances.rows.run[(group.columns != 0.0).argmax(axis=0)]  # of every column: mu_cd is each run's own
+    kept = ~(moved[:1] if group.name == "tau" else moved[1 + run])
+    return group._replace(columns=group.columns[:, kept])
 
 
 def baseline(recorded: Balances) -> Replica:
@@ -90,6 +98,12 @@ def sliding(balances: Balances | Replica) -> np.ndarray:
     return np.bincount(rows.run[rows.slides], minlength=len(balances.stops)) >= _LEAST_ROWS
 
 
+def moved_by(balances: Balances | Replica) -> np.ndarray:
+    """Which a refit moves (1 + runs,): tau, and mu_cd of every run. Where nothing slides mu_cd is known by its belief alone."""
+    slides = sliding(balances)
+    return np.array([bool(slides.any()), *slides])
+
+
 def refit(
     balances: Balances | Replica,
     model: Model,
@@ -107,9 +121,9 @@ def refit(
 
     """
     keep = np.ones(len(balances.rows), dtype=bool) if keep is None else keep
-    slides = sliding(balances)
-    # Where nothing slides mu_cd is known by its belief alone; nor does it say anything on tau.
-    state = _State(balances, model, tuple(variants), weights, keep, np.array([free_law and bool(slides.any()), *slides]))
+    moves = moved_by(balances)
+    moves[0] &= free_law
+    state = _State(balances, model, tuple(variants), weights, keep, moves)
     for _ in range(_ITERATIONS):
         move = state.newton()
         for halving in range(_HALVINGS):

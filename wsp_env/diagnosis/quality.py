@@ -10,12 +10,13 @@ from wsp_env.diagnosis.answer import FitQuality
 from wsp_env.diagnosis.balances import BALANCES
 from wsp_env.diagnosis.candidates import Variant, columns, without
 from wsp_env.diagnosis.covariance import Sizes
-from wsp_env.diagnosis.decide import SURE, Outcome, at_bound
+from wsp_env.diagnosis.decide import Outcome, at_bound
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights, refit, weigh
 from wsp_env.diagnosis.gls import fit
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Screen, held_out_rows
+from wsp_env.diagnosis.trials import SURE
 from wsp_env.diagnosis.variation import law_columns
 
 _LEAST_PAIRS = 20  # neighbouring rows of a balance that say whether one follows the other

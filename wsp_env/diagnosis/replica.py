@@ -12,19 +12,30 @@ residual is taken linear in the measured less the replica's slip.
 
 import dataclasses
 import threading
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.signal import savgol_filter
+from scipy.ndimage import uniform_filter1d
 
 from wsp_env.contact.degraded import adhesion_slope, degraded_adhesion
 from wsp_env.diagnosis.balances import Balances, Rows
+from wsp_env.diagnosis.denoise import denoised
 from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
-from wsp_env.diagnosis.stops import BLOCK_S, ROLLING_SHARE, SLIP_MPS, PreparedStop, least_slip, smooth_wheels
+from wsp_env.diagnosis.stops import (
+    BLOCK_S,
+    ROLLING_SHARE,
+    SLIP_MPS,
+    PreparedStop,
+    least_slip,
+    smooth_wheels,
+    wheel_filter,
+)
+from wsp_env.diagnosis.thinning import averaged
 from wsp_env.plant.mechanisms import ALL
 
-_WINDOW_S = 0.25  # over which the kept creepage is smoothed once more: its noise is the recordings' own
 _NEWTON = 12
+_FLAT_S = 0.5  # over which it is averaged how flat the curve is: that is no course of noise
 _LEAST_ADHESION = 0.01  # against which an error of slip is compared: hardly braked wheels roll
 
 
@@ -32,23 +43,28 @@ class Replica:
     """The balances of recorded stops about a baseline; offers what `Balances` does.
 
     What smoothing leaves in the wheels' rows of the replica it leaves in those of the recordings: it is taken away.
+
+    A replica holds what sensors read: its baseline has none of the model's mechanisms on sensors. But they say where a wheel
+    slides; a clock that is late makes a rolling wheel look like a sliding one.
     """
 
-    def __init__(self, recorded: Balances, baseline: Model) -> None:
+    def __init__(self, recorded: Balances, model: Model) -> None:
+        read = {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on != "sensor"}
+        baseline = model if len(read) == len(model.choice) else dataclasses.replace(model, choice=read)
         self.recorded, self.baseline = recorded, baseline
         larger = _larger_radii(recorded, baseline)
         evaluator = Evaluator(recorded.campaign, recorded.sources)
         found = evaluator(baseline)
-        made = [_rolling(recorded, one, baseline, i, larger) for i, one in enumerate(found)]
+        true = _true_slips(found, found if model is baseline else evaluator(model), recorded.sources, larger)
+        needed = [_needed(recorded, one, baseline, i, true[i]) for i, one in enumerate(found)]
+        made = [_rolling(recorded, one, i, *needed[i], true[i], larger) for i, one in enumerate(found)]
         forces = Evaluator(recorded.campaign, made)(baseline)
         self._copy = recorded.like([_braked(recorded, stop, one) for stop, one in zip(made, forces, strict=True)])
         self.rows = _rows_of_true_slips(recorded.rows, self._copy.rows, larger)
         self._kept = threading.local()  # every thread keeps its last evaluation
-        self._share = [
-            # A wheel of another radius is in the replica as it slides, and what its sensor shows is linear in that radius.
-            _needed(recorded, stop, one, baseline, i, larger)[1] * (larger == 0.0)
-            for i, (stop, one) in enumerate(zip(recorded.stops, recorded.evaluate(baseline), strict=True))
-        ]
+        # A wheel of another radius is in the replica as it slides, and what its sensor shows is linear in that radius.
+        shares = [share * (larger == 0.0) for _, share in needed]
+        self._share = [averaged(share, stop.step_s) for share, stop in zip(shares, recorded.sources, strict=True)]
         self._slopes = [one.slope for one in self._copy.evaluate(baseline)]
         smoothing = self._changed(baseline)  # what smoothing leaves of an exact balance
         self._offset = self._residuals() - smoothing * (1.0 + recorded.rows.wheels)
@@ -60,20 +76,37 @@ class Replica:
         return getattr(self._copy, name)
 
     def evaluate(self, model: Model) -> list[Evaluation]:
-        """Return what a model says of every stop of the replica; the last one is kept.
-
-        What a sensor shows of a slip that is hardly there is linear in the slip, as the recordings' residual is.
-        """
+        """Return what a model says of every stop of the replica; the last one is kept."""
         last: tuple[Model, list[Evaluation]] | None = getattr(self._kept, "last", None)
         if last is None or last[0] is not model:
-            whole = self._copy.evaluate(model)
-            sensors = {name for name in model.choice if ALL[name].signature.acts_on == "sensor"}
-            if sensors:
-                others = {name: values for name, values in model.choice.items() if name not in sensors}
-                without = self._copy.evaluate(dataclasses.replace(model, choice=others))
-                whole = [_seen(*each) for each in zip(whole, without, self._share, self._slopes, strict=True)]
-            last = self._kept.last = (model, whole)
+            last = self._kept.last = (model, self._evaluated(model))
         return last[1]
+
+    def _evaluated(self, model: Model) -> list[Evaluation]:
+        """Evaluate a model, and what its sensors show.
+
+        The recordings' residual is linear in the measured less the replica's slip. So is a sensor's error, at the slope of the
+        baseline, as far as the measured slip is not kept: with the error as it is both cancel.
+        """
+        whole = self._copy.evaluate(model)
+        true = {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on != "sensor"}
+        if len(true) == len(model.choice):
+            return whole
+        without = self._copy.evaluate(dataclasses.replace(model, choice=true))
+        errors = [one.slip - other.slip for one, other in zip(without, whole, strict=True)]
+        slid = self._copy.evaluate_slid(model, [(1.0 - kept) * error for kept, error in zip(self._share, errors, strict=True)])
+        return [
+            dataclasses.replace(
+                one,
+                adhesion=there.adhesion - (1.0 - kept) * slope * error,
+                slope=kept * there.slope + (1.0 - kept) * other.slope,
+                slip=other.slip - kept * error,
+                misread=(kept - 1.0) * error,
+            )
+            for one, other, there, kept, slope, error in zip(
+                whole, without, slid, self._share, self._slopes, errors, strict=True
+            )
+        ]
 
     def raw(self, model: Model) -> np.ndarray:
         """Residuals (n,) of a model: those of the recordings at the baseline and what the model changes."""
@@ -92,22 +125,6 @@ class Replica:
             wheels = self.recorded.parts[i].wheel_rows(one.force / (2.0 * one.load) - expected)
             result[(rows.run == i) & rows.wheels] = wheels
         return result
-
-
-def _seen(whole: Evaluation, without: Evaluation, share: np.ndarray, slope: np.ndarray) -> Evaluation:
-    """Return an evaluation with sensors' errors, which are linear in the slip where little of the measured one is kept.
-
-    The slope is the baseline's, as in the recordings' residual. The wheels slide there as without the errors.
-    """
-    misread = (1.0 - share) * (whole.slip - without.slip)
-    linear = without.adhesion + slope * (whole.slip - without.slip)
-    return dataclasses.replace(
-        whole,
-        adhesion=share * whole.adhesion + (1.0 - share) * linear,
-        slope=share * whole.slope + (1.0 - share) * without.slope,
-        slip=whole.slip - misread,
-        misread=misread,
-    )
 
 
 def _rows_of_true_slips(recorded: Rows, copied: Rows, larger: np.ndarray) -> Rows:
@@ -136,12 +153,19 @@ def _larger_radii(recorded: Balances, model: Model) -> np.ndarray:
     return result
 
 
-def _rolling(recorded: Balances, one: Evaluation, model: Model, index: int, larger: np.ndarray) -> PreparedStop:
-    """Return a stop with the wheels at the replica's creepage; their torques are still the recorded ones."""
-    stop, radius = recorded.sources[index], recorded.radius
-    length = 2 * round(0.5 * _WINDOW_S / stop.step_s) + 1
-    smooth = savgol_filter(_creepage(recorded, one, model, index, larger), length, 3, axis=0)
-    wheel = (one.speed[:, None] - smooth * stop.speed[:, None]) / radius
+def _rolling(
+    recorded: Balances, one: Evaluation, index: int, needed: np.ndarray, share: np.ndarray, true: np.ndarray, larger: np.ndarray
+) -> PreparedStop:
+    """Return a stop with the wheels at the replica's slip; their torques are still the recorded ones.
+
+    The slip is as measured where the wheel slides, else as its force needs it; of a wheel of another radius the true one.
+    """
+    stop, radius, noise = recorded.sources[index], recorded.radius, recorded.sources[index].noise
+    v = np.maximum(stop.speed, 0.1)[:, None]
+    creepage = np.clip((share * np.where(larger != 0.0, true, one.slip) + (1.0 - share) * needed) / v, -0.2, 0.999)
+    slip = creepage * stop.speed[:, None]
+    smooth = denoised(slip, share, radius * noise.wheel, wheel_filter(noise.step_s), stop.step_s, noise.step_s)
+    wheel = (one.speed[:, None] - smooth) / radius
     return dataclasses.replace(stop, wheel=wheel, wheel_rate=np.gradient(wheel, stop.step_s, axis=0))
 
 
@@ -152,30 +176,25 @@ def _braked(recorded: Balances, stop: PreparedStop, one: Evaluation) -> Prepared
     return dataclasses.replace(stop, wheel=wheel, wheel_rate=rate, wheel_jerk=jerk, torque=smooth)
 
 
-def _creepage(balances: Balances, one: Evaluation, model: Model, index: int, larger: np.ndarray) -> np.ndarray:
-    """Creepage (T, A) of the stop: as measured where the wheel slides, else as its force needs it."""
-    stop = balances.sources[index]
-    slip, share = _needed(balances, stop, one, model, index, larger)
-    v = np.maximum(stop.speed, 0.1)[:, None]
-    result: np.ndarray = np.clip((share * _true_slip(one, v, larger) + (1.0 - share) * slip) / v, -0.2, 0.999)
-    return result
+def _true_slips(
+    read: Sequence[Evaluation], said: Sequence[Evaluation], stops: Sequence[PreparedStop], larger: np.ndarray
+) -> list[np.ndarray]:
+    """Return the slips (T, A) of every stop as a model says of its sensors; of wheels whose radii were read, as these say."""
+    true = []
+    for one, other, stop in zip(read, said, stops, strict=True):
+        v = np.maximum(stop.speed, 0.1)[:, None]
+        true.append(np.where(larger != 0.0, one.slip - larger * (v - one.slip), other.slip))
+    return true
 
 
-def _true_slip(one: Evaluation, v: np.ndarray, larger: np.ndarray) -> np.ndarray:
-    """Slip (T, A) of wheels whose radii are larger by a share than believed, at a speed (T, 1)."""
-    slip: np.ndarray = one.slip - larger * (v - one.slip)
-    return slip
-
-
-def _needed(
-    balances: Balances, stop: PreparedStop, one: Evaluation, model: Model, index: int, larger: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _needed(balances: Balances, one: Evaluation, model: Model, index: int, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the slip (T, A) that the wheels' forces need on the creep curve's steep part, and the share kept of the measured.
 
     The measured slip is kept where it is a slide's, and where the curve is so flat at both slips that an error hardly moves the
-    adhesion; blended between, so that no wheel jumps. What a wheel of another radius shows while it rolls is no slide.
+    adhesion; blended between, so that no wheel jumps. What a sensor's error shows of a rolling wheel is no slide: the true slip
+    (T, A) tells.
     """
-    law = balances.vehicle.contact.law
+    law, stop = balances.vehicle.contact.law, balances.sources[index]
     load = stop.mass * balances.vehicle.gravity_mps2 / (2 * balances.axles)
     v = np.maximum(stop.speed, 0.1)[:, None]
     aim = np.clip(one.force / (2.0 * load), -0.05, None)
@@ -184,9 +203,9 @@ def _needed(
         f = degraded_adhesion(slip, v, load, model.mu_cd[index], model.tau, law)
         slope = adhesion_slope(slip, v, load, model.mu_cd[index], model.tau, law)
         slip = np.clip(slip + (aim - f) / np.maximum(slope, 0.05 / v), -most, most)
-    true = _true_slip(one, v, larger)
     measured = adhesion_slope(np.clip(true, 0.0, None), v, load, model.mu_cd[index], model.tau, law)
     steep = SLIP_MPS * np.maximum(slope, measured) / np.maximum(aim, _LEAST_ADHESION)
     slides = (true / most - 0.7) / 0.6
-    share: np.ndarray = np.clip(np.maximum(slides, 2.0 * (1.0 - steep)), 0.0, 1.0)
+    flat = uniform_filter1d(np.clip(2.0 * (1.0 - steep), 0.0, 1.0), 2 * round(0.5 * _FLAT_S / stop.step_s) + 1, axis=0)
+    share: np.ndarray = np.clip(np.maximum(slides, flat), 0.0, 1.0)
     return slip, share

@@ -22,7 +22,6 @@ LEAST_S = 1.5  # of a stop: a shorter one has no course of speed
 BLOCK_S = 0.16  # residuals are averaged over blocks: of the adhesion
 VEHICLE_BLOCK_S = 0.4  # of the vehicle
 STEP_S = 0.01  # faster recordings are thinned to about this after smoothing
-EVALUATED_S = 0.02  # models are evaluated at about this
 LEAST_SPEED_MPS = 4.0  # creepage is mostly noise below
 LEAST_MOMENTUM_MPS = 10.0  # the vehicle's balance ends here: towards standstill the friction of pads is its own: assumption
 SLIP_MPS = 0.1  # smallest change of a slip that is of interest
@@ -167,33 +166,6 @@ def _strange_pressures(stop: PreparedStop, whole: np.ndarray) -> list[int]:
     return found
 
 
-def thinned(stop: PreparedStop) -> PreparedStop:
-    """Return the stop with neighbouring samples averaged until they are about `EVALUATED_S` apart."""
-    stride = max(round(EVALUATED_S / stop.step_s), 1)
-    if stride == 1:
-        return stop
-    kept = len(stop.time) // stride
-
-    def cut(values: np.ndarray) -> np.ndarray:
-        return values[: kept * stride].reshape(kept, stride, *values.shape[1:])
-
-    mean = {
-        field.name: cut(getattr(stop, field.name)).mean(axis=1)
-        for field in dataclasses.fields(PreparedStop)
-        if isinstance(getattr(stop, field.name), np.ndarray) and field.name not in ("usable", "segment")
-    }
-    segment = cut(stop.segment)
-    usable: np.ndarray = np.all(cut(stop.usable), axis=1)
-    whole = (segment == segment[:, :1]).all(axis=1)
-    return dataclasses.replace(
-        stop,
-        step_s=stop.step_s * stride,
-        usable=usable,
-        segment=np.where(whole, segment[:, 0], -1),
-        **mean,
-    )
-
-
 def torque_per_bar(campaign: Campaign) -> float:
     """Return the nominal torque of a wheelset for one bar in its brake cylinders [N m/bar]; 0: nothing says it.
 
@@ -309,6 +281,12 @@ def smooth_wheels(wheel: np.ndarray, torque: np.ndarray, step: float) -> tuple[n
         return result
 
     return smoothed(wheel, 0), smoothed(wheel, 1), smoothed(wheel, 2), smooth_torque(torque, step)
+
+
+def wheel_filter(step: float) -> np.ndarray:
+    """Return the weights (w,) of the filter that a wheel's speed passes."""
+    result: np.ndarray = savgol_coeffs(_length(WHEEL_WINDOW_S, step), _ORDER)
+    return result
 
 
 def smooth_torque(torque: np.ndarray, step: float) -> np.ndarray:

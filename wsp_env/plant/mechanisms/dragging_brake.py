@@ -1,16 +1,16 @@
 """One axle's brake drags: a torque stays on it from its first application on, whatever the pressure in the cylinder.
 
-A caliper or rigging that sticks once it was applied does not let go of the disc. The torque is constant while the wheel turns,
-also while the WSP vents the cylinder; form and size: assumption.
+A caliper or rigging that sticks once it was applied does not let go of the disc; one that has stuck since the stop before drags
+from the start. The torque is constant while the wheel turns, also while the WSP vents the cylinder; form and size: assumption.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Doing, Parameter, Passage, Said, Signature, brakes, concerns, each_axle, itself
+from wsp_env.plant.card import Card, Doing, Parameter, Passage, Recorded, Said, Signature, brakes, concerns, itself
 
 
 class Parameters(NamedTuple):
@@ -18,6 +18,7 @@ class Parameters(NamedTuple):
 
     torque_nm: float
     axle: float
+    from_start: float
 
 
 class Applied(NamedTuple):
@@ -43,15 +44,27 @@ def torque(p: Parameters, applied: Applied, i: int, k: int, torque_nm: float, do
     """Torque of axle k [N m]."""
     if p.torque_nm == 0.0 or not concerns(p.axle, k):
         return torque_nm
-    return torque_nm + applied.once[i, k] * p.torque_nm
+    drags = applied.once[i, k] if p.from_start == 0.0 else 1.0
+    return torque_nm + drags * p.torque_nm
+
+
+def when(values: Mapping[str, float]) -> Mapping[str, Any]:
+    """Return since when it drags, in words."""
+    return {"when": "from the start" if values["from_start"] else "once it was applied"}
+
+
+def axles_and_beginnings(recorded: Recorded) -> list[dict[str, float]]:
+    """Return every axle, with a brake that drags once it was applied and one that drags from the start."""
+    return [{"axle": k + 1.0, "from_start": start} for k in range(recorded.axles) for start in (0.0, 1.0)]
 
 
 CARD = Card(
     name="dragging_brake",
-    summary="one axle's brake drags from its first application on",
+    summary="one axle's brake drags, from its first application or from the start on",
     parameters=(
         Parameter("torque_nm", "N m", 0.0, 500.0, 0.0, 2e4, "assumption: a tenth of a coach's full torque per axle"),
         Parameter("axle", "-", 1.0, 1.0, 1.0, 64.0, "assumption: which wheelset, from 1", "axle"),
+        Parameter("from_start", "-", 0.0, 0.0, 0.0, 1.0, "0: once it was applied; 1: from the start", "shape"),
     ),
     record=Parameters,
     acts={"torque": torque, "after_passage": apply},
@@ -61,10 +74,11 @@ CARD = Card(
         trace="actuator and adhesion: constant on one axle, also while its cylinder is vented",
         acts_on="brake",
         next_test="rolling with the brakes released after one application: the axle is felt, or its disc stays hot",
-        said=(Said("torque_nm", "N m", itself, "axle {axle:.0f}'s brake drags with {size} once it was applied"),),
+        said=(Said("torque_nm", "N m", itself, "axle {axle:.0f}'s brake drags with {size} {when}"),),
         over="axle",
         exact=True,
-        variants=each_axle,
+        variants=axles_and_beginnings,
+        words=when,
     ),
     study={"torque_nm": 1000.0},
 )

@@ -1,0 +1,53 @@
+"""What a refit moves, and what its weights let vary in place of it."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+from synthetic_stops import stop, write_campaign
+
+from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.fitting import moved_by, refit, weigh
+from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.stops import prepare
+from wsp_env.diagnosis.variation import MU_CD, Group, law_columns
+from wsp_env.recordings import read_campaign
+
+LAW = Model(2e-4, (0.06, 0.07))
+
+
+@pytest.fixture(scope="module")
+def replica(tmp_path_factory):
+    """A stop that slides, and one whose wheels stay below 0.5 % of creepage: no slide, but near the friction that there is."""
+    slides = stop(LAW.tau, LAW.mu_cd[0], noise=1.0, seed=1)
+    rolls = stop(LAW.tau, LAW.mu_cd[1], peak=0.004, noise=1.0, seed=2)
+    folder = tmp_path_factory.mktemp("fitting") / "c"
+    write_campaign(folder, {"A1": slides, "B1": rolls}, ["A1"], ["B1"])
+    campaign = read_campaign(folder)
+    return Replica(Balances(campaign, prepare(campaign)[0]), LAW)
+
+
+@pytest.fixture(scope="module")
+def weights(replica):
+    base = replica.raw(LAW)
+    law = law_columns(replica, LAW, base)
+    groups = [Group("tau", law[:, :1], 1.0, True), Group("mu_cd", law[:, 1:], MU_CD, True)]
+    return weigh(replica, replica.whitening(LAW), groups)
+
+
+def test_the_friction_of_a_stop_that_does_not_slide_is_not_moved(replica, weights):
+    assert_array_equal(moved_by(replica), [True, True, False])
+    fitted = refit(replica, LAW, (), weights)
+    assert fitted.model.mu_cd[1] == LAW.mu_cd[1]
+    assert fitted.model.mu_cd[0] != LAW.mu_cd[0]
+    assert fitted.model.tau != LAW.tau
+    assert refit(replica, LAW, (), weights, free_law=False).model.tau == LAW.tau
+
+
+def test_what_a_refit_does_not_move_varies_in_its_weights_as_much_as_it_is_believed_to(replica, weights):
+    """A nuisance c of deviation 1 leaves c'c / (1 + c'c) of its own column; of what is moved all is left."""
+    law = weights(law_columns(replica, LAW, replica.raw(LAW))) * [1.0, MU_CD, MU_CD]
+    squares, left = np.sum(law**2, axis=0), np.diag(weights.projector.inner(law, law))
+    assert squares[2] > 10.0  # the stop would tell its friction, were it not left to the weights
+    assert left[2] == pytest.approx(squares[2] / (1.0 + squares[2]), rel=1e-9)
+    assert left[1] == pytest.approx(squares[1], rel=1e-9)

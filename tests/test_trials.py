@@ -1,0 +1,89 @@
+"""Mechanisms on trial: where refits begin, whose merit counts, weights and forms; replicas that settle."""
+
+import dataclasses
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from trial_cases import GAIN, GRADIENT, TERM, found
+
+from wsp_env.diagnosis import settle, trials
+from wsp_env.diagnosis.candidates import switched, values_in
+from wsp_env.diagnosis.covariance import Sizes
+from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.fitting import Fitted
+from wsp_env.diagnosis.interest import StopChange
+from wsp_env.diagnosis.trials import FORM
+from wsp_env.diagnosis.variation import Group
+
+
+@pytest.mark.parametrize(("own", "expected"), [(0.0, 0.0), (12.0, 12.0)])
+def test_what_those_before_explain_better_is_no_merit_of_the_next(monkeypatch, own, expected):
+    """A fit in which an accepted gain is at its right size costs 80 less, whatever is tried beside it, which adds 2 own."""
+
+    def refit(_, model, variants, __):
+        # The gain finds its way from a start that holds something else beside it, or from its right size.
+        right = "track_gradient" in model.choice or values_in(model, GAIN)[0] == 0.1
+        model = switched(model, GAIN, np.array([0.1 if right else 0.05]))
+        cost = 100.0 - 80.0 * right - 2.0 * own * ("track_gradient" in model.choice)
+        return Fitted(model, tuple(variants), (), (), cost)
+
+    monkeypatch.setattr(trials, "refit", refit)
+    monkeypatch.setattr(trials, "cost", lambda *_: 0.0)
+    monkeypatch.setattr(trials, "net_effect", lambda *_: StopChange(0.02, 0.0))
+    seen = dataclasses.replace(found(GRADIENT, 5.0), reduction=10.0)
+    screen = SimpleNamespace(found=[seen], second={}, whitening=None)
+    before = Fitted(switched(Model(2e-4, (0.06,)), GAIN, np.array([0.05])), (GAIN,), (), (), 0.0)
+    with ThreadPoolExecutor(1) as pool:
+        (one,) = trials.trials_of(None, screen, before, None, pool)
+    assert one.reduction == pytest.approx(2.0 * expected)
+    assert one.evidence == pytest.approx(5.0 + expected - 5.0)
+
+
+@pytest.mark.parametrize("best", [2.0, 0.25, 0.1])
+def test_a_refit_begins_where_the_way_to_the_linear_step_leaves_least(monkeypatch, best):
+    """Residuals bend: the linear step of a wheel that is turned by a per cent leads beyond what can be fitted."""
+    step = float(-GRADIENT.moves()[0])
+    begun = []
+
+    def refit(_, model, variants, __):
+        begun.append(values_in(model, GRADIENT)[0] / step if "track_gradient" in model.choice else None)
+        return Fitted(model, tuple(variants), (), (), 0.0 if variants else 100.0)
+
+    monkeypatch.setattr(trials, "refit", refit)
+    monkeypatch.setattr(trials, "cost", lambda _, model, __: abs(np.log(values_in(model, GRADIENT)[0] / step / best)))
+    monkeypatch.setattr(trials, "net_effect", lambda *_: StopChange(0.02, 0.0))
+    screen = SimpleNamespace(found=[found(GRADIENT, 5.0)], second={}, whitening=None)
+    with ThreadPoolExecutor(1) as pool:
+        trials.trials_of(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None, pool)
+    assert begun[1] == pytest.approx(best)
+
+
+def test_the_form_of_a_mechanism_that_is_asked_for_does_not_stand_in_for_it(monkeypatch):
+    groups = tuple(Group(name, np.zeros((3, 1)), 1.0) for name in ("track", "form of track_gradient", "form of vehicle_mass"))
+    seen = SimpleNamespace(groups=groups, sizes=Sizes(np.array([1.0, 2.0, 3.0]), np.ones(5)), whitening=None, small=groups[0])
+    monkeypatch.setattr(trials, "weigh", lambda _, __, groups, sizes: ([one.name for one in groups], list(sizes.groups)))
+    assert trials.weights_of(None, seen) == (["track", "form of track_gradient", "form of vehicle_mass", "track"], [1, 2, 3, 1])
+    assert trials.weights_of(None, seen, GRADIENT) == (["track", "form of vehicle_mass", "track"], [1, 3, 1])
+
+
+def test_a_term_s_form_may_miss_more_than_a_name_s():
+    assert trials.form_of(TERM) > trials.form_of(GRADIENT) == FORM
+
+
+@pytest.mark.parametrize(("factor", "way", "made"), [(0.0, 8.0, 2), (0.4, 8.0, 4), (0.95, 80.0, 6)])
+def test_replicas_are_made_until_sizes_settle(monkeypatch, factor, way, made):
+    """Each refit goes a share of the rest of the way, in deviations."""
+    replicas = []
+
+    def refit(_, model, variants, __):
+        values = way * (1.0 - factor ** len(replicas))
+        return Fitted(model, tuple(variants), (np.array([values]),), (np.eye(1),), 0.0)
+
+    monkeypatch.setattr(settle, "Replica", lambda *_: replicas.append(1))
+    monkeypatch.setattr(settle, "refit", refit)
+    first = Fitted(Model(2e-4, (0.06,)), (GRADIENT,), (np.zeros(1),), (np.eye(1),), 0.0)
+    _, fitted = settle.settle(None, first, None)
+    assert len(replicas) == made
+    assert fitted.values[0][0] == pytest.approx(way * (1.0 - factor**made))

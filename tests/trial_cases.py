@@ -1,0 +1,25 @@
+"""Variants, and what a search and a refit said of them."""
+
+import numpy as np
+
+from wsp_env.diagnosis.candidates import Candidate, Variant
+from wsp_env.diagnosis.interest import StopChange
+from wsp_env.diagnosis.search import Found
+from wsp_env.diagnosis.trials import Trial
+
+GRADIENT = Variant("track_gradient", ("rise",), {})
+GAIN = Variant("brake_gain_imbalance", ("gain",), {"axle": 2.0})
+TERM = Variant("discovered", ("coefficient_1",), {"slot_1": 0.0}, (100.0,), "brake torque by braking")
+
+
+def candidate(variant: Variant = GRADIENT, k: int = 1) -> Candidate:
+    return Candidate(variant, np.zeros((0, k)), np.ones(k))
+
+
+def found(variant: Variant, evidence: float) -> Found:
+    return Found(candidate(variant), evidence, np.ones(1), np.ones(1), np.ones(1), 2.0 * evidence)
+
+
+def trial(variant: Variant, evidence: float, multiple: float = 2.0) -> Trial:
+    size = StopChange(0.01 * multiple, 0.0)
+    return Trial(found(variant, evidence), variant, variant, None, evidence, 2.0 * evidence, size, price=0.0)

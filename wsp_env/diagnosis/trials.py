@@ -1,0 +1,132 @@
+"""Tries mechanisms: each refitted together with what was accepted before, with the evidence that it then has."""
+
+import dataclasses
+from collections.abc import Sequence
+from concurrent.futures import Executor
+
+import numpy as np
+
+from wsp_env.diagnosis.candidates import Variant, near, refined, switched, without
+from wsp_env.diagnosis.covariance import Sizes
+from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh
+from wsp_env.diagnosis.interest import StopChange
+from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.search import Found, Screen, net_effect
+from wsp_env.diagnosis.variation import Group, shapes
+from wsp_env.plant.mechanisms import ALL
+
+#: Mechanisms that are refitted in every round.
+TRIED = 4
+#: Shares of the linear step at which a refit may begin.
+_SHARES = (2.0, 1.0, 0.5, 0.25, 0.1)
+#: Log odds that a name of the library is missing in a campaign before it is seen: one in fifty (assumption).
+PRIOR = -float(np.log(50.0))
+#: The same of a term without a name: the library holds what practice meets (assumption: three in four).
+PRIOR_TERM = PRIOR - float(np.log(3.0))
+#: Log odds from which on a mechanism is accepted: 95 %.
+SURE = float(np.log(19.0))
+#: Share of a mechanism's effect that nature's form may differ by, over slip, speed, work, axles and runs: assumption.
+FORM = 0.2
+#: The same of a term without a name, which is one of few forms that were tried: assumption.
+FORM_TERM = 0.4
+
+
+@dataclasses.dataclass(frozen=True)
+class Trial:
+    """A mechanism refitted together with those accepted before."""
+
+    found: Found
+    listed: Variant  # as it was searched
+    variant: Variant  # with what the refit moves free
+    fitted: Fitted
+    evidence: float  # with what the refit explains more than the linear search
+    reduction: float  # of chi-square, by the refit
+    size: StopChange  # net
+    price: float  # what its sizes and variants take from half of the reduction
+
+
+def form_of(variant: Variant) -> float:
+    """Share of an effect that nature's form may differ by; none where it is what a sensor shows by geometry or by its clock."""
+    if variant.family:
+        return FORM_TERM
+    return 0.0 if ALL[variant.name].signature.exact and _on_a_sensor(variant) else FORM
+
+
+def _on_a_sensor(variant: Variant) -> bool:
+    return ALL[variant.name].signature.acts_on == "sensor"
+
+
+def odds(variant: Variant, evidence: float) -> float:
+    """Log odds that a mechanism is missing, or a term that has no name."""
+    return evidence + (PRIOR_TERM if variant.family else PRIOR)
+
+
+def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor) -> list[Trial]:
+    """Refit the mechanisms that promise most; the best first."""
+    promising = sorted(seen.found, key=lambda one: -odds(one.candidate.variant, one.evidence))[:TRIED]
+    promising = [one for one in promising if odds(one.candidate.variant, one.evidence) > 0.0]
+    if not promising:
+        return []
+    # A refit moves where a mechanism acts only from near: its next best place or band may be the better one to begin with.
+    seconds = [seen.second[one.name] for one in promising if one.name in seen.second]
+    promising += [one for one in seconds if len(refined(one.candidate.variant).sizes) > len(one.candidate.variant.sizes)]
+    start = refit(replica, fitted.model, fitted.variants, weights)
+
+    def trial(one: Found) -> Trial:
+        listed = one.candidate.variant
+        change = -one.amplitude * listed.moves()
+        best, free = start, listed
+        # The linear step may lead astray: the refit begins where the way to it leaves least. Where it acts may be found better
+        # than it was searched, or be lost.
+        on_the_way = [switched(start.model, listed, listed.null() + share * change) for share in _SHARES]
+        first, second = sorted(on_the_way, key=lambda model: cost(replica, model, weights))[:2]
+        there, wide = near(listed), refined(near(listed))
+        narrow = [(there, first)] if wide.sizes != there.sizes else []
+        for tried, begin in ((wide, first), *narrow, (wide, second)):
+            again = refit(replica, begin, (*start.variants, tried), weights)
+            if again.cost < best.cost or best is start:
+                best, free = again, tried
+            if best.cost < start.cost - 0.8 * one.reduction:
+                break
+        # Those before may fit better now for a reason of their own: no merit of the one that was tried.
+        alone = refit(replica, without(best.model, free), start.variants, weights)
+        reduction, about = min(start.cost, alone.cost) - best.cost, replica
+        if reduction < 0.8 * one.reduction and _on_a_sensor(listed):
+            # Where wheels slide the sensor itself says: asked again about a replica in which it says so.
+            about = Replica(replica.recorded, switched(start.model, there, there.null() + change))
+            again = refit(about, switched(start.model, there, there.null() + change), (*start.variants, there), weights)
+            gone = refit(about, without(again.model, there), start.variants, weights).cost - again.cost
+            if gone > reduction:
+                best, free, reduction = again, there, gone
+            else:
+                about = replica
+        price = 0.5 * one.reduction - one.evidence
+        size = net_effect(about, best.model, free, seen.whitening)
+        return Trial(one, listed, free, best, 0.5 * reduction - price, reduction, size, price)
+
+    best: dict[str, Trial] = {}
+    for one in sorted(pool.map(trial, promising), key=lambda one: -odds(one.listed, one.evidence)):
+        best.setdefault(one.listed.title, one)
+    return list(best.values())
+
+
+def weights_of(replica: Replica, seen: Screen, asked: Variant | None = None) -> Weights:
+    """Return the weights of a screen; not those of the form of a mechanism that is asked for, which would stand in for it."""
+    kept = [i for i, group in enumerate(seen.groups) if asked is None or group.name != _form_name(asked)]
+    sizes = Sizes(np.append(seen.sizes.groups[kept], 1.0), seen.sizes.noise)
+    return weigh(replica, seen.whitening, [*(seen.groups[i] for i in kept), seen.small], sizes)
+
+
+def _form_name(variant: Variant) -> str:
+    return f"form of {variant.title}"
+
+
+def forms(replica: Replica, model: Model, variants: Sequence[Variant]) -> list[Group]:
+    """Return for every mechanism that is on what it may leave of nature's form: its own effect, bent over what was measured."""
+    base, bent = replica.raw(model), shapes(replica)
+    return [
+        Group(_form_name(one), (replica.raw(without(model, one)) - base)[:, None] * bent, form_of(one), True)
+        for one in variants
+        if form_of(one) > 0.0
+    ]
