@@ -9,7 +9,7 @@ from scipy.ndimage import minimum_filter1d
 from synthetic_stops import AXLES, MASS_KG, SAMPLE_S, stops, write_campaign
 
 from wsp_env.contact.degraded import degraded_adhesion
-from wsp_env.diagnosis import quality
+from wsp_env.diagnosis import structure
 from wsp_env.diagnosis.balances import ADHESION, KINEMATICS, VEHICLE, Balances, Whitening
 from wsp_env.diagnosis.candidates import variants
 from wsp_env.diagnosis.covariance import Sizes
@@ -210,12 +210,12 @@ def test_only_what_goes_on_from_row_to_row_is_structure(correlation, expected):
     group = Group("g", 1e-6 * rng.standard_normal((n, 1)), 1.0)
     sizes = Sizes(np.ones(1), np.array([3.0, 1.0, 1.0, 1.0, 1.0]))
     last = SimpleNamespace(sizes=sizes, groups=[group], small=group, whitening=Whitening(np.ones(n), ()), base=base[order])
-    found = quality.structured(SimpleNamespace(rows=rows), last)
+    found = structure.structured(SimpleNamespace(rows=rows), last)
     assert found.size == pytest.approx(expected, abs=0.35)
     half = SimpleNamespace(**vars(rows) | {"balance": (rows.axle < 2).astype(int)})  # the same of two axles' rolling
     last.base[half.balance == KINEMATICS] *= 5.0
     if correlation:
-        assert quality.structured(SimpleNamespace(rows=half), last).balance == "kinematics"
+        assert structure.structured(SimpleNamespace(rows=half), last).balance == "kinematics"
 
 
 def test_a_term_that_leaves_the_balance_that_is_off_is_a_part():
@@ -226,7 +226,7 @@ def test_a_term_that_leaves_the_balance_that_is_off_is_a_part():
     removed = {"adhesion": 0.9, "kinematics": None, "vehicle": 0.1}
 
     def part(missing, size, balance):
-        return _describes_a_part(missing, quality.Structure(size, balance), removed)
+        return _describes_a_part(missing, structure.Structure(size, balance), removed)
 
     assert part([term], 9.0, "kinematics")
     assert part([term], 9.0, "vehicle")

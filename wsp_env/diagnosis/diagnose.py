@@ -18,10 +18,11 @@ from wsp_env.diagnosis.effects import course, curve, held_out
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import baseline, sliding
 from wsp_env.diagnosis.locate import locate, residual_map
-from wsp_env.diagnosis.quality import Quality, Structure, quality, structured
+from wsp_env.diagnosis.quality import Quality, quality
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import detectable, net_change
 from wsp_env.diagnosis.stops import PreparedStop, prepare
+from wsp_env.diagnosis.structure import STRUCTURED, Structure, structured
 from wsp_env.diagnosis.timing import aligned, times
 from wsp_env.diagnosis.trials import FORM, form_of
 from wsp_env.diagnosis.words import next_test, sentence
@@ -30,9 +31,6 @@ from wsp_env.recordings import Campaign, CampaignError
 
 #: A run whose residuals are so many times the others' is left out as damaged.
 _DAMAGED = 5.0
-#: What goes on from row to row over the channels' own noise, beside all that varies, from which on no model holds: what is as
-#: large as the noise is seen in any plot.
-_STRUCTURED = 1.0
 #: Share of the held-out residual from which on what was found stands, whatever is left beside it: half.
 _MOST_REMOVED = 0.5
 #: Mean squares of the extended model over the baseline's, from which on it fits worse, beyond what rounding makes.
@@ -114,12 +112,12 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     left = structured(outcome.replica, outcome.last)
     # What is worth nothing on runs that it was not fitted to is no finding, nor what leaves most of what could be removed.
     worthless = bool(missing) and (worse or (removed is not None and removed <= 0.0))
-    unexplained = left.size > _STRUCTURED and (removed or 0.0) < _MOST_REMOVED
+    unexplained = left.size > STRUCTURED and (removed or 0.0) < _MOST_REMOVED
     part = _describes_a_part(missing, left, found.removed_of)
     unexplained |= part
     holds = not worthless and not unexplained
     if worthless:
-        unexplained = structured(replica, outcome.first).size > _STRUCTURED
+        unexplained = structured(replica, outcome.first).size > STRUCTURED
     named = tuple(_named(replica, outcome, one, found) for one in missing if not one.trial.listed.family) if holds else ()
     terms = tuple(_discovered(replica, outcome, one, found) for one in missing if one.trial.listed.family) if holds else ()
     verdict = _verdict(named, terms, bool(named or terms) or unexplained, bool(sliding(replica).any()))
@@ -144,7 +142,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         small += [f"seen in the runs to tune on, but worth nothing on those held out: {one.words}" for one in missing]
     if part and not worthless:
         small += [f"seen, but most of what goes on in the {left.balance} balance is left by it: {one.words}" for one in missing]
-    if holds and missing and left.size > _STRUCTURED:
+    if holds and missing and left.size > STRUCTURED:
         small.append(f"what is left still goes on from row to row, {left.size:.1f} times as large as the channels' noise")
     return Diagnosis(
         campaign=replica.campaign.name,
@@ -176,7 +174,7 @@ def _describes_a_part(missing: Sequence[Accepted], left: Structure, removed_of: 
     left: where what goes on is not removed by it, it is a part of something that no term can say.
     """
     only_terms = bool(missing) and all(one.trial.listed.family for one in missing)
-    return only_terms and left.size > _STRUCTURED and (removed_of[left.balance] or 0.0) < _MOST_REMOVED
+    return only_terms and left.size > STRUCTURED and (removed_of[left.balance] or 0.0) < _MOST_REMOVED
 
 
 def _verdict(named: tuple[Named, ...], terms: tuple[Discovered, ...], seen: bool, slides: bool) -> Verdict:

@@ -15,11 +15,10 @@ from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights, refit, weigh
 from wsp_env.diagnosis.gls import fit
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.search import Screen, held_out_rows
+from wsp_env.diagnosis.search import held_out_rows
 from wsp_env.diagnosis.trials import SURE
 from wsp_env.diagnosis.variation import law_columns
 
-_LEAST_PAIRS = 20  # neighbouring rows of a balance that say whether one follows the other
 _BEYOND = 2.0  # deviations of chi-square by which the baseline must misfit, that a share of it can be removed: assumption
 
 
@@ -43,13 +42,6 @@ class Left(NamedTuple):
     before: float
     after: float
     best: float  # with the mechanisms' sizes fitted to these very rows
-
-
-class Structure(NamedTuple):
-    """What goes on from row to row in what a model leaves."""
-
-    size: float  # over the channels' noise
-    balance: str  # in which it is largest
 
 
 def quality(replica: Replica, outcome: Outcome) -> Quality:
@@ -147,25 +139,3 @@ def _removed(held: Left | None, rows: int) -> float | None:
     if held is None or held.before <= max(held.best, 1.0) + _BEYOND * float(np.sqrt(2.0 / rows)):
         return None
     return (held.before - held.after) / (held.before - min(held.best, 1.0))
-
-
-def structured(replica: Replica, seen: Screen) -> Structure:
-    """Return how large what goes on from row to row is in what the model of a search leaves, and where.
-
-    Noise of any size says that channels are noisy; what a row shares with the next one of the same axle and run is physics that
-    neither model nor nuisances describe. The largest root of the rows' autocovariance, over the balances.
-    """
-    sizes = Sizes(np.append(seen.sizes.groups, 1.0), seen.sizes.noise)
-    weights = weigh(replica, seen.whitening, [*seen.groups, seen.small], sizes)
-    rows = replica.rows
-    left = seen.whitening.plain(weights.projector.rest(weights(seen.base)) * weights.noise)
-    order = np.lexsort((rows.time, rows.axle, rows.run, rows.balance))
-    one, two = order[:-1], order[1:]
-    follows = (rows.balance[one] == rows.balance[two]) & (rows.run[one] == rows.run[two]) & (rows.axle[one] == rows.axle[two])
-    shared = [(0.0, BALANCES[0])]
-    for balance in np.unique(rows.balance):
-        mine = follows & (rows.balance[one] == balance)
-        if mine.sum() >= _LEAST_PAIRS:
-            shared.append((float(np.mean(left[one[mine]] * left[two[mine]])), BALANCES[balance]))
-    size, where = max(shared)
-    return Structure(float(np.sqrt(size)), where)

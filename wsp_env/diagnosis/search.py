@@ -49,11 +49,18 @@ class Found:
     multiple: np.ndarray  # (k,) of the smallest effect of interest
     deviation: np.ndarray  # (k,) of the multiples
     reduction: float  # of chi-square, against the same mechanism at a small size
+    against_none: tuple[float, float] = (-np.inf, 0.0)  # evidence and reduction against the model without the mechanism
 
     @property
     def name(self) -> str:
         """Name of the candidate."""
         return self.candidate.variant.title
+
+    @property
+    def of_any_size(self) -> "Found":
+        """The same, asked whether the mechanism is there at all, however small."""
+        evidence, reduction = self.against_none
+        return dataclasses.replace(self, evidence=evidence, reduction=reduction)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -294,7 +301,7 @@ def _freed(mean: np.ndarray, covariance: np.ndarray, small: float) -> tuple[np.n
 def _one(one: Candidate, centre: np.ndarray, spread: np.ndarray, variants: int, least: float = SMALL) -> Found:
     """Judge one candidate by what the recordings say of its size: centre (k,) and covariance."""
     k = len(centre)
-    small, large = np.eye(k) * least**2, np.eye(k) * LARGE**2
+    small, large, price = np.eye(k) * least**2, np.eye(k) * LARGE**2, float(np.log(variants))
 
     def log_density(prior: np.ndarray) -> float:
         whole = spread + prior
@@ -302,11 +309,14 @@ def _one(one: Candidate, centre: np.ndarray, spread: np.ndarray, variants: int, 
 
     multiple = large @ np.linalg.solve(spread + large, centre)
     bare = dataclasses.replace(one, columns=np.zeros((0, k)))
+    none = log_density(large) - log_density(0.0 * large) - price, float(centre @ np.linalg.solve(spread, centre))
     found = Found(
-        bare, log_density(large) - log_density(small) - float(np.log(variants)), multiple / one.scale, multiple,
-        np.sqrt(np.diag(spread)), float(centre @ np.linalg.solve(spread + small, centre)),
+        bare, log_density(large) - log_density(small) - price, multiple / one.scale, multiple,
+        np.sqrt(np.diag(spread)), float(centre @ np.linalg.solve(spread + small, centre)), none,
     )  # fmt: skip
-    return found if can_be(one, found.amplitude) else dataclasses.replace(found, evidence=-np.inf)
+    if can_be(one, found.amplitude):
+        return found
+    return dataclasses.replace(found, evidence=-np.inf, against_none=(-np.inf, 0.0))
 
 
 def can_be(one: Candidate, amplitude: np.ndarray) -> bool:

@@ -2,8 +2,8 @@
 
 A train that brakes swings along its length, at some tenths of a hertz to one hertz with buffers and draw gear between coaches
 (Q. Wu, M. Spiryagin, C. Cole, Longitudinal train dynamics: an overview, Vehicle System Dynamics 54 (2016) 1688-1714). Here one
-harmonic that the first application of the brake sets off: in full while the brake is applied, `RELEASED` of it otherwise; or
-that goes on in full from the start of the stop, of a train that swings already. Its size, and that it neither grows nor dies
+harmonic that the first application of the brake sets off, or that goes on from the start of the stop, of a train that swings
+already: in full while the brake is applied, a share of it otherwise. Its size, and that it neither grows nor dies
 away within a stop, are assumptions.
 """
 
@@ -16,8 +16,9 @@ import numpy as np
 from wsp_env.compiled import inlined
 from wsp_env.plant.card import APPLIED_SHARE, Card, Moment, Parameter, Recorded, Said, Signature
 
-#: Share of the force while no brake is applied (assumption: buffers that are not pressed together).
-RELEASED = 0.3
+#: Shares of the force while no brake is applied, that are tried in recordings: as buffers that are pressed together by the
+#: brake alone, and as a train that swings all the same (assumptions); a refit moves them.
+_RELEASED = 0.3, 1.0
 
 
 class Parameters(NamedTuple):
@@ -27,6 +28,7 @@ class Parameters(NamedTuple):
     cosine_n: float
     frequency_hz: float
     from_start: float
+    released: float
 
 
 class Swing(NamedTuple):
@@ -46,21 +48,24 @@ def force(p: Parameters, swing: Swing, i: int, speed_mps: float, believed_n: flo
     """Force against the motion [N]; notes the first application."""
     if p.sine_n == 0.0 and p.cosine_n == 0.0:
         return 0.0
-    share = 1.0
-    if p.from_start == 0.0:
-        applied = moment.braking > APPLIED_SHARE
-        if swing.once[i] == 0.0:
-            if not applied:
-                return 0.0
-            swing.once[i], swing.since_s[i] = 1.0, moment.time_s
-        share = 1.0 if applied else RELEASED
+    applied = moment.braking > APPLIED_SHARE
+    if p.from_start == 0.0 and swing.once[i] == 0.0:
+        if not applied:
+            return 0.0
+        swing.once[i], swing.since_s[i] = 1.0, moment.time_s
+    share = 1.0 if applied else p.released
     phase = 2.0 * math.pi * p.frequency_hz * (moment.time_s - swing.since_s[i])
     return share * (p.sine_n * math.sin(phase) + p.cosine_n * math.cos(phase))
 
 
 def frequencies(recorded: Recorded) -> list[dict[str, float]]:
     """Return the frequencies at which the recorded speed swings, set off by the brake or going on from the start."""
-    return [{"frequency_hz": frequency, "from_start": start} for frequency in recorded.swings_hz for start in (0.0, 1.0)]
+    ways = [(0.0, _RELEASED[0]), *((1.0, share) for share in _RELEASED)]
+    return [
+        {"frequency_hz": frequency, "from_start": start, "released": share}
+        for frequency in recorded.swings_hz
+        for start, share in ways
+    ]
 
 
 def _kilo(force_n: float) -> float:
@@ -79,6 +84,7 @@ CARD = Card(
         Parameter("cosine_n", "N", 0.0, 2000.0, -5e4, 5e4, "assumption: the same, a quarter of a period earlier"),
         Parameter("frequency_hz", "Hz", 0.3, 0.3, 0.05, 5.0, "Wu, Spiryagin, Cole (2016)", "shape", refit_step=0.005),
         Parameter("from_start", "-", 0.0, 0.0, 0.0, 1.0, "0: the brake sets it off; 1: it goes on from the start", "shape"),
+        Parameter("released", "-", 0.3, 0.3, 0.0, 1.0, "assumption: share while no brake is applied", "shape", refit_step=0.05),
     ),
     record=Parameters,
     acts={"force": force},
