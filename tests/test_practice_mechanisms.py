@@ -19,7 +19,7 @@ from wsp_env.diagnosis.search import net_effect
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.parameters.uic_z1 import BOGIE, COACH
 from wsp_env.plant.longitudinal.along import Belief, Trajectory, along, model
-from wsp_env.plant.mechanisms import ALL, at_stop, sanding
+from wsp_env.plant.mechanisms import ALL, adhesion_patch, at_stop, sanding
 from wsp_env.recordings import read_campaign
 
 NAMES = (
@@ -192,6 +192,16 @@ def test_a_coupler_force_has_no_mean_and_is_less_without_braking():
     assert_allclose(force[released], 0.3 * expected[released], atol=1e-6)
 
 
+@pytest.mark.parametrize("released", [0.0, 0.3, 1.0])
+def test_a_train_that_swings_already_pushes_from_the_start(released):
+    measured = trajectory(lambda time: np.where((time >= 1.0) & (time < 5.0), FULL_NM, 0.0), seconds=7.0)
+    swing = {"frequency_hz": 0.5, "sine_n": 3000.0, "cosine_n": 0.0, "from_start": 1.0, "released": released}
+    force = said(measured, "coupler_force", **swing).resistance_n
+    expected = 3000.0 * np.sin(np.pi * measured.time_s)
+    braking = (measured.time_s >= 1.0) & (measured.time_s < 5.0)
+    assert_allclose(force, np.where(braking, 1.0, released) * expected, atol=1e-6)
+
+
 def test_a_coupler_force_moves_the_vehicle_by_its_impulse():
     """On a rail without slip the vehicle and its wheels lose what the force pushes, and have it back after a period."""
     frequency, force = 0.5, 2000.0
@@ -210,6 +220,18 @@ def test_a_coupler_force_moves_the_vehicle_by_its_impulse():
     omega = 2.0 * np.pi * frequency
     expected = np.where(time > 0.0, -force / (mass * omega) * (1.0 - np.cos(omega * np.maximum(time, 0.0))), 0.0)
     assert_allclose(changes, expected, atol=0.02 * force / (mass * omega))
+
+
+def test_edges_of_a_patch_are_as_wide_as_they_are_said_to_be():
+    """Half of the change at either end, 0.76 of it within an edge's width about them; a sharp patch is a box."""
+    at = np.array([-500.0, 70.0, 100.0, 130.0, 250.0, 370.0, 400.0, 430.0, 900.0])
+    wide = {"start_m": 100.0, "length_m": 300.0, "edge_m": 30.0}
+    changed = np.array([adhesion_patch.friction_factor(adhesion_patch.Parameters(-0.4, **wide), x) for x in at]) - 1.0
+    within = 0.5 * (1.0 + np.tanh([-1.0, 0.0, 1.0]))
+    assert_allclose(changed, -0.4 * np.array([0.0, *within, 1.0, *within[::-1], 0.0]), atol=2e-4)
+    assert_allclose(changed, -0.4 * adhesion_patch.inside(wide, at), atol=1e-12)
+    box = np.array([adhesion_patch.friction_factor(adhesion_patch.Parameters(-0.4, **wide | {"edge_m": 0.5}), x) for x in at])
+    assert_allclose(box, [1.0, 1.0, 0.8, 0.6, 0.6, 0.6, 0.8, 1.0, 1.0], atol=1e-9)
 
 
 def test_the_rail_of_a_later_stop_recovers_sooner():

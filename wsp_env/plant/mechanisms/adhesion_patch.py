@@ -1,7 +1,7 @@
 """A stretch of track with another friction of the contaminated rail.
 
-mu_cd is multiplied by 1 + change between `start_m` and `start_m + length_m`, with edges of `EDGE_M` (leaves, a crossing, a
-sprayed section: the standard's sudden change of adhesion). Form and sizes: assumption.
+mu_cd is multiplied by 1 + change between `start_m` and `start_m + length_m`, with edges as wide as `edge_m`: a crossing and a
+sprayed section, the standard's sudden change of adhesion, have sharp ones, fallen leaves do not. Form and sizes: assumption.
 """
 
 import math
@@ -13,8 +13,8 @@ import numpy as np
 from wsp_env.compiled import inlined
 from wsp_env.plant.card import Card, Parameter, Recorded, Said, Signature, percent
 
-#: Width of an edge [m] (assumption: about an axle distance; keeps the friction differentiable by place).
-EDGE_M = 2.0
+#: Width of a sharp edge [m] (assumption: about an axle distance; keeps the friction differentiable by place).
+_SHARP_M = 2.0
 
 #: Lengths of a patch that are tried in recordings [m]; half of one apart along the track (assumption).
 _LENGTHS_M = (30.0, 60.0, 120.0)
@@ -26,6 +26,7 @@ class Parameters(NamedTuple):
     change: float
     start_m: float
     length_m: float
+    edge_m: float
 
 
 @inlined
@@ -33,8 +34,8 @@ def friction_factor(p: Parameters, place_m: float) -> float:
     """Factor of mu_cd [-] at a place on the track [m]."""
     if p.change == 0.0:
         return 1.0
-    entered = math.tanh((place_m - p.start_m) / EDGE_M)
-    left = math.tanh((place_m - p.start_m - p.length_m) / EDGE_M)
+    entered = math.tanh((place_m - p.start_m) / p.edge_m)
+    left = math.tanh((place_m - p.start_m - p.length_m) / p.edge_m)
     return 1.0 + 0.5 * p.change * (entered - left)
 
 
@@ -44,7 +45,7 @@ def stretches(recorded: Recorded) -> list[dict[str, float]]:
         return []
     first, last = np.quantile(recorded.places_m, [0.01, 0.99])
     return [
-        {"start_m": float(start), "length_m": length}
+        {"start_m": float(start), "length_m": length, "edge_m": _SHARP_M}
         for length in _LENGTHS_M
         for start in np.arange(first - length / 2, last - length / 4, length / 2)
     ]
@@ -53,7 +54,7 @@ def stretches(recorded: Recorded) -> list[dict[str, float]]:
 def inside(shape: Mapping[str, float], place_m: np.ndarray) -> np.ndarray:
     """Return the share of log mu_cd (n,) that a small change moves at places (n,) [m], see `friction_factor`."""
     entered, left = place_m - shape["start_m"], place_m - shape["start_m"] - shape["length_m"]
-    result: np.ndarray = 0.5 * (np.tanh(entered / EDGE_M) - np.tanh(left / EDGE_M))
+    result: np.ndarray = 0.5 * (np.tanh(entered / shape["edge_m"]) - np.tanh(left / shape["edge_m"]))
     return result
 
 
@@ -69,6 +70,9 @@ CARD = Card(
         Parameter("change", "-", 0.0, -0.3, -0.95, 5.0, "assumption: relative change of mu_cd on the patch"),
         Parameter("start_m", "m", 0.0, 200.0, -1e5, 1e6, "assumption: place along the track", "shape", refit_step=2.0),
         Parameter("length_m", "m", 100.0, 100.0, 1.0, 1e5, "assumption: length of the patch", "shape", refit_step=2.0),
+        Parameter(
+            "edge_m", "m", _SHARP_M, _SHARP_M, 0.5, 100.0, "assumption: 0.76 of its change within", "shape", refit_step=0.5
+        ),
     ),
     record=Parameters,
     acts={"contaminated_friction": friction_factor},
