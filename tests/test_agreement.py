@@ -45,7 +45,7 @@ def asked(monkeypatch):
 @given(st.integers(2, 12), st.floats(0.0, 400.0), st.floats(0.0, 50.0))
 def test_with_the_unknown_factor_integrated_out_it_is_the_ratio_of_the_two_likelihoods(runs, evidence, missed):
     """Of a size free and of none, with an inverse chi-square belief about the factor, by quadrature."""
-    found = Agreement(1.0 + np.full(runs, np.sqrt(missed / runs)), np.ones(runs))
+    found = Agreement(1.0 + np.full(runs, np.sqrt(missed / runs)), np.ones(runs), np.full(runs, 1.0 / runs))
     log_factor = np.linspace(-10.0, 15.0, 2001)
     belief = stats.invgamma(BELIEVED / 2.0, scale=BELIEVED / 2.0).logpdf(np.exp(log_factor)) + log_factor
 
@@ -59,10 +59,21 @@ def test_with_the_unknown_factor_integrated_out_it_is_the_ratio_of_the_two_likel
 
 
 def test_many_runs_that_agree_leave_the_evidence_and_runs_that_do_not_take_it():
-    many = Agreement(np.full(10_000, 1.0) + np.tile([-0.1, 0.1], 5000), np.full(10_000, 100.0))
+    many = Agreement(np.full(10_000, 1.0) + np.tile([-0.1, 0.1], 5000), np.full(10_000, 100.0), np.full(10_000, 1e-4))
     assert many.left_of(20.0) == pytest.approx(20.0, rel=0.01)
-    scattered = Agreement(np.array([-1.2, 1.3, 6.2, -4.1, 0.7]), np.full(5, 17.0))
+    scattered = Agreement(np.array([-1.2, 1.3, 6.2, -4.1, 0.7]), np.full(5, 17.0), np.full(5, 0.2))
     assert scattered.left_of(50.0) < 2.0
+
+
+def test_a_run_counts_as_much_as_it_weighs_in_the_common_size():
+    """The variance of a weighted mean of runs whose errors have factors of their own, over that without these."""
+    variance, factor = np.array([1.0, 2.0, 20.0]), np.array([1.0, 1.0, 9.0])
+    weight = (1.0 / variance) / (1.0 / variance).sum()
+    rng = np.random.default_rng(2)
+    runs = 1.0 + rng.standard_normal((20_000, 3)) * np.sqrt(variance * factor)
+    expected = 3.0 * np.var(runs @ weight) * (1.0 / variance).sum()
+    # About the common size as it is, of which an estimate would take a part.
+    assert np.mean([Agreement(one, 1.0 / variance, weight).missed for one in runs]) == pytest.approx(expected, rel=0.05)
 
 
 @pytest.mark.parametrize("sizes", [(1.0,) * 6, (5.0, -3.0, 6.0, -4.0, 5.0, -3.0)])

@@ -6,6 +6,10 @@ to run (`wsp_env.diagnosis.trials.FORM`). Where the runs miss the common size by
 varies is too small in just this direction, and so is the uncertainty that the evidence was computed with. By which factor is
 unknown: it is believed to be 1, and learned from the runs. With the factor integrated out, a likelihood ratio is Student's t's
 (Wedderburn, Biometrika 61, 1974, on the factor; Gelman et al., Bayesian data analysis, 2014, chapter 3, on the integral).
+
+A run counts as much as it weighs in the common size: a gentle stop in which hardly a wheel slides says nothing of a slide, and
+what it misses says nothing of how far the others err (the variance of a weighted mean of runs that err by factors of their own;
+Liang and Zeger, Biometrika 73, 1986).
 """
 
 from typing import NamedTuple
@@ -29,6 +33,7 @@ class Agreement(NamedTuple):
 
     multiples: np.ndarray  # (R,) of the size fitted to all
     information: np.ndarray  # (R,) 1 / variance of the same, that of the form included
+    weight: np.ndarray  # (R,) share of each in the common size
 
     @property
     def misses(self) -> np.ndarray:
@@ -36,10 +41,15 @@ class Agreement(NamedTuple):
         result: np.ndarray = self.information * (self.multiples - 1.0) ** 2
         return result
 
+    @property
+    def missed(self) -> float:
+        """Sum of squares by which they miss it, each as much as it weighs: as many as there are runs are expected."""
+        return len(self.multiples) * float(self.weight @ self.misses)
+
     def left_of(self, evidence: float) -> float:
         """Return what is left of an evidence."""
         counts = BELIEVED + len(self.multiples)
-        return 0.5 * (counts + 1.0) * float(np.log1p(2.0 * max(evidence, 0.0) / (BELIEVED + self.misses.sum())))
+        return 0.5 * (counts + 1.0) * float(np.log1p(2.0 * max(evidence, 0.0) / (BELIEVED + self.missed)))
 
 
 def agreement(replica: Replica, model: Model, variant: Variant, weights: Weights, form: float = 0.0) -> Agreement:
@@ -65,4 +75,5 @@ def agreement(replica: Replica, model: Model, variant: Variant, weights: Weights
         asks.append(float(known[0, 1] - friction[0] * known[1, 2]))
     information = np.array(says)
     used = information > _LEAST_SHARE * information.sum()
-    return Agreement(1.0 + np.array(asks)[used] / information[used], 1.0 / (1.0 / information[used] + form**2))
+    multiples, known = 1.0 + np.array(asks)[used] / information[used], 1.0 / (1.0 / information[used] + form**2)
+    return Agreement(multiples, known, information[used] / information[used].sum())
