@@ -284,8 +284,10 @@ def own(monkeypatch):
     monkeypatch.setattr(decide, "refit", lambda replica, model, variants, _: Fitted(model, tuple(variants), (), (), 100.0))
     monkeypatch.setattr(decide, "net_effect", lambda *_: StopChange(0.04, 0.0))
 
-    def ask(cost: float, pulls: bool = False, left: float = 20.0) -> decide.Held | None:
+    def ask(cost: float, pulls: bool = False, left: float = 20.0, again: float | None = None) -> decide.Held | None:
         monkeypatch.setattr(decide, "settle", lambda *_: ("own replica", dataclasses.replace(one.fitted, cost=cost)))
+        anew = dataclasses.replace(one.fitted, cost=cost if again is None else again)
+        monkeypatch.setattr(decide, "settle_anew", lambda *_: ("another replica", anew))
         monkeypatch.setattr(decide, "_pulls", lambda *_: pulls)
         monkeypatch.setattr(decide, "agreement", lambda *_: SimpleNamespace(left_of=lambda evidence: left))
         return decide._about_its_own(SimpleNamespace(recorded=None), SimpleNamespace(whitening=None), None, one)
@@ -303,8 +305,9 @@ def test_a_trial_has_the_evidence_and_size_that_it_has_about_its_own_replica(own
 
 
 def test_what_runs_away_about_its_own_replica_does_not_hold(own):
-    assert own(150.0) is not None
+    assert own(150.0).replica == "own replica"
     assert own(250.0) is None
+    assert own(250.0, again=60.0).replica == "another replica"  # it settles from elsewhere
 
 
 def test_what_pulls_nuisances_or_is_not_alike_in_the_runs_does_not_hold(own):

@@ -9,7 +9,7 @@ import pytest
 from trial_cases import GAIN, GRADIENT, TERM, found
 
 from wsp_env.diagnosis import settle, trials
-from wsp_env.diagnosis.candidates import switched, values_in
+from wsp_env.diagnosis.candidates import Variant, switched, values_in
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted
@@ -87,3 +87,29 @@ def test_replicas_are_made_until_sizes_settle(monkeypatch, factor, way, made):
     _, fitted = settle.settle(None, first, None)
     assert len(replicas) == made
     assert fitted.values[0][0] == pytest.approx(way * (1.0 - factor**made))
+
+
+@pytest.mark.parametrize("truth", [0.0098, 0.0152, 0.031])
+def test_what_ran_away_settles_anew_from_the_share_that_fits_best_about_its_own_replica(monkeypatch, truth):
+    """A gradient that the straight line puts at 20 per mille; the fit about a replica goes from there to a valley beside it."""
+
+    def refit(replica, model, variants, _):
+        rise = model.choice[GRADIENT.name]["rise"]
+        near = abs(replica - truth) < 0.003
+        end = (truth if near else rise + 0.01) if variants else rise
+        cost = 100.0 + 1e6 * abs(end - truth)
+        return Fitted(switched(model, GRADIENT, np.array([end])), tuple(variants), (np.array([end]),), (np.eye(1),), cost)
+
+    monkeypatch.setattr(settle, "Replica", lambda _, model: model.choice[GRADIENT.name]["rise"])
+    monkeypatch.setattr(settle, "refit", refit)
+    ran = Fitted(switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.02])), (GRADIENT,), (), (), 5000.0)
+    _, fitted = settle.settle_anew(None, ran, GRADIENT, None)
+    assert fitted.values[0][0] == pytest.approx(truth)
+    assert fitted.cost == pytest.approx(100.0)
+
+
+def test_a_share_of_a_size_leaves_where_it_acts():
+    patch = Variant("adhesion_patch", ("change", "start_m", "length_m"), {})
+    assert settle._scaled(patch, np.array([-0.4, 300.0, 60.0]), 0.5) == pytest.approx([-0.2, 300.0, 60.0])
+    slope = Variant("initial_slope", ("factor",), {})
+    assert settle._scaled(slope, np.array([0.4]), 1.5) == pytest.approx([0.1])

@@ -21,7 +21,7 @@ from wsp_env.diagnosis.fitting import Fitted, Weights, refit, weigh
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
-from wsp_env.diagnosis.settle import settle
+from wsp_env.diagnosis.settle import settle, settle_anew
 from wsp_env.diagnosis.structure import STRUCTURED, structured
 from wsp_env.diagnosis.trials import FORM, SURE, Trial, form_of, forms, odds, trials_of, weights_of
 
@@ -182,6 +182,8 @@ def _about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Tria
     About the replica that it was found with a mechanism that bends is a straight line at its end.
     """
     own, fitted = settle(replica.recorded, trial.fitted, weights)
+    if fitted.cost > _RUN_AWAY * trial.fitted.cost:
+        own, fitted = settle_anew(replica.recorded, trial.fitted, trial.variant, weights)
     if fitted.cost > _RUN_AWAY * trial.fitted.cost:
         return None
     others = [one for one in fitted.variants if one is not trial.variant]

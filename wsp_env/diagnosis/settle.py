@@ -6,6 +6,7 @@ What a mechanism does bends: about the baseline it is linear over a part of its 
 import numpy as np
 
 from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.candidates import Variant, parameter_of, switched, values_in
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.replica import Replica
 
@@ -14,6 +15,9 @@ from wsp_env.diagnosis.replica import Replica
 _REPLICAS = 2, 6
 #: Deviations by which a size still moves from replica to replica, below which it has settled.
 _SETTLED = 0.5
+#: Shares of a mechanism's size from which a fit that has run away begins anew: where it bends, the straight line about the
+#: baseline ends short of its size or beyond it.
+_SHARES = (0.5, 0.75, 1.25, 1.5)
 
 
 def settle(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Replica, Fitted]:
@@ -29,3 +33,23 @@ def settle(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Replic
         if made >= _REPLICAS[0] and moved < _SETTLED:
             break
     return replica, fitted
+
+
+def settle_anew(recorded: Balances, fitted: Fitted, variant: Variant, weights: Weights) -> tuple[Replica, Fitted]:
+    """Settle from that share of a mechanism's size about whose own replica the model fits best."""
+    others = [one for one in fitted.variants if one is not variant]
+    tried = []
+    for share in _SHARES:
+        model = switched(fitted.model, variant, _scaled(variant, values_in(fitted.model, variant), share))
+        replica = Replica(recorded, model)
+        tried.append((refit(replica, model, others, weights), replica))
+    best, replica = min(tried, key=lambda one: one[0].cost)
+    return settle(recorded, refit(replica, best.model, fitted.variants, weights), weights)
+
+
+def _scaled(variant: Variant, values: np.ndarray, share: float) -> np.ndarray:
+    """Return the values (k,) with a share of the sizes; what says where a mechanism acts stays."""
+    null = variant.null()
+    size = np.array([parameter_of(variant.name, name).kind == "size" for name in variant.sizes])
+    result: np.ndarray = np.where(size, null + share * (values - null), values)
+    return result
