@@ -15,6 +15,7 @@ from wsp_env.diagnosis.balances import NOISES, Whitening
 from wsp_env.diagnosis.candidates import Variant, parameter_of, refined, switched, values_in, without
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.decide import MATTERS, belief
+from wsp_env.diagnosis.diagnose import _evidence
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights
 from wsp_env.diagnosis.gls import Projector
@@ -387,6 +388,12 @@ def test_what_pulls_a_nuisance_is_no_finding(cancels, expected):
 
     on = switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.002]))
     assert decide._pulls(Replica(), on, Model(2e-4, (0.06,)), weights) == expected
+
+
+def test_nothing_is_said_of_what_cannot_be():
+    """A brake that pushes, say: its evidence is no number, which JSON does not have either."""
+    told = _evidence((found(GRADIENT, 4.0), found(GAIN, -np.inf), found(TERM, -1.0)))
+    assert [one.name for one in told] == ["track_gradient", "brake torque by braking"]
 
 
 def test_only_what_matters_is_missing():

@@ -20,7 +20,7 @@ from wsp_env.diagnosis.fitting import baseline, sliding
 from wsp_env.diagnosis.locate import locate, residual_map
 from wsp_env.diagnosis.quality import Quality, quality
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.search import detectable, net_change
+from wsp_env.diagnosis.search import Found, detectable, net_change
 from wsp_env.diagnosis.stops import PreparedStop, prepare
 from wsp_env.diagnosis.structure import STRUCTURED, Structure, structured
 from wsp_env.diagnosis.timing import aligned, times
@@ -153,10 +153,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         fit=found.fit,
         detectable=detectable(outcome.first),
         next_test=next_test(verdict, named, reasons, where, terms),
-        evidence=tuple(
-            Evidence(one.name, one.reduction, (), one.evidence / _LOG10, 0.0, float(np.abs(one.multiple).max()))
-            for one in outcome.first.found[:_EVIDENCE_REPORTED]
-        ),
+        evidence=_evidence(outcome.first.found),
         model=model_json(replica, extended),
         residuals=residual_map(replica, replica.baseline, extended, found.weights),
         runs=held_out(replica.recorded, found.before, found.after),
@@ -164,6 +161,15 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         course=course(replica.recorded, found.before, found.after, where),
         discovered=terms,
         worth=_worth(outcome, extended, missing) if named or terms else None,
+    )
+
+
+def _evidence(found: Sequence[Found]) -> tuple[Evidence, ...]:
+    """Return what the search says of the candidates that promise most; of what cannot be, nothing is said."""
+    possible = [one for one in found if np.isfinite(one.evidence)]
+    return tuple(
+        Evidence(one.name, one.reduction, (), one.evidence / _LOG10, 0.0, float(np.abs(one.multiple).max()))
+        for one in possible[:_EVIDENCE_REPORTED]
     )
 
 
