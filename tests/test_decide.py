@@ -56,15 +56,6 @@ def test_evidence_is_the_ratio_of_the_two_likelihoods(centre, spread):
     assert one.evidence == pytest.approx(expected, abs=1e-9)
 
 
-@given(st.floats(-20.0, 20.0), st.floats(0.01, 3.0), st.integers(1, 9))
-def test_evidence_of_any_size_is_the_ratio_to_none_at_all(centre, spread, variants):
-    one = _one(candidate(), np.array([centre]), np.array([[spread**2]]), variants)
-    large = norm.logpdf(centre, 0.0, np.hypot(spread, LARGE))
-    asked = one.of_any_size
-    assert asked.evidence == pytest.approx(large - norm.logpdf(centre, 0.0, spread) - np.log(variants), abs=1e-6)
-    assert asked.reduction == pytest.approx((centre / spread) ** 2)
-
-
 def test_variants_cost_their_logarithm_and_nothing_small_is_evidence():
     one, many = (_one(candidate(), np.array([2.0]), np.array([[0.01]]), count) for count in (1, 20))
     assert one.evidence - many.evidence == pytest.approx(np.log(20.0))
@@ -335,36 +326,6 @@ def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, l
     assert [one.name for one in accepted] == kept
     assert fitted.variants == ((GAIN,) if loss < 10.0 else (GRADIENT, GAIN))
     assert asked == ["track_gradient"] * 2  # both fits without what the form of the one that is asked for may do in its place
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "expected"),
-    [(0.9, {}, None), (3.0, {"track_gradient": 2.0, "brake_gain_imbalance": 0.5}, GAIN), (3.0, {}, None)],
-)
-def test_a_name_is_shown_if_nothing_goes_on_beside_it_any_more(monkeypatch, before, after, expected):
-    """However small it is in a stop; whether it is there at all is asked, and of names only."""
-    asked = []
-
-    def trials(_, seen, *__):
-        asked.extend(seen.found)
-        return [trial(one, 40.0, multiple=0.1) for one in (GRADIENT, GAIN)]
-
-    def about(_, __, ___, one):
-        return decide.Held(one, SimpleNamespace(raw=lambda model: one.listed.title))
-
-    monkeypatch.setattr(decide, "trials_of", trials)
-    monkeypatch.setattr(decide, "at_bound", lambda *_: False)
-    monkeypatch.setattr(decide, "_about_its_own", about)
-    monkeypatch.setattr(
-        decide, "structured", lambda _, __, ___, title=None: SimpleNamespace(size=after.get(title, 3.0) if title else before)
-    )
-    on = Fitted(Model(2e-4, (0.06,)), (), (), (), 0.0)
-    monkeypatch.setattr(decide, "trials_of", lambda *given: [dataclasses.replace(one, fitted=on) for one in trials(*given)])
-    there = dataclasses.replace(found(GRADIENT, -3.0), against_none=(70.0, 150.0))
-    seen = decide.Screen(None, None, None, (), None, None, None, (there, found(TERM, 9.0)), {"track_gradient": there})
-    shown = decide._shown(None, seen, on, None, None)
-    assert (shown and shown.trial.listed) == expected
-    assert [(one.name, one.evidence, one.reduction) for one in asked] == [("track_gradient", 70.0, 150.0)] * (before > 1.0)
 
 
 def test_a_size_at_the_end_of_what_it_may_be_is_no_finding():

@@ -15,6 +15,7 @@ from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import switched, unavailable, variants
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import baseline
+from wsp_env.diagnosis.interest import change
 from wsp_env.diagnosis.search import net_effect
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.parameters.uic_z1 import BOGIE, COACH
@@ -301,6 +302,22 @@ def test_a_campaign_says_how_much_it_matters(name, replica):
     assert 0.3 < whole < 60.0
     assert multiple(0.5) == pytest.approx(0.5 * whole, rel=0.25)
     assert multiple(0.0) < 1e-5
+
+
+def test_of_a_force_that_pushes_and_pulls_the_amplitude_matters(replica):
+    """Over what retards the vehicle, as distance and slip hardly move: whatever its phase, and of no other force."""
+    off = replica.evaluate(replica.baseline)
+    forces = [(2.0 * one.load * one.adhesion).sum(axis=1) + one.resistance for one in off]
+    sliding = [force[one.brake_force > 0.5 * one.brake_force.max()].mean() for force, one in zip(forces, off, strict=True)]
+    for sine, cosine in ((2000.0, 0.0), (-1200.0, 1600.0)):
+        choice = {
+            "coupler_force": {"sine_n": sine, "cosine_n": cosine, "frequency_hz": 0.5, "from_start": 1.0, "released": 1.0}
+        }
+        on = replica.evaluate(dataclasses.replace(replica.baseline, choice=choice))
+        said = change(replica, off, on, swings=True)
+        assert said.push == pytest.approx(np.mean(2000.0 / np.array(sliding)), rel=0.15)
+        assert said.multiple == pytest.approx(said.push / 0.01)
+        assert change(replica, off, on).multiple < 0.5 * said.multiple
 
 
 @pytest.mark.parametrize("name", NAMES)

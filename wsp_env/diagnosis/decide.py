@@ -17,12 +17,11 @@ from wsp_env.diagnosis.agreement import agreement
 from wsp_env.diagnosis.candidates import Variant, parameter_of, values_in, without
 from wsp_env.diagnosis.discovered import terms
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Fitted, Weights, refit, weigh
+from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
 from wsp_env.diagnosis.settle import settle, settle_anew
-from wsp_env.diagnosis.structure import STRUCTURED, structured
 from wsp_env.diagnosis.trials import FORM, SURE, Trial, form_of, forms, odds, trials_of, weights_of
 
 #: Mechanisms that are accepted at most.
@@ -47,7 +46,6 @@ class Accepted:
     trial: Trial
     alternatives: tuple[str, ...]  # its own name first
     confidence: float
-    shown: bool = False  # whether it is what goes on from row to row, whatever it is worth in a stop
 
     @property
     def name(self) -> str:
@@ -77,7 +75,7 @@ class Outcome:
     @property
     def missing(self) -> tuple[Accepted, ...]:
         """What is missing and matters."""
-        return tuple(one for one in self.accepted if one.shown or one.trial.size.multiple >= MATTERS)
+        return tuple(one for one in self.accepted if one.trial.size.multiple >= MATTERS)
 
 
 def select(
@@ -111,31 +109,7 @@ def select(
         seen = screen(replica, fitted.model, left, pool, fitted.variants, bent)
         if all(one.size.multiple < MATTERS for one in (best.trial, *(other for other in others if other in sure))):
             break  # told as too small; nothing that matters could be taken for it
-    bare = weigh(replica, seen.whitening, seen.groups, seen.sizes)  # small mechanisms would stand in for what is shown
-    shown = _shown(replica, seen, fitted, bare, pool) if len(accepted) < MOST else None
-    if shown is not None:
-        searched = [one.of_any_size for one in seen.found if not one.candidate.variant.family]
-        named = Accepted(shown.trial, *belief(shown.trial, [], searched), shown=True)
-        replica, fitted, accepted = _beside([*accepted, named], shown, bare, seen)
-        left = [one for one in tried if one.name not in fitted.model.choice]
-        seen = screen(replica, fitted.model, left, pool, fitted.variants, forms(replica, fitted.model, fitted.variants))
     return Outcome(replica, fitted, tuple(accepted), first, seen)
-
-
-def _shown(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor) -> "Held | None":
-    """Return the name beside which nothing goes on from row to row any more, if something does: of any size in a stop.
-
-    A swing of the whole train hardly moves a stop, and is plain in every recording.
-    """
-    if structured(replica, seen, weights).size <= STRUCTURED:
-        return None
-    names = [one.of_any_size for one in seen.found if not one.candidate.variant.family]
-    asked = dataclasses.replace(seen, found=tuple(names), second={})
-    for one in trials_of(replica, asked, fitted, weights, pool):
-        held = None if at_bound(one.listed, one.fitted.model) else _about_its_own(replica, seen, weights, one)
-        if held and structured(held.replica, seen, weights, held.replica.raw(held.trial.fitted.model)).size <= STRUCTURED:
-            return held
-    return None
 
 
 def _beside(

@@ -2,7 +2,8 @@
 
 One function for all mechanisms. A change of what retards the vehicle, at the slip that was measured, changes the distance by
 the integral of v delta_a / a dt. A change of an axle's balance, at the force that was measured, moves its slip by delta_f over
-the steepness of the creep curve. A fault of a speed sensor retards nothing and changes the measured slip itself.
+the steepness of the creep curve. A fault of a speed sensor retards nothing and changes the measured slip itself. A force that
+pushes and pulls in turn changes neither in the mean: of it the largest push matters, from 1 % of what retards the vehicle on.
 
 Sizes are net: against the model that was tuned anew without the mechanism. What another tau and other mu_cd do as well
 matters to nobody.
@@ -19,6 +20,7 @@ from wsp_env.diagnosis.stops import SLIP_MPS, least_slip
 from wsp_env.plant.mechanisms import ALL
 
 DISTANCE = 0.01  # [-]
+PUSH = DISTANCE  # [-]; as much, without a pause, would be that in distance
 _LEAST_SAMPLES = 50  # of sliding, for a mean
 _LEAST_STEEPNESS = 0.01  # [s/m] of a creep curve; flatter, an axle has no slip of its own: assumption
 _BRAKED_MPS2 = 0.2  # deceleration from which on a vehicle counts as braked
@@ -33,11 +35,12 @@ class StopChange:
     distance: float  # relative change of the stopping distance [-], mean of the stops that it changes most, gentle or sliding
     slip: float  # largest change of an axle's slip, upper or lower half of speeds, mean of stops [m/s]
     most: float = np.inf  # multiple that the samples of a time allow
+    push: float = 0.0  # of a force that pushes and pulls: its amplitude over what retards the vehicle, mean of stops [-]
 
     @property
     def multiple(self) -> float:
         """Size as multiple of the smallest effect of interest [-]."""
-        return min(max(abs(self.distance) / DISTANCE, abs(self.slip) / SLIP_MPS, _LEAST), self.most)
+        return min(max(abs(self.distance) / DISTANCE, abs(self.slip) / SLIP_MPS, self.push / PUSH, _LEAST), self.most)
 
 
 def only_sensors(choice: Choice) -> bool:
@@ -45,16 +48,19 @@ def only_sensors(choice: Choice) -> bool:
     return all(ALL[name].signature.acts_on == "sensor" for name in choice)
 
 
-def change(replica: Replica, before: Sequence[Evaluation], after: Sequence[Evaluation], sensor: bool = False) -> StopChange:
+def change(
+    replica: Replica, before: Sequence[Evaluation], after: Sequence[Evaluation], sensor: bool = False, swings: bool = False
+) -> StopChange:  # fmt: skip
     """Return what one model changes against another, both evaluated along the recorded stops.
 
     Parameters
     ----------
     sensor : whether only sensors differ
+    swings : whether a force differs that pushes and pulls in turn
 
     """
     distances: dict[bool, list[float]] = {True: [], False: []}
-    slips = []
+    slips, pushes = [], []
     for stop, one, other in zip(replica.stops, before, after, strict=True):
         slides = one.slip > least_slip(stop.speed)[:, None]
         slips.append(_moved(stop.speed, one, other, slides, None if sensor else replica.radius))
@@ -64,9 +70,11 @@ def change(replica: Replica, before: Sequence[Evaluation], after: Sequence[Evalu
             travelled = stop.speed * stop.step_s
             nearer = -(travelled * (moved - base) / np.maximum(base, _BRAKED_MPS2))[braked].sum()
             distances[bool(slides.mean() > 0.2)].append(float(nearer / travelled[braked].sum()))
+            pushes.append(float(np.sqrt(2.0) * np.std((moved - base)[braked]) / base[braked].mean()))
     means = [float(np.mean(kind)) for kind in distances.values() if kind]
     slip = float(np.ma.masked_invalid(slips).mean(axis=0).filled(0.0).max())
-    return StopChange(max(means, key=abs, default=0.0), slip)
+    push = float(np.mean(pushes)) if swings and pushes else 0.0
+    return StopChange(max(means, key=abs, default=0.0), slip, push=push)
 
 
 def _moved(speed: np.ndarray, one: Evaluation, other: Evaluation, slides: np.ndarray, radius: float | None) -> np.ndarray:

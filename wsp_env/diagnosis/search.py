@@ -22,6 +22,7 @@ from wsp_env.diagnosis.evaluate import Evaluation, Model
 from wsp_env.diagnosis.interest import StopChange, change, only_sensors
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import Group, Net, law_columns, nuisances, segment_columns
+from wsp_env.plant.mechanisms import ALL
 
 #: Deviation of a mechanism that does not matter, and of one that does, in smallest effects of interest. The first is the
 #: assumption that many such together move a stop by less than one interest; the second is one too: what conceals itself from a
@@ -49,18 +50,11 @@ class Found:
     multiple: np.ndarray  # (k,) of the smallest effect of interest
     deviation: np.ndarray  # (k,) of the multiples
     reduction: float  # of chi-square, against the same mechanism at a small size
-    against_none: tuple[float, float] = (-np.inf, 0.0)  # evidence and reduction against the model without the mechanism
 
     @property
     def name(self) -> str:
         """Name of the candidate."""
         return self.candidate.variant.title
-
-    @property
-    def of_any_size(self) -> "Found":
-        """The same, asked whether the mechanism is there at all, however small."""
-        evidence, reduction = self.against_none
-        return dataclasses.replace(self, evidence=evidence, reduction=reduction)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,7 +109,7 @@ class _Law:
 def candidate(replica: Replica, model: Model, base: np.ndarray, law: _Law, variant: Variant) -> Candidate:
     """Return a mechanism that is off, with its columns about a model and their size in smallest effects of interest, net."""
     found, scale, moves = [], [], variant.moves()
-    sensor = only_sensors({variant.name: {}})
+    sensor, swings = only_sensors({variant.name: {}}), ALL[variant.name].signature.swings
 
     def step_by(i: int, move: float) -> tuple[np.ndarray, np.ndarray, Sequence[Evaluation]]:
         values = variant.null()
@@ -131,7 +125,7 @@ def candidate(replica: Replica, model: Model, base: np.ndarray, law: _Law, varia
             moves[i] = -move
             column, logs, after = step_by(i, -move)
         found.append(column)
-        multiple = change(replica, law.before, after if sensor else law.without(after, logs), sensor).multiple
+        multiple = change(replica, law.before, after if sensor else law.without(after, logs), sensor, swings).multiple
         scale.append(min(multiple, _samples(replica, variant.name, variant.sizes[i], move) / _SAMPLES))
     return Candidate(dataclasses.replace(variant, steps=tuple(moves)), np.column_stack(found), np.array(scale))
 
@@ -186,7 +180,8 @@ def screen(
 
 def net_effect(replica: Replica, model: Model, variant: Variant, whitening: Whitening) -> StopChange:
     """Return what a mechanism that is on changes against the law tuned anew without it."""
-    found = net_change(replica, model, without(model, variant), whitening, only_sensors({variant.name: {}}))
+    sensor, swings = only_sensors({variant.name: {}}), ALL[variant.name].signature.swings
+    found = net_change(replica, model, without(model, variant), whitening, sensor, swings)
     samples = [
         _samples(replica, variant.name, name, value - null)
         for name, value, null in zip(variant.sizes, values_in(model, variant), variant.null(), strict=True)
@@ -194,14 +189,16 @@ def net_effect(replica: Replica, model: Model, variant: Variant, whitening: Whit
     return dataclasses.replace(found, most=max(samples) / _SAMPLES)
 
 
-def net_change(replica: Replica, model: Model, off: Model, whitening: Whitening, sensor: bool = False) -> StopChange:
+def net_change(
+    replica: Replica, model: Model, off: Model, whitening: Whitening, sensor: bool = False, swings: bool = False
+) -> StopChange:  # fmt: skip
     """Return what a model changes against the law of another, tuned anew."""
     after, base = replica.evaluate(model), replica.raw(off)
     law = _Law(replica, off, base, whitening)
     if sensor:
         return change(replica, law.before, after, True)
     logs = law.net((replica.raw(model) - base)[:, None])[1][:, 0]
-    return change(replica, law.before, law.without(after, logs))
+    return change(replica, law.before, law.without(after, logs), swings=swings)
 
 
 def held_out_rows(rows: Rows) -> np.ndarray:
@@ -301,7 +298,7 @@ def _freed(mean: np.ndarray, covariance: np.ndarray, small: float) -> tuple[np.n
 def _one(one: Candidate, centre: np.ndarray, spread: np.ndarray, variants: int, least: float = SMALL) -> Found:
     """Judge one candidate by what the recordings say of its size: centre (k,) and covariance."""
     k = len(centre)
-    small, large, price = np.eye(k) * least**2, np.eye(k) * LARGE**2, float(np.log(variants))
+    small, large = np.eye(k) * least**2, np.eye(k) * LARGE**2
 
     def log_density(prior: np.ndarray) -> float:
         whole = spread + prior
@@ -309,14 +306,11 @@ def _one(one: Candidate, centre: np.ndarray, spread: np.ndarray, variants: int, 
 
     multiple = large @ np.linalg.solve(spread + large, centre)
     bare = dataclasses.replace(one, columns=np.zeros((0, k)))
-    none = log_density(large) - log_density(0.0 * large) - price, float(centre @ np.linalg.solve(spread, centre))
     found = Found(
-        bare, log_density(large) - log_density(small) - price, multiple / one.scale, multiple,
-        np.sqrt(np.diag(spread)), float(centre @ np.linalg.solve(spread + small, centre)), none,
+        bare, log_density(large) - log_density(small) - float(np.log(variants)), multiple / one.scale, multiple,
+        np.sqrt(np.diag(spread)), float(centre @ np.linalg.solve(spread + small, centre)),
     )  # fmt: skip
-    if can_be(one, found.amplitude):
-        return found
-    return dataclasses.replace(found, evidence=-np.inf, against_none=(-np.inf, 0.0))
+    return found if can_be(one, found.amplitude) else dataclasses.replace(found, evidence=-np.inf)
 
 
 def can_be(one: Candidate, amplitude: np.ndarray) -> bool:

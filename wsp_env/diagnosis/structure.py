@@ -5,7 +5,6 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.diagnosis.balances import BALANCES
-from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Screen
 from wsp_env.diagnosis.trials import weights_of
@@ -23,21 +22,14 @@ class Structure(NamedTuple):
     balance: str  # in which it is largest
 
 
-def structured(replica: Replica, seen: Screen, weights: Weights | None = None, base: np.ndarray | None = None) -> Structure:
-    """Return how large what goes on from row to row is in what a model leaves, and where.
+def structured(replica: Replica, seen: Screen) -> Structure:
+    """Return how large what goes on from row to row is in what the model of a search leaves, and where.
 
     Noise of any size says that channels are noisy; what a row shares with the next one of the same axle and run is physics that
     neither model nor nuisances describe. The largest root of the rows' autocovariance, over the balances.
-
-    Parameters
-    ----------
-    weights : what varies and may be small; default: all of the search
-    base : (n,) raw residuals of the model; default: those of the search
-
     """
-    weights, rows = weights or weights_of(replica, seen), replica.rows
-    rest = weights.projector.rest(weights(seen.base if base is None else base))
-    left = seen.whitening.plain(rest * weights.noise)
+    weights, rows = weights_of(replica, seen), replica.rows
+    left = seen.whitening.plain(weights.projector.rest(weights(seen.base)) * weights.noise)
     order = np.lexsort((rows.time, rows.axle, rows.run, rows.balance))
     one, two = order[:-1], order[1:]
     follows = (rows.balance[one] == rows.balance[two]) & (rows.run[one] == rows.run[two]) & (rows.axle[one] == rows.axle[two])

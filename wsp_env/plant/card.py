@@ -170,6 +170,7 @@ class Signature(NamedTuple):
     next_test: str  # the test that would confirm it
     said: tuple[Said, ...]  # its fitted sizes in words
     over: Over = "slip"  # what its curve is drawn over
+    swings: bool = False  # it pushes and pulls in turn: it has no mean, so that its largest push matters
     exact: bool = False  # it has one form only: the interval of its size needs no more than noise and nuisances give
     least_axles: int = 1  # that a vehicle must have to show it
     least_stops: int = 1  # that a campaign must have to show it

@@ -99,6 +99,7 @@ CARD = Card(
             Said("cosine_n", "kN", _kilo, f"{_SWINGS} against the motion {_FIRST}", f"{_SWINGS} with the motion {_FIRST}"),
         ),
         over="time",
+        swings=True,
         variants=frequencies,
     ),
     study={"sine_n": 6000.0},
