@@ -1,4 +1,8 @@
-"""How well baseline and extension fit: to the runs to tune on, then, frozen but for the runs' friction, to the others."""
+"""How well baseline and extension fit: to the runs to tune on, then, frozen but for the runs' friction, to the others.
+
+Each is asked about a replica of its own, as mechanisms bend (`wsp_env.diagnosis.settle`); what a mechanism is worth to the
+held-out runs, about that of the extension.
+"""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -58,34 +62,40 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
 
     tuned, scored, every = weights(~held), weights(held), weights(None)
     before = refit(replica, replica.baseline, (), tuned, ~held).model
-    variants = outcome.fitted.variants
-    after = refit(replica, outcome.fitted.model, variants, tuned, ~held).model if variants else before
+    own, variants = outcome.replica, outcome.fitted.variants
+    after = refit(own, outcome.fitted.model, variants, tuned, ~held).model if variants else before
 
     def held_out(model: Model) -> np.ndarray:
         """Return chi-square (2,) of the held-out runs: alone, and predicted from the others with all that is common to both."""
-        alone = refit(replica, model, (), scored, held, free_law=False).cost
-        tune = refit(replica, model, (), tuned, ~held, free_law=False).cost
-        return np.array([alone, refit(replica, model, (), every, free_law=False).cost - tune])
+        alone = refit(own, model, (), scored, held, free_law=False).cost
+        tune = refit(own, model, (), tuned, ~held, free_law=False).cost
+        return np.array([alone, refit(own, model, (), every, free_law=False).cost - tune])
 
     gains: tuple[float, ...] = ()
     if held.any() and variants:
-        own = held_out(after)
+        whole = held_out(after)
         for one in outcome.accepted:
             others = [variant for variant in variants if variant is not one.trial.variant]
-            off = refit(replica, without(after, one.trial.variant), others, tuned, ~held).model
+            off = refit(own, without(after, one.trial.variant), others, tuned, ~held).model
             # Alone they show what nuisances take over once it is learned, predicted what these take over in a few runs.
-            gains += (float(np.max(held_out(off) - own)),)
+            gains += (float(np.max(held_out(off) - whole)),)
     repeated = tuple(
         0.5 * gain > SURE and not at_bound(one.trial.listed, outcome.fitted.model)
         for gain, one in zip(gains or (np.inf,) * len(outcome.accepted), outcome.accepted, strict=True)
     )
-    for one, sure in zip(outcome.accepted, repeated, strict=True):
-        if not sure:
-            after = without(after, one.trial.variant)
     kept = [one.trial.variant for one, sure in zip(outcome.accepted, repeated, strict=True) if sure]
+    if len(kept) < len(variants):
+        for one, sure in zip(outcome.accepted, repeated, strict=True):
+            after = after if sure else without(after, one.trial.variant)
+        own = Replica(replica.recorded, refit(own, after, kept, every).model) if kept else replica
+        after = refit(own, after, kept, tuned, ~held).model  # what was fitted beside the others stands by itself now
     parts = {"tune": ~held} | ({"validate": held} if held.any() else {})
     each = {name: held & (replica.rows.balance == balance) for balance, name in enumerate(BALANCES)}
-    figures = left(replica, after, kept, every, parts | {name: rows for name, rows in each.items() if rows.any()})
+    parts_and_balances = parts | {name: rows for name, rows in each.items() if rows.any()}
+    figures = left(own, after, kept, every, parts_and_balances)
+    if kept:  # the baseline about its own replica
+        bare = left(replica, after, kept, every, parts_and_balances)
+        figures = {name: one._replace(before=bare[name].before) for name, one in figures.items()}
     base, extended = ({name: figures[name][i] for name in parts} for i in (0, 1))
     return Quality(
         FitQuality(1.0, base, extended, _removed(figures.get("validate"), int(held.sum()))),
