@@ -4,13 +4,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from trial_cases import GAIN, trial
 
-from wsp_env.diagnosis.balances import Whitening
+from wsp_env.diagnosis import quality as module
+from wsp_env.diagnosis.balances import BALANCES, Whitening
 from wsp_env.diagnosis.candidates import Variant, switched
+from wsp_env.diagnosis.covariance import Sizes
+from wsp_env.diagnosis.decide import Accepted
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Weights
+from wsp_env.diagnosis.fitting import Fitted, Weights
 from wsp_env.diagnosis.gls import Projector
-from wsp_env.diagnosis.quality import _removed, left
+from wsp_env.diagnosis.quality import Left, _removed, left, quality
 
 GRADIENT = Variant("track_gradient", ("rise",), {})
 TRUE = 0.003
@@ -61,3 +65,44 @@ def test_nothing_can_be_removed_of_noise():
     assert found.before == pytest.approx(found.after)
     assert _removed(without, 800) is None
     assert _removed(None, 0) is None
+
+
+@pytest.mark.parametrize("second", [False, True])
+def test_an_extension_is_asked_about_its_own_replica_and_the_baseline_about_its_own(monkeypatch, second):
+    """About the baseline's it would fit worse than nothing. What is left beside a name that the runs refuse is fitted again."""
+    rows = SimpleNamespace(validate=np.array([False, True]), balance=np.zeros(2, dtype=int), run=np.arange(2))
+    base, own = (SimpleNamespace(name=name, rows=rows, baseline=Model(2e-4, (0.06, 0.06)), recorded=None) for name in "bo")
+    again, asked = SimpleNamespace(name="again", rows=rows), []
+    on = switched(base.baseline, GRADIENT, np.array([TRUE]))
+    accepted = [Accepted(trial(GRADIENT, 40.0), ("track_gradient",), 1.0)]
+    if second:
+        on = switched(on, GAIN, np.array([0.05]))
+        accepted.append(Accepted(trial(GAIN, 40.0), ("brake_gain_imbalance",), 1.0))
+    variants = tuple(one.trial.variant for one in accepted)
+
+    def refit(replica, model, variants, weights, keep=None, free_law=True):
+        asked.append((replica.name, tuple(model.choice), len(variants)))
+        # The brake's gain costs the held-out runs 5, the gradient saves them 90.
+        cost = 100.0 - 90.0 * ("track_gradient" in model.choice) + 5.0 * ("brake_gain_imbalance" in model.choice)
+        return Fitted(model, tuple(variants), (), (), cost if replica.name != "b" else 1000.0)
+
+    def stub_left(replica, model, kept, weights, parts):
+        assert tuple(model.choice) == ("track_gradient",)
+        return dict.fromkeys(parts, Left(30.0, 80.0, 1.0) if replica.name == "b" else Left(90.0, 1.0, 1.0))
+
+    monkeypatch.setattr(module, "weigh", lambda *_: None)
+    monkeypatch.setattr(module, "refit", refit)
+    monkeypatch.setattr(module, "left", stub_left)
+    monkeypatch.setattr(module, "Replica", lambda *_: again)
+    screen = SimpleNamespace(groups=(), times=None, whitening=Whitening(np.ones(2), ()), sizes=Sizes(np.ones(0), np.ones(5)))
+    outcome = SimpleNamespace(
+        first=screen, last=screen, replica=own, fitted=Fitted(on, variants, (), (), 10.0), accepted=accepted
+    )
+    found = quality(base, outcome)
+    assert found.repeated == ((True, False) if second else (True,))
+    assert found.held_out == ((90.0, 0.0) if second else (90.0,))
+    assert (found.fit.baseline["validate"], found.fit.extended["validate"], found.fit.removed_validate) == (30.0, 1.0, 1.0)
+    assert found.removed_of == {BALANCES[0]: 1.0} | dict.fromkeys(BALANCES[1:])
+    assert asked[0] == ("b", (), 0)
+    assert ("again", ("track_gradient",), 1) in asked or not second
+    assert {name for name, choice, _ in asked if choice} == ({"o", "again"} if second else {"o"})
