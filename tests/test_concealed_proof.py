@@ -221,7 +221,7 @@ def test_page_is_filled_and_filled_again(tmp_path):
     (out / "bank.json").write_text('{"cases": 2, "seed": 1}', encoding="utf-8")
     (out / "labels.sha256").write_text("abc  labels.json\n", encoding="utf-8")
     Page(out, docs).run()
-    text, more = ((docs / name).read_text(encoding="utf-8") for name in page.PAGES)
+    text, more, others = ((docs / name).read_text(encoding="utf-8") for name in page.PAGES)
     assert "| false alarms on nulls | at most 5 % | 0.0 % (0 of 1; 0.0 % to 95.0 %) | yes |" in text
     assert "`abc`" in text
     required = text.partition("<!-- begin: required -->")[2].partition("<!-- end: required -->")[0]
@@ -230,7 +230,7 @@ def test_page_is_filled_and_filled_again(tmp_path):
     assert pictures
     assert all((docs / picture).is_file() for picture in pictures)
     Page(out, docs).run()
-    assert [(docs / name).read_text(encoding="utf-8") for name in page.PAGES] == [text, more]
+    assert [(docs / name).read_text(encoding="utf-8") for name in page.PAGES] == [text, more, others]
     (docs / page.PAGES[1]).write_text(more.replace("<!-- begin: power -->", ""), encoding="utf-8")
     with pytest.raises(BankError, match="markers"):
         Page(out, docs).run()

@@ -11,7 +11,7 @@ from experiments.concealed.figures import COMPARED, draw, of
 from experiments.concealed.rates import NO_CASE, percent, put, restored
 from experiments.concealed.required import Check, checks, common
 
-PAGES, PICTURES = ("concealed.md", "concealed_figures.md"), "concealed"
+PAGES, PICTURES = ("concealed.md", "concealed_figures.md", "concealed_others.md"), "concealed"
 #: The rivals in words, by the names of their folders.
 RIVALS = {"bic": "BIC only", "held_out": "held-out only", "black_box": "black box"}
 #: Folder, beside the bank's answers, of those to other people's campaigns.
@@ -195,7 +195,7 @@ def fill(out: Path, docs: Path) -> None:
     marked = [match["name"] for text in texts.values() for match in _BLOCK.finditer(text)]
     if sorted(marked) != sorted(made):
         raise BankError(
-            f"{docs / PAGES[0]} and the page of figures have markers for {', '.join(marked)}; "
+            f"{docs / PAGES[0]} and the pages beside it have markers for {', '.join(marked)}; "
             f"expected each once: {', '.join(made)}"
         )
     draw(figures, rivals, docs / PICTURES)
