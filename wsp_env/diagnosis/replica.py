@@ -49,8 +49,7 @@ class Replica:
     """
 
     def __init__(self, recorded: Balances, model: Model) -> None:
-        read = {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on != "sensor"}
-        baseline = model if len(read) == len(model.choice) else dataclasses.replace(model, choice=read)
+        baseline = _without_sensors(model)
         self.recorded, self.baseline = recorded, baseline
         larger = _larger_radii(recorded, baseline)
         evaluator = Evaluator(recorded.campaign, recorded.sources)
@@ -66,6 +65,8 @@ class Replica:
         shares = [share * (larger == 0.0) for _, share in needed]
         self._share = [averaged(share, stop.step_s) for share, stop in zip(shares, recorded.sources, strict=True)]
         self._slopes = [one.slope for one in self._copy.evaluate(baseline)]
+        if model is not baseline:  # the curve is as steep as where the wheels slide, whatever the sensors show
+            self._slopes = [one.slope for one in self._slid(model, self._copy.evaluate(model))[2]]
         smoothing = self._changed(baseline)  # what smoothing leaves of an exact balance
         self._offset = self._residuals() - smoothing * (1.0 + recorded.rows.wheels)
 
@@ -89,12 +90,9 @@ class Replica:
         baseline, as far as the measured slip is not kept: with the error as it is both cancel.
         """
         whole = self._copy.evaluate(model)
-        true = {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on != "sensor"}
-        if len(true) == len(model.choice):
+        if _without_sensors(model) is model:
             return whole
-        without = self._copy.evaluate(dataclasses.replace(model, choice=true))
-        errors = [one.slip - other.slip for one, other in zip(without, whole, strict=True)]
-        slid = self._copy.evaluate_slid(model, [(1.0 - kept) * error for kept, error in zip(self._share, errors, strict=True)])
+        without, errors, slid = self._slid(model, whole)
         return [
             dataclasses.replace(
                 one,
@@ -107,6 +105,15 @@ class Replica:
                 whole, without, slid, self._share, self._slopes, errors, strict=True
             )
         ]
+
+    def _slid(
+        self, model: Model, whole: Sequence[Evaluation]
+    ) -> tuple[list[Evaluation], list[np.ndarray], list[Evaluation]]:
+        """Return a model without its sensors' mechanisms, their errors of the slip (T, A), and it where wheels truly slide."""
+        without = self._copy.evaluate(_without_sensors(model))
+        errors = [one.slip - other.slip for one, other in zip(without, whole, strict=True)]
+        slid = self._copy.evaluate_slid(model, [(1.0 - kept) * error for kept, error in zip(self._share, errors, strict=True)])
+        return without, errors, slid
 
     def raw(self, model: Model) -> np.ndarray:
         """Residuals (n,) of a model: those of the recordings at the baseline and what the model changes."""
@@ -121,10 +128,16 @@ class Replica:
         result, rows = self.recorded.raw(self.baseline), self.rows
         pairs = zip(self.recorded.evaluate(self.baseline), self.evaluate(self.baseline), strict=True)
         for i, (one, copy) in enumerate(pairs):
-            expected = copy.adhesion + copy.slope * (one.slip - copy.slip)
+            expected = copy.adhesion + self._slopes[i] * (one.slip - copy.slip)
             wheels = self.recorded.parts[i].wheel_rows(one.force / (2.0 * one.load) - expected)
             result[(rows.run == i) & rows.wheels] = wheels
         return result
+
+
+def _without_sensors(model: Model) -> Model:
+    """Return a model without mechanisms on sensors; itself where it has none."""
+    true = {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on != "sensor"}
+    return model if len(true) == len(model.choice) else dataclasses.replace(model, choice=true)
 
 
 def _rows_of_true_slips(recorded: Rows, copied: Rows, larger: np.ndarray) -> Rows:
