@@ -10,7 +10,7 @@ from synthetic_stops import AXLES, MASS_KG, SAMPLE_S, stops, write_campaign
 
 from wsp_env.contact.degraded import degraded_adhesion
 from wsp_env.diagnosis import structure
-from wsp_env.diagnosis.balances import ADHESION, KINEMATICS, VEHICLE, Balances, Whitening
+from wsp_env.diagnosis.balances import ADHESION, BALANCES, VEHICLE, Balances, Whitening
 from wsp_env.diagnosis.candidates import variants
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.diagnose import _describes_a_part
@@ -18,7 +18,7 @@ from wsp_env.diagnosis.evaluate import Evaluator, Model
 from wsp_env.diagnosis.forces import Forces
 from wsp_env.diagnosis.replica import _FLAT_S, Replica, _needed
 from wsp_env.diagnosis.search import _Law, candidate
-from wsp_env.diagnosis.stops import SLIP_MPS, PreparedStop, least_slip, prepare
+from wsp_env.diagnosis.stops import BLOCK_S, SLIP_MPS, VEHICLE_BLOCK_S, PreparedStop, least_slip, prepare
 from wsp_env.diagnosis.swings import swings
 from wsp_env.diagnosis.variation import Group, law_columns
 from wsp_env.recordings import Campaign, read_campaign
@@ -198,24 +198,60 @@ def test_only_what_goes_on_from_row_to_row_is_structure(correlation, expected):
     which = np.repeat(np.arange(runs * AXLES), each)
     rows = SimpleNamespace(
         balance=np.zeros(n, dtype=int),
-        noise=np.zeros(n, dtype=int),
+        noise=np.full(n, len(BALANCES)),  # of wheels that slide
         run=which // AXLES,
         axle=which % AXLES,
-        time=np.tile(np.arange(each), runs * AXLES),
+        time=np.tile(BLOCK_S * np.arange(each), runs * AXLES),
+        deceleration=np.ones(n),
     )
-    base = 3.0 * y.ravel()
+    base = 3e-3 * y.ravel()
     order = rng.permutation(n)  # rows come in any order
     for name in ("run", "axle", "time"):
         setattr(rows, name, getattr(rows, name)[order])
     group = Group("g", 1e-6 * rng.standard_normal((n, 1)), 1.0)
-    sizes = Sizes(np.ones(1), np.array([3.0, 1.0, 1.0, 1.0, 1.0]))
-    last = SimpleNamespace(sizes=sizes, groups=[group], small=group, whitening=Whitening(np.ones(n), ()), base=base[order])
-    found = structure.structured(SimpleNamespace(rows=rows), last)
+    sizes = Sizes(np.ones(1), np.array([1.0, 1.0, 1.0, 1.0, 3.0]))
+    whitening = Whitening(np.full(n, 1e-3), ())
+    last = SimpleNamespace(model=None, sizes=sizes, groups=[group], small=group, whitening=whitening, base=base[order])
+    vehicle = SimpleNamespace(gravity_mps2=9.81)
+    found = structure.structured(SimpleNamespace(rows=rows, vehicle=vehicle, axles=AXLES), last)
     assert found.size == pytest.approx(expected, abs=0.35)
-    half = SimpleNamespace(**vars(rows) | {"balance": (rows.axle < 2).astype(int)})  # the same of two axles' rolling
-    last.base[half.balance == KINEMATICS] *= 5.0
-    if correlation:
-        assert structure.structured(SimpleNamespace(rows=half), last).balance == "kinematics"
+    # A friction of 3e-3 on each axle by itself is 1.5e-3 on all four, of a deceleration of 1 m/s2 the share 9.81 times that.
+    swing = np.sqrt(2.0 * correlation) * 9.81 * 3e-3 / np.sqrt(AXLES)
+    assert found.multiple == pytest.approx(swing / 0.01, rel=0.15)
+
+
+def test_axles_that_swing_against_each_other_move_no_stop():
+    """Loads that bounce from side to side are seen in every row, and all axles together retard as before."""
+    each, time = 400, BLOCK_S * np.arange(400)
+    n = AXLES * each
+    axle = np.repeat(np.arange(AXLES), each)
+    rows = SimpleNamespace(noise=np.full(n, len(BALANCES)), run=np.zeros(n, dtype=int), axle=axle, time=np.tile(time, AXLES))
+    for phase, share in ((np.pi, 0.0), (0.0, 1.0)):
+        raw = 0.01 * np.sin(2.0 * np.pi * 0.3 * np.tile(time, AXLES) + phase * axle)
+        square = structure._of_all_axles(raw, rows, len(BALANCES))
+        assert square == pytest.approx(share * 0.5e-4 * np.cos(2.0 * np.pi * 0.3 * BLOCK_S), rel=0.02, abs=1e-9)
+
+
+def test_the_coloured_noise_of_a_recorded_speed_swings_no_vehicle():
+    rng, each, runs = np.random.default_rng(7), 300, 8
+    time = VEHICLE_BLOCK_S * np.arange(each)
+    covariance = 0.03**2 * np.exp(-np.abs(np.subtract.outer(time, time)) / 0.5)
+    root = np.linalg.cholesky(covariance)
+    n = runs * each
+    rows = SimpleNamespace(
+        noise=np.full(n, VEHICLE), run=np.repeat(np.arange(runs), each), axle=np.full(n, -1), time=np.tile(time, runs)
+    )
+    roots = tuple((np.arange(each) + each * i, np.linalg.inv(root)) for i in range(runs))
+    seen = SimpleNamespace(whitening=Whitening(np.ones(n), roots))
+    noise = (root @ rng.standard_normal((each, runs))).T.ravel()
+    swing = 0.02 * np.sin(2.0 * np.pi * 0.3 * np.tile(time, runs))
+
+    def squared(raw):
+        return structure._of_speed(seen, raw, np.ones(n), rows, 1) - structure._of_speed(seen, raw, np.ones(n), rows, 2)
+
+    expected = 0.5 * 0.02**2 * (np.cos(0.6 * np.pi * VEHICLE_BLOCK_S) - np.cos(1.2 * np.pi * VEHICLE_BLOCK_S))
+    assert abs(squared(noise)) < 0.3 * expected
+    assert squared(noise + swing) == pytest.approx(expected, rel=0.3)
 
 
 def test_a_term_that_leaves_the_balance_that_is_off_is_a_part():
@@ -226,7 +262,7 @@ def test_a_term_that_leaves_the_balance_that_is_off_is_a_part():
     removed = {"adhesion": 0.9, "kinematics": None, "vehicle": 0.1}
 
     def part(missing, size, balance):
-        return _describes_a_part(missing, structure.Structure(size, balance), removed)
+        return _describes_a_part(missing, structure.Structure(size, balance, 2.0), removed)
 
     assert part([term], 9.0, "kinematics")
     assert part([term], 9.0, "vehicle")

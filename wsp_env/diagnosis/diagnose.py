@@ -22,7 +22,7 @@ from wsp_env.diagnosis.quality import Quality, quality
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, detectable, net_change
 from wsp_env.diagnosis.stops import PreparedStop, prepare
-from wsp_env.diagnosis.structure import STRUCTURED, Structure, structured
+from wsp_env.diagnosis.structure import Structure, structured
 from wsp_env.diagnosis.timing import aligned, times
 from wsp_env.diagnosis.trials import FORM, form_of
 from wsp_env.diagnosis.words import next_test, sentence
@@ -112,12 +112,12 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     left = structured(outcome.replica, outcome.last)
     # What is worth nothing on runs that it was not fitted to is no finding, nor what leaves most of what could be removed.
     worthless = bool(missing) and (worse or (removed is not None and removed <= 0.0))
-    unexplained = left.size > STRUCTURED and (removed or 0.0) < _MOST_REMOVED
+    unexplained = left.unexplained and (removed or 0.0) < _MOST_REMOVED
     part = _describes_a_part(missing, left, found.removed_of)
     unexplained |= part
     holds = not worthless and not unexplained
     if worthless:
-        unexplained = structured(replica, outcome.first).size > STRUCTURED
+        unexplained = structured(replica, outcome.first).unexplained
     named = tuple(_named(replica, outcome, one, found) for one in missing if not one.trial.listed.family) if holds else ()
     terms = tuple(_discovered(replica, outcome, one, found) for one in missing if one.trial.listed.family) if holds else ()
     verdict = _verdict(named, terms, bool(named or terms) or unexplained, bool(sliding(replica).any()))
@@ -142,7 +142,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         small += [f"seen in the runs to tune on, but worth nothing on those held out: {one.words}" for one in missing]
     if part and not worthless:
         small += [f"seen, but most of what goes on in the {left.balance} balance is left by it: {one.words}" for one in missing]
-    if holds and missing and left.size > STRUCTURED:
+    if holds and missing and left.unexplained:
         small.append(f"what is left still goes on from row to row, {left.size:.1f} times as large as the channels' noise")
     return Diagnosis(
         campaign=replica.campaign.name,
@@ -180,7 +180,7 @@ def _describes_a_part(missing: Sequence[Accepted], left: Structure, removed_of: 
     left: where what goes on is not removed by it, it is a part of something that no term can say.
     """
     only_terms = bool(missing) and all(one.trial.listed.family for one in missing)
-    return only_terms and left.size > STRUCTURED and (removed_of[left.balance] or 0.0) < _MOST_REMOVED
+    return only_terms and left.unexplained and (removed_of[left.balance] or 0.0) < _MOST_REMOVED
 
 
 def _verdict(named: tuple[Named, ...], terms: tuple[Discovered, ...], seen: bool, slides: bool) -> Verdict:

@@ -1,42 +1,107 @@
-"""What goes on from row to row in what a model leaves: that no model holds, whatever it is worth in a stop."""
+"""What goes on from row to row in what a model leaves: how large it is over the channels' noise, and whether it matters.
+
+Noise of any size says that channels are noisy; what a row shares with the next one of the same axle and run is physics that
+neither model nor nuisances describe. The better the channels, the more is seen of it (loads that bounce, wind), and it matters
+as all else does (`wsp_env.diagnosis.interest`): as what pushes and pulls in turn, when its amplitude is 1 % of what retards the
+vehicle; of wheels that roll, as an error of the slip by 0.1 m/s.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
+from scipy import linalg
 
-from wsp_env.diagnosis.balances import BALANCES
+from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, BALANCES, KINEMATICS, VEHICLE, Rows
+from wsp_env.diagnosis.interest import PUSH
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Screen
+from wsp_env.diagnosis.stops import BLOCK_S, SLIP_MPS, VEHICLE_BLOCK_S
 from wsp_env.diagnosis.trials import weights_of
 
 #: What goes on from row to row over the channels' own noise, beside all that varies, from which on no model holds: what is as
 #: large as the noise is seen in any plot.
 STRUCTURED = 1.0
 _LEAST_PAIRS = 20  # neighbouring rows of a balance that say whether one follows the other
+_LEAST_MPS2 = 0.1  # of a mean deceleration, that a share of it is taken
 
 
 class Structure(NamedTuple):
     """What goes on from row to row in what a model leaves."""
 
     size: float  # over the channels' noise
-    balance: str  # in which it is largest
+    balance: str  # in which it is largest, of those in which it matters if there are any
+    multiple: float  # of the smallest effect of interest
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether it is seen, and matters."""
+        return self.size > STRUCTURED and self.multiple > 1.0
 
 
 def structured(replica: Replica, seen: Screen) -> Structure:
-    """Return how large what goes on from row to row is in what the model of a search leaves, and where.
+    """Return what goes on from row to row in what the model of a search leaves: the largest that matters, over the balances.
 
-    Noise of any size says that channels are noisy; what a row shares with the next one of the same axle and run is physics that
-    neither model nor nuisances describe. The largest root of the rows' autocovariance, over the balances.
+    In the adhesion balance wheels that slide and wheels that roll under the brake are asked apart, as their noise is.
     """
     weights, rows = weights_of(replica, seen), replica.rows
-    left = seen.whitening.plain(weights.projector.rest(weights(seen.base)) * weights.noise)
-    order = np.lexsort((rows.time, rows.axle, rows.run, rows.balance))
-    one, two = order[:-1], order[1:]
-    follows = (rows.balance[one] == rows.balance[two]) & (rows.run[one] == rows.run[two]) & (rows.axle[one] == rows.axle[two])
-    shared = [(0.0, BALANCES[0])]
-    for balance in np.unique(rows.balance):
-        mine = follows & (rows.balance[one] == balance)
-        if mine.sum() >= _LEAST_PAIRS:
-            shared.append((float(np.mean(left[one[mine]] * left[two[mine]])), BALANCES[balance]))
-    size, where = max(shared)
-    return Structure(float(np.sqrt(size)), where)
+    rest = weights.projector.rest(weights(seen.base)) * weights.noise
+    left, raw = seen.whitening.plain(rest), seen.whitening.back(rest)
+    found = [Structure(0.0, BALANCES[0], 0.0)]
+    for kind in np.unique(rows.noise):
+        one, two = _pairs(rows, kind, 1)
+        if len(one) >= _LEAST_PAIRS:
+            shared = float(np.mean(left[one] * left[two]))
+            multiple = _multiple(replica, seen, raw, weights.noise, int(kind)) if shared > STRUCTURED**2 else 0.0
+            found.append(Structure(float(np.sqrt(max(shared, 0.0))), BALANCES[rows.balance[one[0]]], multiple))
+    return max(found, key=lambda one: (one.unexplained, one.size))
+
+
+def _pairs(rows: Rows, kind: int, later: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rows (m,) of one kind of noise, and those some rows later of the same axle and run."""
+    mine = np.flatnonzero(rows.noise == kind)
+    order = mine[np.lexsort((rows.time[mine], rows.axle[mine], rows.run[mine]))]
+    one, two = order[:-later], order[later:]
+    follows = (rows.run[one] == rows.run[two]) & (rows.axle[one] == rows.axle[two])
+    return one[follows], two[follows]
+
+
+def _multiple(replica: Replica, seen: Screen, raw: np.ndarray, noise: np.ndarray, kind: int) -> float:
+    """Return the amplitude of what goes on in the residual (n,), in its balances' units, in smallest effects of interest."""
+    rows = replica.rows
+    one, two = _pairs(rows, kind, 1)
+    if kind in (ADHESION, KINEMATICS):  # of wheels that roll: what error of the slip it is
+        stops = zip(replica.parts, replica.evaluate(seen.model), strict=True)
+        slope = np.concatenate([part.joined(part.wheel_rows(stop.slope)) for part, stop in stops])
+        return _amplitude(float(np.mean(raw[one] * raw[two] / (slope[one] * slope[two])))) / SLIP_MPS
+    if kind == VEHICLE:  # of the mean square of its rate
+        square = 2.0 * (_of_speed(seen, raw, noise, rows, 1) - _of_speed(seen, raw, noise, rows, 2)) / VEHICLE_BLOCK_S**2
+    else:
+        unit = replica.axles / (replica.radius * replica.stops[0].mass) if kind == ACTUATOR else replica.vehicle.gravity_mps2
+        square = unit**2 * _of_all_axles(raw, rows, kind)
+    return _amplitude(square) / max(float(np.mean(rows.deceleration[one])), _LEAST_MPS2) / PUSH
+
+
+def _of_speed(seen: Screen, raw: np.ndarray, noise: np.ndarray, rows: Rows, later: int) -> float:
+    """Mean product [m2/s2] of the vehicle's rows and those some rows later, less that of their own noise, which is coloured."""
+    one, two = _pairs(rows, VEHICLE, later)
+    products, at = raw[one] * raw[two], np.zeros(len(raw), dtype=int)
+    for mine, root in seen.whitening.roots:
+        half = linalg.solve_triangular(root, np.diag(noise[mine]), lower=True)
+        at[mine] = np.arange(len(mine))
+        inside = rows.run[one] == rows.run[mine[0]]
+        products[inside] -= np.einsum("ij,ij->i", half[at[one[inside]]], half[at[two[inside]]])
+    return float(np.mean(products))
+
+
+def _of_all_axles(raw: np.ndarray, rows: Rows, kind: int) -> float:
+    """Mean product of neighbouring blocks' means over all axles, which may swing against each other."""
+    mine = rows.noise == kind
+    moments, which = np.unique(np.stack([rows.run[mine], rows.time[mine]]), axis=1, return_inverse=True)
+    mean = np.bincount(which.ravel(), raw[mine]) / (rows.axle.max() + 1)
+    follows = (np.diff(moments[0]) == 0.0) & (np.diff(moments[1]) < 1.5 * BLOCK_S)
+    return float(np.mean(mean[:-1][follows] * mean[1:][follows])) if follows.any() else 0.0
+
+
+def _amplitude(square: float) -> float:
+    """Amplitude of a swing of that mean square."""
+    return float(np.sqrt(2.0 * max(square, 0.0)))
