@@ -238,20 +238,20 @@ THREE = [trial(variant, EVIDENCE[variant.title]) for variant in (GAIN, GRADIENT,
 
 
 def test_what_is_refused_is_told_and_the_next_best_is_taken():
-    best, refused = decide._best(THREE, lambda one: one.evidence > 45.0, held(EVIDENCE), SURE)
+    best, refused = decide._best(THREE, lambda one: one.evidence > 45.0, held(EVIDENCE), lambda one: SURE)
     assert best.trial.listed == GAIN
     assert refused == {"track_gradient"}  # a term is asked after the names
-    best, refused = decide._best(THREE, lambda one: True, held(EVIDENCE), SURE)
+    best, refused = decide._best(THREE, lambda one: True, held(EVIDENCE), lambda one: SURE)
     assert best is None
     assert refused == set(EVIDENCE)
 
 
 def test_a_trial_counts_as_it_stands_about_a_replica_of_its_own():
     """A name that falls behind the next one there is passed by it; one of which nothing is left is refused."""
-    behind = decide._best(THREE, lambda one: False, held(EVIDENCE | {"track_gradient": 35.0}), SURE)
+    behind = decide._best(THREE, lambda one: False, held(EVIDENCE | {"track_gradient": 35.0}), lambda one: SURE)
     assert behind[0].trial.listed == GAIN
     assert behind[1] == set()
-    nothing = decide._best(THREE, lambda one: False, held(EVIDENCE | {"track_gradient": 1.0}), SURE)
+    nothing = decide._best(THREE, lambda one: False, held(EVIDENCE | {"track_gradient": 1.0}), lambda one: SURE)
     assert nothing[0].trial.listed == GAIN
     assert nothing[1] == {"track_gradient"}
 
@@ -263,7 +263,7 @@ def test_what_need_not_be_asked_is_not():
         asked.append(one.listed)
         return decide.Held(one, None)
 
-    best, _ = decide._best(THREE, lambda one: False, stands, SURE)
+    best, _ = decide._best(THREE, lambda one: False, stands, lambda one: SURE)
     assert best.trial.listed == GRADIENT
     assert asked == [GRADIENT]
 

@@ -22,10 +22,12 @@ from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
 from wsp_env.diagnosis.settle import settle, settle_anew
-from wsp_env.diagnosis.trials import FORM, SURE, Trial, form_of, forms, odds, trials_of, weights_of
+from wsp_env.diagnosis.trials import FORM, SURE, FormsLeft, Trial, form_of, forms, odds, trials_of, weights_of
 
 #: Mechanisms that are accepted at most.
 MOST = 3
+#: Times that the next best ones are refitted in a round, where none of those before holds.
+TURNS = 2
 #: Times its cost by which a model fits worse about its own replica, from which on its mechanism has run away (assumption).
 _RUN_AWAY = 2.0
 #: Smallest effects of interest from which on a size matters: one, less what its form may err by at 95 %,
@@ -90,16 +92,22 @@ def select(
             break
         progress(f"refitting {len(accepted) + 1} of {MOST}")
         weights = weights_of(replica, seen)
-        trials = trials_of(replica, seen, fitted, weights, pool)
-        # What the form of those before may leave of what they explain looks like another.
-        form = sum(form_of(one.trial.listed) ** 2 * one.trial.evidence for one in accepted)
-        least = max(SURE, form)
-        sure = [one for one in trials if odds(one.listed, one.evidence) > least]
         refuses = functools.partial(_refused, replica, accepted, seen)
-        best, refused = _best(sure, refuses, functools.partial(_about_its_own, replica, seen, weights), least)
+        stands = functools.partial(_about_its_own, replica, seen, weights)
+        forms_left = FormsLeft(replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen)
+        trials: list[Trial] = []
+        refused: set[str] = set()
+        for _ in range(TURNS):
+            tried_now = trials_of(replica, seen, fitted, weights, pool, {one.listed.title for one in trials})
+            trials += tried_now
+            best, not_these = _best(tried_now, refuses, stands, forms_left)
+            refused |= not_these
+            if best is not None or not tried_now:
+                break
         if best is None:
             break
         others = [one for one in trials if one.listed.title not in {*refused, best.trial.listed.title}]
+        sure = [one for one in others if odds(one.listed, one.evidence) > forms_left(one)]
         searched = [one for one in seen.found if one.name not in refused]
         named = Accepted(best.trial, *belief(best.trial, others, searched))
         replica, fitted, accepted = _beside([*accepted, named], best, weights, seen)
@@ -107,7 +115,7 @@ def select(
         left += terms(replica, 1 + sum(len(one.trial.listed.sizes) for one in accepted if one.trial.listed.family))
         bent = forms(replica, fitted.model, fitted.variants)
         seen = screen(replica, fitted.model, left, pool, fitted.variants, bent)
-        if all(one.size.multiple < MATTERS for one in (best.trial, *(other for other in others if other in sure))):
+        if all(one.size.multiple < MATTERS for one in (best.trial, *sure)):
             break  # told as too small; nothing that matters could be taken for it
     return Outcome(replica, fitted, tuple(accepted), first, seen)
 
@@ -173,19 +181,20 @@ def _about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Tria
 
 
 def _best(
-    sure: Sequence[Trial], refuses: Callable[[Trial], bool], stands: Callable[[Trial], Held | None], least: float
-) -> tuple[Held | None, set[str]]:
+    trials: Sequence[Trial], refuses: Callable[[Trial], bool], stands: Callable[[Trial], Held | None],
+    least: Callable[[Trial], float],
+) -> tuple[Held | None, set[str]]:  # fmt: skip
     """Return the best trial that holds, and the names of those found not to: they are no alternatives either.
 
-    As it `stands`, its log odds must be above `least`, too.
+    Its log odds must be above the `least`, as it was found and as it `stands`.
     """
     best: Held | None = None
     refused: set[str] = set()
-    for one in _preferred(sure):
+    for one in _preferred([trial for trial in trials if odds(trial.listed, trial.evidence) > least(trial)]):
         if best is not None and _preferred([best.trial, one])[0] is best.trial:
             continue
         held = None if refuses(one) else stands(one)
-        if held is None or odds(held.trial.listed, held.trial.evidence) <= least:
+        if held is None or odds(held.trial.listed, held.trial.evidence) <= least(held.trial):
             refused.add(one.listed.title)
         elif best is None or _preferred([best.trial, held.trial])[0] is held.trial:
             best = held

@@ -6,7 +6,6 @@ matrices: the reduction of chi-square, the sum of squares in the prior's metric,
 """
 
 import dataclasses
-import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -29,15 +28,15 @@ class Projector:
 
     def __init__(self, columns: np.ndarray, prior: np.ndarray, run: np.ndarray | None = None) -> None:
         self._columns, self._prior = columns, prior
-        self._run = np.zeros(len(columns), dtype=int) if run is None else run
+        run = np.zeros(len(columns), dtype=int) if run is None else run
         # A free direction is one whose prior says next to nothing.
         least = _NOTHING * max(float(np.einsum("np,np->p", columns, columns).max(initial=0.0)), 1.0)
         self._unit = np.where(prior, 1.0, least**-0.5)
-        runs = np.unique(self._run)
-        self._order = Order.of(columns, self._run, 0)
+        runs = np.unique(run)
+        self._order = Order.of(columns, run, 0)
         scaled = columns if prior.all() else columns * self._unit
         parts = zip(runs, self._order.own, strict=True)
-        self._parts = [Part.of(scaled, self._run == one, mine, self._order) for one, mine in parts]
+        self._parts = [Part.of(scaled, run == one, mine, self._order) for one, mine in parts]
         common = len(self._order.common)
         own, cross, across = [], [], np.zeros((common, common))
         for part in self._parts:
@@ -46,17 +45,6 @@ class Projector:
             cross[-1][:, part.used] = part.own.T @ part.shared
             across[np.ix_(part.used, part.used)] += part.shared.T @ part.shared
         self._solved = Eliminated(Arrow(tuple(own), tuple(cross), across), common)
-
-    @functools.cached_property
-    def by_run(self) -> "tuple[tuple[np.ndarray, Projector], ...]":
-        """What takes away the nuisances from the rows (n,) bool of every run alone: there they are free of the other runs'."""
-        found = []
-        for run in np.unique(self._run):
-            rows = self._run == run
-            columns = self._columns[rows]
-            used = columns.any(axis=0)
-            found.append((rows, Projector(columns[:, used], self._prior[used], self._run[rows])))
-        return tuple(found)
 
     def _half(self, y: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
         """Return the inverse root of the normal matrix times the inner products of the nuisances with rows (n, k)."""

@@ -106,9 +106,7 @@ class Replica:
             )
         ]
 
-    def _slid(
-        self, model: Model, whole: Sequence[Evaluation]
-    ) -> tuple[list[Evaluation], list[np.ndarray], list[Evaluation]]:
+    def _slid(self, model: Model, whole: Sequence[Evaluation]) -> tuple[list[Evaluation], list[np.ndarray], list[Evaluation]]:
         """Return a model without its sensors' mechanisms, their errors of the slip (T, A), and it where wheels truly slide."""
         without = self._copy.evaluate(_without_sensors(model))
         errors = [one.slip - other.slip for one, other in zip(without, whole, strict=True)]

@@ -1,10 +1,11 @@
 """Tries mechanisms: each refitted together with what was accepted before, with the evidence that it then has."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from concurrent.futures import Executor
 
 import numpy as np
+from scipy import linalg
 
 from wsp_env.diagnosis.candidates import Variant, near, refined, switched, without
 from wsp_env.diagnosis.covariance import Sizes
@@ -13,7 +14,7 @@ from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect
-from wsp_env.diagnosis.variation import Group, shapes
+from wsp_env.diagnosis.variation import Group, Net, law_columns, segment_columns, shapes
 from wsp_env.plant.mechanisms import ALL
 
 #: Mechanisms that are refitted in every round.
@@ -30,6 +31,8 @@ SURE = float(np.log(19.0))
 FORM = 0.2
 #: The same of a term without a name, which is one of few forms that were tried: assumption.
 FORM_TERM = 0.4
+#: Share of the largest singular value from which on directions of a bent effect are different ones.
+_SAME = 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,10 +65,12 @@ def odds(variant: Variant, evidence: float) -> float:
     return evidence + (PRIOR_TERM if variant.family else PRIOR)
 
 
-def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor) -> list[Trial]:
-    """Refit the mechanisms that promise most; the best first."""
-    promising = sorted(seen.found, key=lambda one: -odds(one.candidate.variant, one.evidence))[:TRIED]
-    promising = [one for one in promising if odds(one.candidate.variant, one.evidence) > 0.0]
+def trials_of(
+    replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor, known: Collection[str] = ()
+) -> list[Trial]:
+    """Refit the mechanisms that promise most, less those that are `known`; the best first."""
+    possible = [one for one in seen.found if odds(one.candidate.variant, one.evidence) > 0.0 and one.name not in known]
+    promising = sorted(possible, key=lambda one: -odds(one.candidate.variant, one.evidence))[:TRIED]
     if not promising:
         return []
     # A refit moves where a mechanism acts only from near: its next best place or band may be the better one to begin with.
@@ -130,3 +135,38 @@ def forms(replica: Replica, model: Model, variants: Sequence[Variant]) -> list[G
         for one in variants
         if form_of(one) > 0.0
     ]
+
+
+class FormsLeft:
+    """What a further mechanism needs: log odds of 95 %, and more than the forms of those before may leave.
+
+    Nature's form differs from that of what was accepted by a share of its effect (`form_of`). That share squared of its
+    evidence is lent to a further mechanism as far as its effect looks like the other's, bent over what was measured:
+    by the squared cosine between both, the law tuned anew. A drag that grows with the speed is no coupler that swings.
+
+    Parameters
+    ----------
+    accepted : every mechanism that was accepted, as it is on in the model, with its evidence
+
+    """
+
+    def __init__(self, replica: Replica, model: Model, accepted: Sequence[tuple[Variant, float]], seen: Screen) -> None:
+        self._replica, self._whitening = replica, seen.whitening
+        law = law_columns(replica, model, replica.raw(model))
+        self._net = Net(seen.whitening, np.column_stack([segment_columns(replica), law]))
+        self._lent: list[tuple[np.ndarray, float]] = []
+        for variant, evidence in accepted:
+            for bent in forms(replica, model, [variant]):
+                values, vectors = linalg.svd(self._seen(bent.columns), full_matrices=False)[1::-1]
+                basis = vectors[:, values > _SAME * values.max(initial=0.0)]
+                self._lent.append((basis, bent.expected**2 * evidence))
+
+    def _seen(self, columns: np.ndarray) -> np.ndarray:
+        return self._whitening(self._net(columns)[0])
+
+    def __call__(self, trial: Trial) -> float:
+        """Return the log odds from which on a trial is accepted."""
+        on, off = trial.fitted.model, without(trial.fitted.model, trial.variant)
+        effect = self._seen((self._replica.raw(off) - self._replica.raw(on))[:, None])[:, 0]
+        square = max(float(effect @ effect), np.finfo(float).tiny)
+        return max(SURE, sum(lent * float(np.sum((basis.T @ effect) ** 2)) / square for basis, lent in self._lent))
