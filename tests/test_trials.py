@@ -113,3 +113,22 @@ def test_a_share_of_a_size_leaves_where_it_acts():
     assert settle._scaled(patch, np.array([-0.4, 300.0, 60.0]), 0.5) == pytest.approx([-0.2, 300.0, 60.0])
     slope = Variant("initial_slope", ("factor",), {})
     assert settle._scaled(slope, np.array([0.4]), 1.5) == pytest.approx([0.1])
+
+
+@pytest.mark.parametrize("alike", [0.0, 0.6, 1.0])
+def test_the_form_of_what_was_accepted_lends_evidence_to_what_looks_like_it(monkeypatch, alike):
+    """A gain of 1000 nats whose form may miss 20 % lends 40 to its own like, and nothing to what is at right angles to it."""
+    rng = np.random.default_rng(1)
+    gain, apart, law = np.linalg.qr(rng.standard_normal((300, 3)))[0].T
+    further = alike * gain + np.sqrt(1.0 - alike**2) * apart + 5.0 * law  # mu_cd takes the last part
+    rows = {"off": further, "on": np.zeros(300)}
+    monkeypatch.setattr(trials, "law_columns", lambda *_: law[:, None])
+    monkeypatch.setattr(trials, "segment_columns", lambda *_: np.zeros((300, 0)))
+    monkeypatch.setattr(trials, "forms", lambda *_: [Group("form", 7.0 * gain[:, None], FORM, True)])
+    monkeypatch.setattr(trials, "without", lambda *_: "off")
+    replica = SimpleNamespace(raw=rows.get)
+    screen = SimpleNamespace(whitening=lambda columns: columns)
+    trial = SimpleNamespace(fitted=SimpleNamespace(model="on"), variant=GRADIENT)
+    least = trials.FormsLeft(replica, "on", [(GAIN, 1000.0)], screen)
+    assert least(trial) == pytest.approx(max(trials.SURE, FORM**2 * 1000.0 * alike**2))
+    assert trials.FormsLeft(replica, "on", [], screen)(trial) == trials.SURE
