@@ -19,8 +19,8 @@ from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, law_columns
 
-#: Number of squares that the belief in the uncertainty as computed counts for: assumption, about the runs of a campaign.
-BELIEVED = 8.0
+#: Number of squares that the belief in the uncertainty as computed counts for: assumption, half of what eight runs say.
+BELIEVED = 4.0
 #: Share of what the recordings say of a size, below which a run says nothing of it.
 _LEAST_SHARE = 0.02
 
