@@ -215,21 +215,14 @@ def test_belief_is_shared_with_what_explains_nearly_as_much():
     assert 0.5 <= beside[1] < 0.7
 
 
-@pytest.mark.parametrize(("beside", "alone", "compensates"), [(2.2, 2.0, False), (20.0, 2.0, True), (20.0, 18.0, False)])
-def test_what_makes_another_grow_compensates_it(monkeypatch, beside, alone, compensates):
-    """By more than it has grown without it, since it was accepted with a size of 2."""
+def test_what_makes_another_grow_compensates_it(monkeypatch):
     accepted = decide.Accepted(trial(GRADIENT, 40.0, multiple=2.0), ("track_gradient",), 1.0)
-    law = Model(2e-4, (0.06,))
-    new = dataclasses.replace(trial(GAIN, 30.0), fitted=Fitted(switched(law, GAIN, np.array([0.1])), (GAIN,), (), (), 0.0))
+    new = dataclasses.replace(trial(GAIN, 30.0), fitted=Fitted(Model(2e-4, (0.06,)), (), (), (), 0.0))
     screen = type("Seen", (), {"whitening": None})()
-    monkeypatch.setattr(decide, "refit", lambda _, model, variants, __: Fitted(model, tuple(variants), (), (), 0.0))
-
-    def net_effect(_, model, *rest):
-        return StopChange(0.01 * (beside if GAIN.name in model.choice else alone), 0.0)
-
-    monkeypatch.setattr(decide, "net_effect", net_effect)
-    assert decide._compensates(None, new, [accepted], screen, None) == compensates
-    assert not decide._compensates(None, new, [], screen, None)
+    for multiple, compensates in ((2.2, False), (20.0, True)):
+        monkeypatch.setattr(decide, "net_effect", lambda *_, m=multiple: StopChange(0.01 * m, 0.0))
+        assert decide._compensates(None, new, [accepted], screen) == compensates
+    assert not decide._compensates(None, new, [], screen)
 
 
 # --- which trial holds

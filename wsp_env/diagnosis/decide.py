@@ -92,7 +92,7 @@ def select(
             break
         progress(f"refitting {len(accepted) + 1} of {MOST}")
         weights = weights_of(replica, seen)
-        refuses = functools.partial(_refused, replica, accepted, seen, weights)
+        refuses = functools.partial(_refused, replica, accepted, seen)
         stands = functools.partial(_about_its_own, replica, seen, weights)
         forms_left = FormsLeft(replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen)
         trials: list[Trial] = []
@@ -201,9 +201,9 @@ def _best(
     return best, refused
 
 
-def _refused(replica: Replica, accepted: Sequence[Accepted], seen: Screen, weights: Weights, trial: Trial) -> bool:
+def _refused(replica: Replica, accepted: Sequence[Accepted], seen: Screen, trial: Trial) -> bool:
     """Whether a mechanism contradicts itself, whatever its evidence."""
-    return at_bound(trial.listed, trial.fitted.model) or _compensates(replica, trial, accepted, seen, weights)
+    return at_bound(trial.listed, trial.fitted.model) or _compensates(replica, trial, accepted, seen)
 
 
 def at_bound(listed: Variant, model: Model) -> bool:
@@ -215,18 +215,12 @@ def at_bound(listed: Variant, model: Model) -> bool:
     return False
 
 
-def _compensates(
-    replica: Replica, trial: Trial, accepted: Sequence[Accepted], seen: Screen, weights: Weights
-) -> bool:  # fmt: skip
+def _compensates(replica: Replica, trial: Trial, accepted: Sequence[Accepted], seen: Screen) -> bool:
     """Whether a mechanism makes one of those before grow: what is missing beside another leaves the other as it is."""
-    model = trial.fitted.model
     for one in accepted:
-        most = net_effect(replica, model, one.trial.variant, seen.whitening).multiple / GROWN
-        if most > one.trial.size.multiple:  # which it may have grown beyond by itself, since it was accepted
-            others = [variant for variant in trial.fitted.variants if variant is not trial.variant]
-            alone = refit(replica, without(model, trial.variant), others, weights).model
-            if most > net_effect(replica, alone, one.trial.variant, seen.whitening).multiple:
-                return True
+        now = net_effect(replica, trial.fitted.model, one.trial.variant, seen.whitening).multiple
+        if now > GROWN * one.trial.size.multiple:
+            return True
     return False
 
 
