@@ -132,6 +132,10 @@ class Balances:
             last = self._kept.last = (model, self._evaluator(model))
         return last[1]
 
+    def evaluate_forces(self, model: Model) -> list[Evaluation]:
+        """Return the same without the adhesion and its slope."""
+        return self._evaluator.forces(model)
+
     def evaluate_slid(self, model: Model, more: Sequence[np.ndarray]) -> list[Evaluation]:
         """Return the same of wheels that slide by some speeds (T, A) `more` [m/s]."""
         return self._evaluator(model, [-slip / self.radius for slip in more])

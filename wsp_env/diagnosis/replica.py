@@ -88,10 +88,10 @@ class Replica:
         The recordings' residual is linear in the measured less the replica's slip. So is a sensor's error, at the slope of the
         baseline, as far as the measured slip is not kept: with the error as it is both cancel.
         """
-        whole = self._copy.evaluate(model)
         true = {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on != "sensor"}
         if len(true) == len(model.choice):
-            return whole
+            return self._copy.evaluate(model)
+        whole = self._copy.evaluate_forces(model)
         without = self._copy.evaluate(dataclasses.replace(model, choice=true))
         errors = [one.slip - other.slip for one, other in zip(without, whole, strict=True)]
         slid = self._copy.evaluate_slid(model, [(1.0 - kept) * error for kept, error in zip(self._share, errors, strict=True)])
