@@ -130,6 +130,7 @@ def fit(gram: np.ndarray, against: np.ndarray, squares: np.ndarray | None = None
     values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
     kept = values > least
     half = (vectors[:, kept] / np.sqrt(values[kept])) / scale[:, None]
+    half[squares <= 0.0] = 0.0  # of a column that is nothing, rounding over nothing
     inverse = half @ half.T
     amplitude = inverse @ against
     return LeastSquares(float(against @ amplitude), amplitude, inverse)
