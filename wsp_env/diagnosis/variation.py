@@ -246,28 +246,27 @@ def _kept_track(place: bytes, used: bytes, length_m: float) -> np.ndarray:
     order = np.flatnonzero(inside)[np.argsort(places[inside])]
     # Stretches far from each other (runs of unknown places, say) have nothing to do with each other.
     stretches = np.split(order, np.flatnonzero(np.diff(places[order]) > _APART * length_m) + 1)
-    found = [_of_stretch(places, np.isin(np.arange(len(places)), one), length_m) for one in stretches]
+    found = [_of_stretch(places, one, length_m) for one in stretches if len(one)]
     return np.column_stack([np.zeros((len(places), 0)), *found])
 
 
 def _of_stretch(place: np.ndarray, used: np.ndarray, length_m: float) -> np.ndarray:
-    hats = _hats(place, 0.5 * length_m, used)
+    """Weights (n, m) of the rows (k,) that a stretch uses; 0 for the others."""
+    hats = _hats(place[used], 0.5 * length_m)
     node = np.arange(hats.shape[1])
     values, vectors = np.linalg.eigh(np.exp(-0.5 * (0.5 * np.subtract.outer(node, node)) ** 2))
     kept = values > 0.01 * values.max(initial=0.0)
-    result: np.ndarray = hats @ (vectors[:, kept] * np.sqrt(values[kept]))
+    result = np.zeros((len(place), int(kept.sum())))
+    result[used] = hats @ (vectors[:, kept] * np.sqrt(values[kept]))
     return result
 
 
-def _hats(values: np.ndarray, apart: float, used: np.ndarray | None = None) -> np.ndarray:
-    """Linear interpolation (n, nodes) between nodes `apart`; 0 for rows that are not used."""
-    used = np.ones(len(values), dtype=bool) if used is None else used
-    if not used.any():
-        return np.zeros((len(values), 0))
-    x = (values - values[used].min()) / apart
-    nodes = int(x[used].max()) + 2
+def _hats(values: np.ndarray, apart: float) -> np.ndarray:
+    """Linear interpolation (n, nodes) between nodes `apart`."""
+    x = (values - values.min()) / apart
+    nodes = int(x.max()) + 2
     weights: np.ndarray = np.clip(1.0 - np.abs(x[:, None] - np.arange(nodes)), 0.0, None)
-    return weights * used[:, None]
+    return weights
 
 
 def _line(values: np.ndarray, used: np.ndarray) -> np.ndarray:

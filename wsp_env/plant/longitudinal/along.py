@@ -218,6 +218,8 @@ def true_wheel_acceleration(m: PlantModel, read_rate: np.ndarray, read_jerk: np.
 
     What a sensor does is linear and the same at all times, so the rate passes `slots.wheel_speed` as the speed does.
     """
+    if "wheel_speed" not in mechanisms.acting(m.mechanisms):
+        return read_rate
     rate = np.empty(read_rate.shape)
     active = Active(m.mechanisms, m.constants.derived, mechanisms.remember(1, m.axle_positions_m))
     undone(read_rate, read_jerk, active, rate)
