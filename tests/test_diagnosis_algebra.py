@@ -81,3 +81,14 @@ def test_change_points_are_where_a_mean_changes(start, length, seed):
     assert (low, high) == pytest.approx((start, start + length), abs=0.02)
     assert contrast == pytest.approx(1.0 - inside.mean(), abs=0.1)
     assert share == pytest.approx(inside.mean(), abs=0.03)
+
+
+def test_a_column_that_is_nothing_does_not_move():
+    """What no row shows has no amplitude: rounding over nothing would be any number."""
+    rng = np.random.default_rng(5)
+    x, y = rng.standard_normal((50, 4)), rng.standard_normal(50)
+    x[:, 2] = 0.0
+    found = fit(x.T @ x, x.T @ y)
+    assert found.amplitude[2] == 0.0
+    others = np.delete(x, 2, axis=1)
+    assert np.delete(found.amplitude, 2) == pytest.approx(np.linalg.lstsq(others, y, rcond=None)[0])

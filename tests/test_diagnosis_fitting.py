@@ -1,11 +1,14 @@
 """What a refit moves, and what its weights let vary in place of it."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 from synthetic_stops import stop, write_campaign
 
 from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.candidates import Variant, columns, parameter_of, switched
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import moved_by, refit, weigh
 from wsp_env.diagnosis.replica import Replica
@@ -51,3 +54,17 @@ def test_what_a_refit_does_not_move_varies_in_its_weights_as_much_as_it_is_belie
     assert squares[2] > 10.0  # the stop would tell its friction, were it not left to the weights
     assert left[2] == pytest.approx(squares[2] / (1.0 + squares[2]), rel=1e-9)
     assert left[1] == pytest.approx(squares[1], rel=1e-9)
+
+
+@pytest.mark.parametrize("variant", [Variant("sanding", ("share",), {"axle": 1.0}), Variant("vehicle_mass", ("extra",), {})])
+def test_at_a_bound_a_step_goes_the_other_way(replica, variant):
+    """A step beyond the bound is none: its column would be rounding, and a refit would go wherever that points."""
+    (size,) = variant.sizes
+    parameter = parameter_of(variant.name, size)
+    for bound, inside in ((parameter.high, -1.0), (parameter.low, 1.0)):
+        model = switched(LAW, variant, np.array([bound]))
+        base, step = replica.raw(model), abs(float(variant.moves()[0]))
+        moved = replica.raw(switched(LAW, variant, np.array([bound + inside * step])))
+        for sign in (1.0, -1.0):
+            stepped = dataclasses.replace(variant, steps=(sign * step,))
+            assert_array_equal(columns(replica, model, base, stepped)[:, 0], (moved - base) * sign * inside)

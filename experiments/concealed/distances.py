@@ -11,7 +11,7 @@ from scipy.stats import t as student
 
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.evaluate import Choice, Model
-from wsp_env.diagnosis.interest import change, only_sensors
+from wsp_env.diagnosis.interest import Compared, only_sensors
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.evaluation.controller import Controller, load
@@ -113,4 +113,4 @@ def _parameter_share(campaign: Campaign, answer: Mapping[str, Any], chosen: Choi
 def _recorded(replica: Replica, choice: Choice) -> float:
     """Return the relative change of one stop's distance [-] at the recorded slip, by mechanisms beside the same law."""
     before, after = (replica.evaluate(dataclasses.replace(replica.baseline, choice=one)) for one in ({}, choice))
-    return change(replica, before, after, only_sensors(choice)).distance
+    return Compared(replica, before).change(after, only_sensors(choice)).distance

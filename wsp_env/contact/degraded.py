@@ -145,6 +145,39 @@ def adhesion(slip_speed: float, speed: float, normal_load: float, on: Surface, t
 _adhesion_in_batches = with_math(adhesion, elementary)
 
 
+#: Contacts that the compiler works on at once. What is left of a number beyond its multiples goes one by one, at eight times
+#: the cost.
+_LANES = 8
+
+
+def _adhesions(paper: bool) -> Callable[..., None]:
+    """Return the compiled loop over contacts for all fields of `Adhesion`; `paper` as of `_loop`."""
+
+    @kernel
+    def loop(met: np.ndarray, count: int, given: DegradedLaw, found: np.ndarray) -> None:
+        law = paper_recovery(given) if paper else given
+        for i in range(count):
+            on = Surface(met[3, i], met[4, i], met[5, i], met[6, i])
+            state = _adhesion_in_batches(met[0, i], met[1, i], met[2, i], on, met[7, i], law)
+            for field, value in enumerate(state):
+                found[field, i] = value
+
+    return loop
+
+
+_adhesions_by_paper, _adhesions_in_general = _adhesions(True), _adhesions(False)
+
+
+@kernel
+def adhesions(met: np.ndarray, count: int, law: DegradedLaw, found: np.ndarray) -> None:
+    """Evaluate the law of many contacts at once, see `wsp_env.contact.port.tractions`."""
+    whole = min((count + _LANES - 1) // _LANES * _LANES, met.shape[1])
+    if law == paper_recovery(law):
+        _adhesions_by_paper(met, whole, law, found)
+    else:
+        _adhesions_in_general(met, whole, law, found)
+
+
 def _loop(output: int, paper: bool) -> Callable[..., None]:
     """Return the compiled loop for one field of `Adhesion`; `paper` leaves out what the paper's recovery does not need.
 
@@ -228,4 +261,4 @@ def _make(contact: Any) -> DegradedLaw:
     )
 
 
-LAW = TractionLaw("degraded", "the seed paper's law: friction work recovers adhesion", DegradedLaw, adhesion, _make)
+LAW = TractionLaw("degraded", "the seed paper's law: friction work recovers adhesion", DegradedLaw, adhesion, _make, adhesions)

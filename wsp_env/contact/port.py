@@ -36,6 +36,19 @@ def traction(slip_speed: float, speed: float, normal_load: float, on: Surface, t
     return _EVALUATE[type(law)](slip_speed, speed, normal_load, on, tau, law)
 
 
+def tractions(met: np.ndarray, count: int, law: Any, found: np.ndarray) -> None:
+    """Evaluate many contacts at once.
+
+    Parameters
+    ----------
+    met : rows (8, n): slip speed, speed, load, the fields of `Surface`, tau; the first `count` columns count, the others are
+        finite
+    found : rows (6, n), filled: the fields of `Adhesion`
+
+    """
+    _SEVERAL[type(law)](met, count, law, found)
+
+
 def law_at(like: Any, rows: np.ndarray, i: int) -> Any:
     """Return row i of `rows` (N, fields) as a law's record of the type of `like`."""
     return _READ[type(like)](rows, i)
@@ -54,6 +67,19 @@ def _stiffener(record: Any) -> Any:
 _EVALUATE = {law.record: law.evaluate for law in LAWS.values()}
 _READ = {law.record: record_reader(law.record) for law in LAWS.values()}
 by_type(traction, "law", _EVALUATE)
+
+
+@kernel
+def _one_by_one(met: np.ndarray, count: int, law: Any, found: np.ndarray) -> None:
+    for i in range(count):
+        on = Surface(met[3, i], met[4, i], met[5, i], met[6, i])
+        state = traction(met[0, i], met[1, i], met[2, i], on, met[7, i], law)
+        for field, value in enumerate(state):
+            found[field, i] = value
+
+
+_SEVERAL = {law.record: law.several or _one_by_one for law in LAWS.values()}
+by_type(tractions, "law", _SEVERAL)
 by_type(stiffened, "law", {law.record: _stiffener(law.record) for law in LAWS.values()})
 by_type(law_at, "like", _READ, passed=("rows", "i"))
 

@@ -43,6 +43,7 @@ class TractionLaw(NamedTuple):
 
     `evaluate(slip_speed [m/s], speed [m/s], normal_load [N], surface, tau [m/J], record)` is a compiled function of scalars
     that returns an `Adhesion`. `make(contact)` builds the record, a NamedTuple of floats, from `ContactParameters`.
+    `several`, where that is faster, evaluates many contacts at once, see `wsp_env.contact.port.tractions`.
     """
 
     name: str
@@ -50,3 +51,4 @@ class TractionLaw(NamedTuple):
     record: type[Any]
     evaluate: Callable[..., Adhesion]
     make: Callable[[Any], Any]
+    several: Callable[..., None] | None = None

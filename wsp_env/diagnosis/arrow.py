@@ -8,6 +8,15 @@ from scipy import linalg
 from scipy.linalg import lapack
 
 
+def rows_of(run: np.ndarray) -> list[slice | np.ndarray]:
+    """Return the rows of every run, from the run (n,) of each row; a slice, which copies nothing, where they lie together."""
+    found: list[slice | np.ndarray] = []
+    for one in np.unique(run):
+        rows = np.flatnonzero(run == one)
+        found.append(slice(rows[0], rows[-1] + 1) if rows[-1] - rows[0] + 1 == len(rows) else rows)
+    return found
+
+
 class Order(NamedTuple):
     """Which columns concern one run alone, and which are common."""
 
@@ -17,8 +26,8 @@ class Order(NamedTuple):
     @classmethod
     def of(cls, columns: np.ndarray, run: np.ndarray, whole: int) -> "Order":
         """Tell columns (n, k) of rows of runs (n,) apart; the last `whole` ones count as common."""
-        runs = np.unique(run)
-        concerned = np.array([columns[run == one].any(axis=0) for one in runs]).reshape(len(runs), -1)
+        parts = rows_of(run)
+        concerned = np.array([columns[rows].any(axis=0) for rows in parts]).reshape(len(parts), -1)
         alone = (concerned.sum(axis=0) == 1) & (np.arange(columns.shape[1]) < columns.shape[1] - whole)
         return cls(tuple(np.flatnonzero(mine & alone) for mine in concerned), np.flatnonzero(~alone))
 

@@ -132,6 +132,10 @@ class Balances:
             last = self._kept.last = (model, self._evaluator(model))
         return last[1]
 
+    def evaluate_forces(self, model: Model) -> list[Evaluation]:
+        """Return the same without the adhesion and its slope."""
+        return self._evaluator.forces(model)
+
     def evaluate_slid(self, model: Model, more: Sequence[np.ndarray]) -> list[Evaluation]:
         """Return the same of wheels that slide by some speeds (T, A) `more` [m/s]."""
         return self._evaluator(model, [-slip / self.radius for slip in more])
@@ -181,7 +185,7 @@ class Blocks:
         return values[: blocks * length].reshape(blocks, length, *values.shape[1:])
 
     def _mean_mask(self, values: np.ndarray, length: int) -> np.ndarray:
-        result: np.ndarray = self._cut(values.astype(float), length).mean(axis=1)
+        result: np.ndarray = self._cut(values, length).mean(axis=1, dtype=float)
         return result
 
     def mean(self, values: np.ndarray) -> np.ndarray:
@@ -265,7 +269,8 @@ class Blocks:
         segment = self.segments[self.segments >= 0]
         for which in np.unique(segment):  # the speed that each stretch starts with is free
             momentum[segment == which] -= momentum[segment == which].mean()
-        return self.joined(self.wheel_rows(adhesion), momentum, self.wheel_rows(one.torque - one.braking))
+        brakes = None if self.stop.pressed is None else self.wheel_rows(one.torque - one.braking)
+        return self.joined(self.wheel_rows(adhesion), momentum, brakes)
 
     def deviation(self, one: Evaluation) -> np.ndarray:
         """Deviation of the same by the channels' noise; of the vehicle's rows, whose noise is coloured, 1."""

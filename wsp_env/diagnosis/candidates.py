@@ -147,10 +147,17 @@ def values_in(model: Model, variant: Variant) -> np.ndarray:
 
 
 def columns(balances: Balances | Replica, model: Model, base: np.ndarray, variant: Variant) -> np.ndarray:
-    """Return the change of the residuals (n, k) by a step of each free parameter, about the variant's values in the model."""
+    """Return the change of the residuals (n, k) by a step of each free parameter, about the variant's values in the model.
+
+    A parameter at the bound towards which it would step goes the other way: there a step is none, and what it changes rounding.
+    """
     start, found = values_in(model, variant), []
     for i, change in enumerate(variant.moves()):
-        values = start.copy()
-        values[i] += change
-        found.append(balances.raw(switched(model, variant, values)) - base)
+        for step_by in (change, -change):
+            values = start.copy()
+            values[i] += step_by
+            moved = switched(model, variant, values)
+            if values_in(moved, variant)[i] != start[i]:
+                break
+        found.append((balances.raw(moved) - base) * np.sign(step_by * change))
     return np.column_stack(found)

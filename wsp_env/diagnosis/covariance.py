@@ -15,15 +15,13 @@ import numpy as np
 from wsp_env.diagnosis.arrow import Arrow, Eliminated, Order, combined
 from wsp_env.diagnosis.balances import NOISES, Balances, Whitening
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.variation import Group
+from wsp_env.diagnosis.variation import Group, whitened
 
 #: Number of observations that the expected size of a group counts for: assumption.
 _PRIOR_WEIGHT = 4.0
 #: Times the noise that the channels show by themselves, below which a balance's noise is not taken.
 _LEAST_NOISE = 0.5
 _ITERATIONS = 12
-#: Deviation of a free column, in its own unit of whitened rows of length 1.
-_FREE = 1e3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,13 +61,7 @@ class Evidence:
         self.adds = of_mean * ratio**2 / len(balances.stops)
         counts = [group.columns.shape[1] for group in groups]
         self.group = np.repeat(np.arange(len(groups)), counts)  # (p,)
-        white = whitening(np.column_stack([group.columns for group in groups]))
-        for group, start in zip(groups, np.cumsum([0, *counts[:-1]]), strict=True):
-            mine = slice(start, start + group.columns.shape[1])
-            if np.isinf(group.expected):
-                white[:, mine] *= _FREE / np.maximum(np.linalg.norm(white[:, mine], axis=0), 1e-12)
-            else:
-                white[:, mine] *= group.expected
+        white = whitened(groups, whitening)
         every = np.column_stack([white, whitening(columns), whitening(base)])
         kind, run = balances.rows.noise, balances.rows.run
         self.nuisances = white.shape[1]

@@ -1,7 +1,9 @@
 """Evaluates a model along recorded stops: contact, wheel loads, brake torque and what resists, at measured speeds."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+import functools
+import threading
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,6 +11,7 @@ import numpy as np
 from wsp_env.diagnosis.stops import PreparedStop, torque_per_bar
 from wsp_env.parameters.campaign_vehicle import plant_vehicle
 from wsp_env.parameters.vehicle import Brake, Vehicle
+from wsp_env.plant import mechanisms
 from wsp_env.plant.longitudinal import along
 from wsp_env.plant.mechanisms import at_stop
 from wsp_env.recordings import Campaign
@@ -65,69 +68,134 @@ class Evaluator:
     """Evaluates models along the stops of a campaign."""
 
     def __init__(self, campaign: Campaign, stops: Sequence[PreparedStop]) -> None:
+        self._campaign = campaign
         self.vehicle = vehicle_of(campaign)
         self.stops = tuple(stops)
-        self._trajectories = [
-            along.Trajectory(
-                s.time, s.speed, s.acceleration, s.place, s.wheel, s.wheel_rate, s.torque if s.pressed is None else s.pressed
-            )
-            for s in self.stops
-        ]
-        self._bare: list[np.ndarray | None] = [None] * len(self.stops)
+
+        def every(name: str) -> np.ndarray:
+            return np.concatenate([getattr(stop, name) for stop in self.stops])
+
+        self._torque, self._speed, self._recorded = every("torque"), every("speed"), every("recorded_speed")
+        self._rates = every("wheel_rate"), every("wheel_jerk")
+        braked = [stop.torque if stop.pressed is None else stop.pressed for stop in self.stops]
+        self._counts = [len(stop.time) for stop in self.stops]
+        self._measured = np.repeat([stop.pressed is not None for stop in self.stops], self._counts)[:, None]
+        self._kept = threading.local()  # every thread keeps the last of what does not depend on the contacts
+        self._trajectory = along.Trajectory(
+            every("time"), self._speed, every("acceleration"), every("place"), every("wheel"), self._rates[0],
+            np.concatenate(braked), tuple(np.cumsum([0, *self._counts[:-1]]).tolist()),
+        )  # fmt: skip
 
     def __call__(self, model: Model, faster: Sequence[np.ndarray] | None = None) -> list[Evaluation]:
         """Return what the model says of every stop; of wheels that are by some speeds (T, A) `faster` [rad/s], where given."""
-        common = along.model(self.vehicle, model.choice)
-        own = [at_stop(model.choice, stop.earlier) for stop in self.stops]
-        each = [common if one is model.choice else along.model(self.vehicle, one) for one in own]
-        trajectories = self._trajectories
+        own = self._choices(model)
+        if any(one != own[0] for one in own):
+            parts = enumerate(zip(self._each, self._alone(model, own), strict=True))
+            return [one(m, faster and faster[i : i + 1])[0] for i, (one, m) in parts]
+        m, trajectory, belief = along.model(self.vehicle, own[0]), self._trajectory, self._belief(model.mu_cd, model.tau)
         if faster is not None:
-            pairs = zip(trajectories, faster, strict=True)
-            trajectories = [dataclasses.replace(one, wheel_speed_radps=one.wheel_speed_radps + more) for one, more in pairs]
-        return [self._one(i, constants, model, trajectories[i]) for i, constants in enumerate(each)]
+            trajectory = trajectory.measured(wheel_speed_radps=trajectory.wheel_speed_radps + np.concatenate(faster))
+        if faster is not None or mechanisms.work_moves(m.mechanisms):
+            speed, shift = self._held(m, trajectory, belief)
+        else:
+            speed, shift = self._last(self._speed_of, along.moving(m.mechanisms))
+        return self._evaluations(m, along.along(trajectory.measured(speed_mps=speed), belief, m), shift)
 
-    def _one(self, i: int, constants: Any, model: Model, trajectory: along.Trajectory) -> Evaluation:
-        stop = self.stops[i]
-        belief = along.Belief(model.mu_cd[i], model.tau, stop.mass, self.vehicle.wheel_radius_m, stop.gradient)
-        p = along.along(trajectory, belief, constants)
-        shift = p.speed_mps - stop.speed
-        # What forces predict of the speed is believed, the recorded speed only as far as it is slow.
-        moved = self._predicted(stop, p, constants) - self._believed(i)
-        held = moved - stop.estimator(stop.time, moved - shift)
-        if held.any():
-            again = dataclasses.replace(trajectory, speed_mps=stop.speed + held - shift)
-            p = along.along(again, belief, constants)
-        rate = along.true_wheel_acceleration(constants, stop.wheel_rate, stop.wheel_jerk)
-        torque = p.torque_nm if stop.pressed is None else stop.torque
-        return Evaluation(
-            speed=p.speed_mps,
-            adhesion=p.adhesion,
-            slope=p.adhesion_slope,
-            load=p.wheel_load_n,
-            slip=p.slip_speed_mps,
-            force=(torque + p.inertia_kgm2 * rate) / p.radius_m,
-            torque=torque,
-            braking=p.torque_nm,
-            impulse=(p.inertia_kgm2 * p.wheel_speed_radps / p.radius_m).sum(axis=1),
-            brake_force=(torque / p.radius_m).sum(axis=1),
-            recorded_speed=stop.recorded_speed + shift,
-            resistance=p.resistance_n,
-            mass=p.mass_kg,
-        )
+    def forces(self, model: Model) -> list[Evaluation]:
+        """Return the same without the adhesion and its slope."""
+        own = self._choices(model)
+        if any(one != own[0] for one in own):
+            return [one.forces(m)[0] for one, m in zip(self._each, self._alone(model, own), strict=True)]
+        on = mechanisms.make(own[0])
+        return self(model) if mechanisms.work_moves(on) else self._last(self._forces_of, along.moving(on, loads=True))
 
-    def _predicted(self, stop: PreparedStop, p: along.Prediction, constants: Any) -> np.ndarray:
-        """Return the change of speed (T,) that wheels and resistance predict from the start on [m/s]."""
-        rate = along.true_wheel_acceleration(constants, stop.wheel_rate, stop.wheel_jerk)
-        torque = p.torque_nm if stop.pressed is None else stop.torque
-        force = ((torque + p.inertia_kgm2 * rate) / p.radius_m).sum(axis=1) + p.resistance_n
-        result: np.ndarray = -(np.cumsum(force) - 0.5 * force) * stop.step_s / p.mass_kg
-        return result
+    def _choices(self, model: Model) -> list[Choice]:
+        return [at_stop(model.choice, stop.earlier) for stop in self.stops]
 
-    def _believed(self, i: int) -> np.ndarray:
-        """Return the same without mechanisms: what the estimated speed of a stop rests on."""
-        bare = self._bare[i]
-        if bare is None:
-            stop, constants = self.stops[i], along.model(self.vehicle, {})
-            belief = along.Belief(stop.believed_mu_cd, 0.0, stop.mass, self.vehicle.wheel_radius_m, stop.gradient)
-            bare = self._bare[i] = self._predicted(stop, along.along(self._trajectories[i], belief, constants), constants)
-        return bare
+    @staticmethod
+    def _alone(model: Model, own: Sequence[Choice]) -> list[Model]:
+        """Return the model of every stop alone."""
+        return [dataclasses.replace(model, mu_cd=model.mu_cd[i : i + 1], choice=one) for i, one in enumerate(own)]
+
+    def _last(self, of: Callable[[Any], Any], on: Any) -> Any:
+        """Return a function of the mechanisms that are on, which are the same for many models in turn."""
+        last = getattr(self._kept, of.__name__, None)
+        if last is None or last[0] != on:
+            last = on, of(on)
+            setattr(self._kept, of.__name__, last)
+        return last[1]
+
+    def _speed_of(self, on: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Return `_held` of mechanisms, whatever the friction."""
+        return self._held(along.of_mechanisms(self.vehicle, on), self._trajectory, self._any_belief)
+
+    def _forces_of(self, on: Any) -> list[Evaluation]:
+        """Return `forces` of mechanisms, whatever the friction."""
+        m, (speed, shift) = along.of_mechanisms(self.vehicle, on), self._last(self._speed_of, along.moving(on))
+        p = along.along(self._trajectory.measured(speed_mps=speed), self._any_belief, m, contacts=False)
+        return self._evaluations(m, p, shift)
+
+    def _held(
+        self, m: along.PlantModel, trajectory: along.Trajectory, belief: along.Belief
+    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+        """Return the recorded speed (T,) with what a model's forces change of it, and what its sensors shift it by [m/s].
+
+        What forces predict of the speed is believed, the recorded speed only as far as it is slow.
+        """
+        if along.moving(m.mechanisms) == mechanisms.NULL:
+            return self._speed, np.zeros(len(self._speed))
+        p = along.along(trajectory, belief, m, contacts=False)
+        shift, moved = p.speed_mps - self._speed, self._predicted(m, p) - self._believed
+        speed = self._speed.copy()
+        for stop, samples in zip(self.stops, trajectory.stops, strict=True):
+            held = moved[samples] - stop.estimator(stop.time, moved[samples] - shift[samples])
+            if held.any():
+                speed[samples] += held - shift[samples]
+        return speed, shift
+
+    def _evaluations(self, m: along.PlantModel, p: along.Prediction, shift: np.ndarray) -> list[Evaluation]:
+        """Return every stop's part of a prediction, by a model whose sensors shift the speed."""
+        torque, rate = self._braking(p), along.true_wheel_acceleration(m, *self._rates)
+        every = {
+            "speed": p.speed_mps, "adhesion": p.adhesion, "slope": p.adhesion_slope, "load": p.wheel_load_n,
+            "slip": p.slip_speed_mps, "force": (torque + p.inertia_kgm2 * rate) / p.radius_m, "torque": torque,
+            "braking": p.torque_nm, "impulse": p.wheel_speed_radps @ (p.inertia_kgm2 / p.radius_m),
+            "brake_force": torque @ (1.0 / p.radius_m), "recorded_speed": self._recorded + shift, "resistance": p.resistance_n,
+        }  # fmt: skip
+        return [
+            Evaluation(**{name: values[samples] for name, values in every.items()}, mass=float(mass))
+            for samples, mass in zip(self._trajectory.stops, p.mass_kg, strict=True)
+        ]
+
+    def _braking(self, p: along.Prediction) -> np.ndarray:
+        """Return the torques (T, A) that are measured, else the brakes' [N m]."""
+        return np.where(self._measured, self._torque, p.torque_nm) if self._measured.any() else p.torque_nm
+
+    def _predicted(self, m: along.PlantModel, p: along.Prediction) -> np.ndarray:
+        """Return the change of speed (T,) that wheels and resistance predict from each start on [m/s]."""
+        rate = along.true_wheel_acceleration(m, *self._rates)
+        force = (self._braking(p) + p.inertia_kgm2 * rate) @ (1.0 / p.radius_m) + p.resistance_n
+        parts = zip(self._trajectory.stops, self.stops, p.mass_kg, strict=True)
+        sums = [(np.cumsum(force[samples]) - 0.5 * force[samples]) * (-stop.step_s / mass) for samples, stop, mass in parts]
+        return np.concatenate(sums)
+
+    def _belief(self, mu_cd: Sequence[float], tau: float) -> along.Belief:
+        masses, gradients = np.array([stop.mass for stop in self.stops]), np.array([stop.gradient for stop in self.stops])
+        friction = np.repeat(mu_cd[: len(self.stops)], self._counts)[:, None]
+        return along.Belief(friction, tau, masses, self.vehicle.wheel_radius_m, gradients)
+
+    @functools.cached_property
+    def _each(self) -> "list[Evaluator]":
+        """The evaluator of every stop alone."""
+        return [Evaluator(self._campaign, [stop]) for stop in self.stops]
+
+    @functools.cached_property
+    def _any_belief(self) -> along.Belief:
+        """A belief for what does not depend on friction."""
+        return self._belief([1.0] * len(self.stops), 0.0)
+
+    @functools.cached_property
+    def _believed(self) -> np.ndarray:
+        """The change of speed (T,) that is predicted without mechanisms: on it the estimated speeds rest [m/s]."""
+        m = along.model(self.vehicle, {})
+        return self._predicted(m, along.along(self._trajectory, self._any_belief, m, contacts=False))

@@ -12,14 +12,13 @@ from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.gls import LeastSquares, Projector, fit
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, Group, law_columns, nuisances
+from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, Group, law_columns, nuisances, whitened
 
 TAU = 2e-4  # [m/J] believed, within a factor e^LOG_TAU; the seed paper's measured rails have 1.9e-4
 _ITERATIONS = 8
 _LARGEST_STEP = 0.7  # [-] change of log tau or log mu_cd in one iteration
 _HALVINGS = 4
 _LEAST_ROWS = 20  # blocks of sliding that say something on a run's friction
-_FREE = 1e3  # deviations of a free column: as good as infinite
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,14 +53,8 @@ def weigh(
 ) -> Weights:  # fmt: skip
     """Return the weights under some sizes of groups and noises; None: the expected ones."""
     noise = np.ones(len(balances.rows)) if sizes is None else sizes.noise[balances.rows.noise]
-    columns = []
-    for i, group in enumerate(_left_to_the_weights(balances, group) for group in groups):
-        white = whitening(group.columns) / noise[:, None]
-        if np.isinf(group.expected):
-            columns.append(white * _FREE / np.maximum(np.linalg.norm(white, axis=0), 1e-12))
-        else:
-            columns.append(white * group.expected * (1.0 if sizes is None else sizes.groups[i]))
-    matrix, run = np.column_stack(columns), balances.rows.run
+    groups = [_left_to_the_weights(balances, group) for group in groups]
+    matrix, run = whitened(groups, whitening, noise, None if sizes is None else sizes.groups), balances.rows.run
     if keep is not None:
         matrix, run = matrix[keep], run[keep]
     return Weights(whitening, noise, Projector(matrix, np.ones(matrix.shape[1], dtype=bool), run))
@@ -176,9 +169,9 @@ class _State:
         law = (law_columns(self.balances, self.model, self.base) * [LOG_TAU, *[MU_CD] * len(self.balances.stops)])[
             :, self.moves
         ]
-        white = self.weights(np.column_stack([*columns, law]))[self.keep]
-        projector = self.weights.projector
-        gram, against = projector.inner(white, white), projector.inner(white, self.y[:, None])[:, 0]
+        white = np.column_stack([self.weights(np.column_stack([*columns, law]))[self.keep], self.y])
+        known = self.weights.projector.inner(white, white)
+        gram, against = known[:-1, :-1], known[:-1, -1]
         own = sum(len(step) for step in steps)
         gram[np.diag_indices_from(gram)] += np.where(np.arange(len(gram)) < own, 0.0, 1.0)  # the law's priors
         if self.moves[0]:

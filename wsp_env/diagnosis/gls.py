@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wsp_env.diagnosis.arrow import Arrow, Eliminated, Order
+from wsp_env.diagnosis.arrow import Arrow, Eliminated, Order, rows_of
 
 _NOTHING = 1e-11  # of the largest square of a nuisance's column, below which a direction says nothing
 
@@ -29,21 +29,24 @@ class Projector:
     def __init__(self, columns: np.ndarray, prior: np.ndarray, run: np.ndarray | None = None) -> None:
         self._columns, self._prior = columns, prior
         run = np.zeros(len(columns), dtype=int) if run is None else run
-        # A free direction is one whose prior says next to nothing.
-        least = _NOTHING * max(float(np.einsum("np,np->p", columns, columns).max(initial=0.0)), 1.0)
-        self._unit = np.where(prior, 1.0, least**-0.5)
-        runs = np.unique(run)
+        self._unit = np.ones(len(prior))
+        if not prior.all():  # a free direction is one whose prior says next to nothing
+            least = _NOTHING * max(float(np.einsum("np,np->p", columns, columns).max(initial=0.0)), 1.0)
+            self._unit[~prior] = least**-0.5
         self._order = Order.of(columns, run, 0)
         scaled = columns if prior.all() else columns * self._unit
-        parts = zip(runs, self._order.own, strict=True)
-        self._parts = [Part.of(scaled, run == one, mine, self._order) for one, mine in parts]
+        parts = zip(rows_of(run), self._order.own, strict=True)
+        self._parts = [Part.of(scaled, rows, mine, self._order) for rows, mine in parts]
         common = len(self._order.common)
         own, cross, across = [], [], np.zeros((common, common))
         for part in self._parts:
             own.append(part.own.T @ part.own)
             cross.append(np.zeros((part.own.shape[1], common)))
             cross[-1][:, part.used] = part.own.T @ part.shared
-            across[np.ix_(part.used, part.used)] += part.shared.T @ part.shared
+            if len(part.used) == common:
+                across += part.shared.T @ part.shared
+            else:
+                across[np.ix_(part.used, part.used)] += part.shared.T @ part.shared
         self._solved = Eliminated(Arrow(tuple(own), tuple(cross), across), common)
 
     def _half(self, y: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
@@ -55,7 +58,8 @@ class Projector:
 
     def inner(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Inner products (k, l) of columns (n, k) and (n, l), projected."""
-        (own, common), (others, other) = self._half(a), self._half(b)
+        own, common = self._half(a)
+        others, other = (own, common) if b is a else self._half(b)
         result: np.ndarray = a.T @ b - common.T @ other
         for left, right in zip(own, others, strict=True):
             result -= left.T @ right
@@ -78,19 +82,18 @@ class Projector:
 class Part(NamedTuple):
     """The columns of one run's rows."""
 
-    rows: np.ndarray  # (m,) indices
+    rows: slice | np.ndarray  # (m,) indices
     own: np.ndarray  # (m, k)
     used: np.ndarray  # (u,) of the common columns, those that are not zero here
     shared: np.ndarray  # (m, u)
 
     @classmethod
-    def of(cls, columns: np.ndarray, inside: np.ndarray, own: np.ndarray, order: Order) -> "Part":
+    def of(cls, columns: np.ndarray, rows: slice | np.ndarray, own: np.ndarray, order: Order) -> "Part":
         """Cut a run's part, `own` columns and common ones, out of columns (n, p)."""
-        rows = np.flatnonzero(inside)
         mine = columns[rows]
         shared = mine[:, order.common]
         used = np.flatnonzero(shared.any(axis=0))
-        return cls(rows, np.ascontiguousarray(mine[:, own]), used, shared[:, used])
+        return cls(rows, mine[:, own], used, shared if len(used) == shared.shape[1] else shared[:, used])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,6 +119,7 @@ def fit(gram: np.ndarray, against: np.ndarray, squares: np.ndarray | None = None
     values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
     kept = values > least
     half = (vectors[:, kept] / np.sqrt(values[kept])) / scale[:, None]
+    half[squares <= 0.0] = 0.0  # of a column that is nothing, rounding over nothing
     inverse = half @ half.T
     amplitude = inverse @ against
     return LeastSquares(float(against @ amplitude), amplitude, inverse)

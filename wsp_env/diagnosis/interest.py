@@ -11,6 +11,7 @@ matters to nobody.
 
 import dataclasses
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -51,50 +52,86 @@ def only_sensors(choice: Choice) -> bool:
 def change(
     replica: Replica, before: Sequence[Evaluation], after: Sequence[Evaluation], sensor: bool = False, swings: bool = False
 ) -> StopChange:  # fmt: skip
-    """Return what one model changes against another, both evaluated along the recorded stops.
-
-    Parameters
-    ----------
-    sensor : whether only sensors differ
-    swings : whether a force differs that pushes and pulls in turn
-
-    """
-    distances: dict[bool, list[float]] = {True: [], False: []}
-    slips, pushes = [], []
-    for stop, one, other in zip(replica.stops, before, after, strict=True):
-        slides = one.slip > least_slip(stop.speed)[:, None]
-        slips.append(_moved(stop.speed, one, other, slides, None if sensor else replica.radius))
-        base, moved = (_retarded(e, slides, replica.radius) for e in (one, other))
-        braked = base > _BRAKED_MPS2
-        if not sensor and braked.any():
-            travelled = stop.speed * stop.step_s
-            nearer = -(travelled * (moved - base) / np.maximum(base, _BRAKED_MPS2))[braked].sum()
-            distances[bool(slides.mean() > 0.2)].append(float(nearer / travelled[braked].sum()))
-            pushes.append(float(np.sqrt(2.0) * np.std((moved - base)[braked]) / base[braked].mean()))
-    means = [float(np.mean(kind)) for kind in distances.values() if kind]
-    slip = float(np.ma.masked_invalid(slips).mean(axis=0).filled(0.0).max())
-    push = float(np.mean(pushes)) if swings and pushes else 0.0
-    return StopChange(max(means, key=abs, default=0.0), slip, push=push)
+    """Return what one model changes against another, see `Compared.change`; both evaluated along the recorded stops."""
+    return Compared(replica, before).change(after, sensor, swings)
 
 
-def _moved(speed: np.ndarray, one: Evaluation, other: Evaluation, slides: np.ndarray, radius: float | None) -> np.ndarray:
-    """Change (2, A) of each axle's slip [m/s] over the upper and lower half of the speeds; nan where it never slides.
+class Compared:
+    """A model along the recorded stops that others are compared with: what of the comparison is its alone."""
 
-    `radius` None: of the slip as it is measured.
-    """
-    fast = speed > 0.5 * speed[0]
-    shown = other.slip + other.misread - one.slip - one.misread
-    result: np.ndarray = np.full((2, slides.shape[1]), np.nan)
-    for i, half in enumerate((fast, ~fast)):
-        for k in range(slides.shape[1]):
-            used = half if radius is None else half & slides[:, k]
-            if used.sum() >= _LEAST_SAMPLES:
-                if radius is None:
-                    result[i, k] = float(np.quantile(np.abs(shown[used, k]), _PEAKS))
-                else:
-                    steepness = max(float(np.abs(one.slope[used, k]).mean()), _LEAST_STEEPNESS)
-                    moved = (_unbalanced(other, radius) - _unbalanced(one, radius)) / steepness
-                    result[i, k] = float(np.sqrt(np.mean(moved[used, k] ** 2)))
+    def __init__(self, replica: Replica, before: Sequence[Evaluation]) -> None:
+        self.before, self._radius = before, replica.radius
+        pairs = zip(replica.stops, before, strict=True)
+        self._parts = [_Part.of(stop.speed, one, replica.radius) for stop, one in pairs]
+
+    def change(self, after: Sequence[Evaluation], sensor: bool = False, swings: bool = False) -> StopChange:
+        """Return what another model changes, evaluated along the same stops.
+
+        Parameters
+        ----------
+        sensor : whether only sensors differ
+        swings : whether a force differs that pushes and pulls in turn
+
+        """
+        distances: dict[bool, list[float]] = {True: [], False: []}
+        slips, pushes = [], []
+        for part, one, other in zip(self._parts, self.before, after, strict=True):
+            if sensor:
+                slips.append(_shown(part, one, other))
+                continue
+            slips.append(_moved(part, _unbalanced(other, self._radius) - part.unbalanced))
+            if part.braked.any():
+                more = _retarded(other, part.slides, self._radius) - part.retarded
+                distances[part.slid].append(-float(part.travelled @ more))
+                if swings:
+                    pushes.append(float(np.sqrt(2.0) * np.std(more[part.braked]) / part.retarded[part.braked].mean()))
+        means = [float(np.mean(kind)) for kind in distances.values() if kind]
+        slip = float(np.ma.masked_invalid(slips).mean(axis=0).filled(0.0).max())
+        push = float(np.mean(pushes)) if pushes else 0.0
+        return StopChange(max(means, key=abs, default=0.0), slip, push=push)
+
+
+class _Part(NamedTuple):
+    """What the comparison asks of one stop, T samples, in the upper and the lower half of its speeds."""
+
+    halves: np.ndarray  # (2, T) 1 or 0
+    slides: np.ndarray  # (T, A) bool
+    slid: bool  # whether the stop is a sliding one
+    unbalanced: np.ndarray  # (T, A), see `_unbalanced`
+    flat: np.ndarray  # (2, A) what makes a mean change of slip [m/s] of sums over squares of changes of it; nan: hardly slides
+    retarded: np.ndarray  # (T,), see `_retarded`
+    braked: np.ndarray  # (T,) bool
+    travelled: np.ndarray  # (T,) share of the distance braked over what retards [s2/m]; 0 where it is not braked
+
+    @classmethod
+    def of(cls, speed: np.ndarray, one: Evaluation, radius: float) -> "_Part":
+        fast = speed > 0.5 * speed[0]
+        halves, slides = np.array([fast, ~fast], dtype=float), one.slip > least_slip(speed)[:, None]
+        counts = halves @ slides
+        steepness = np.maximum(halves @ (np.abs(one.slope) * slides) / np.maximum(counts, 1.0), _LEAST_STEEPNESS)
+        retarded = _retarded(one, slides, radius)
+        braked = retarded > _BRAKED_MPS2
+        travelled = np.where(braked, speed, 0.0) / np.maximum(retarded, _BRAKED_MPS2)
+        return cls(
+            halves, slides, bool(slides.mean() > 0.2), _unbalanced(one, radius),
+            np.where(counts >= _LEAST_SAMPLES, 1.0 / (np.sqrt(np.maximum(counts, 1.0)) * steepness), np.nan),
+            retarded, braked, travelled / max(float(speed[braked].sum()), 1e-12),
+        )  # fmt: skip
+
+
+def _moved(part: _Part, unbalanced: np.ndarray) -> np.ndarray:
+    """Change (2, A) of each axle's slip [m/s] over the halves of the speeds, by one (T, A) of its balance."""
+    result: np.ndarray = np.sqrt(part.halves @ (unbalanced**2 * part.slides)) * part.flat
+    return result
+
+
+def _shown(part: _Part, one: Evaluation, other: Evaluation) -> np.ndarray:
+    """Change (2, A) of each axle's slip as it is measured [m/s]; nan where a half is short."""
+    shown = np.abs(other.slip + other.misread - one.slip - one.misread)
+    result: np.ndarray = np.full((2, shown.shape[1]), np.nan)
+    for i, half in enumerate(part.halves):
+        if half.sum() >= _LEAST_SAMPLES:
+            result[i] = np.quantile(shown[half > 0.0], _PEAKS, axis=0)
     return result
 
 
@@ -106,6 +143,6 @@ def _unbalanced(one: Evaluation, radius: float) -> np.ndarray:
 
 def _retarded(one: Evaluation, slides: np.ndarray, radius: float) -> np.ndarray:
     """Deceleration (T,) [m/s2] that brakes, contacts and resistances give at the measured slip."""
-    force = np.where(slides, 2.0 * one.load * one.adhesion, one.braking / radius).sum(axis=1) + one.resistance
+    force = np.where(slides, 2.0 * one.load * one.adhesion, one.braking / radius) @ np.ones(slides.shape[1]) + one.resistance
     result: np.ndarray = force / one.mass
     return result

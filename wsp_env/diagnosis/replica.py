@@ -66,7 +66,7 @@ class Replica:
         self._share = [averaged(share, stop.step_s) for share, stop in zip(shares, recorded.sources, strict=True)]
         self._slopes = [one.slope for one in self._copy.evaluate(baseline)]
         if model is not baseline:  # the curve is as steep as where the wheels slide, whatever the sensors show
-            self._slopes = [one.slope for one in self._slid(model, self._copy.evaluate(model))[2]]
+            self._slopes = [one.slope for one in self._slid(model)[-1]]
         smoothing = self._changed(baseline)  # what smoothing leaves of an exact balance
         self._offset = self._residuals() - smoothing * (1.0 + recorded.rows.wheels)
 
@@ -89,10 +89,9 @@ class Replica:
         The recordings' residual is linear in the measured less the replica's slip. So is a sensor's error, at the slope of the
         baseline, as far as the measured slip is not kept: with the error as it is both cancel.
         """
-        whole = self._copy.evaluate(model)
         if _without_sensors(model) is model:
-            return whole
-        without, errors, slid = self._slid(model, whole)
+            return self._copy.evaluate(model)
+        whole, without, errors, slid = self._slid(model)
         return [
             dataclasses.replace(
                 one,
@@ -106,12 +105,12 @@ class Replica:
             )
         ]
 
-    def _slid(self, model: Model, whole: Sequence[Evaluation]) -> tuple[list[Evaluation], list[np.ndarray], list[Evaluation]]:
-        """Return a model without its sensors' mechanisms, their errors of the slip (T, A), and it where wheels truly slide."""
-        without = self._copy.evaluate(_without_sensors(model))
+    def _slid(self, model: Model) -> tuple[list[Evaluation], list[Evaluation], list[np.ndarray], list[Evaluation]]:
+        """Return a model without contacts, without sensors, their errors of the slip (T, A), and it where wheels truly slide."""
+        whole, without = self._copy.evaluate_forces(model), self._copy.evaluate(_without_sensors(model))
         errors = [one.slip - other.slip for one, other in zip(without, whole, strict=True)]
         slid = self._copy.evaluate_slid(model, [(1.0 - kept) * error for kept, error in zip(self._share, errors, strict=True)])
-        return without, errors, slid
+        return whole, without, errors, slid
 
     def raw(self, model: Model) -> np.ndarray:
         """Residuals (n,) of a model: those of the recordings at the baseline and what the model changes."""

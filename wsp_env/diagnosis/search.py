@@ -19,7 +19,7 @@ from wsp_env.diagnosis.candidates import Candidate, Variant, columns, parameter_
 from wsp_env.diagnosis.colour import colour
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Evaluation, Model
-from wsp_env.diagnosis.interest import StopChange, change, only_sensors
+from wsp_env.diagnosis.interest import Compared, StopChange, only_sensors
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import Group, Net, law_columns, nuisances, segment_columns
 from wsp_env.plant.mechanisms import ALL
@@ -78,7 +78,7 @@ class _Law:
     def __init__(self, replica: Replica, model: Model, base: np.ndarray, whitening: Whitening) -> None:
         segments = segment_columns(replica)
         self._segments = segments.shape[1]
-        self.before = replica.evaluate(model)
+        self.compared = Compared(replica, replica.evaluate(model))
         self._net, self._whitening = Net(whitening, np.column_stack([segments, law_columns(replica, model, base)])), whitening
         self._rest = whitening(self.net(base[:, None])[0])[:, 0]
         little = 1e-3
@@ -86,7 +86,7 @@ class _Law:
         mu = replica.evaluate(dataclasses.replace(model, mu_cd=tuple(m * float(np.exp(little)) for m in model.mu_cd)))
         self._by = [
             ((a.adhesion - one.adhesion) / little, (b.adhesion - one.adhesion) / little)
-            for one, a, b in zip(self.before, tau, mu, strict=True)
+            for one, a, b in zip(self.compared.before, tau, mu, strict=True)
         ]
 
     def grows(self, column: np.ndarray) -> bool:
@@ -125,7 +125,7 @@ def candidate(replica: Replica, model: Model, base: np.ndarray, law: _Law, varia
             moves[i] = -move
             column, logs, after = step_by(i, -move)
         found.append(column)
-        multiple = change(replica, law.before, after if sensor else law.without(after, logs), sensor, swings).multiple
+        multiple = law.compared.change(after if sensor else law.without(after, logs), sensor, swings).multiple
         scale.append(min(multiple, _samples(replica, variant.name, variant.sizes[i], move) / _SAMPLES))
     return Candidate(dataclasses.replace(variant, steps=tuple(moves)), np.column_stack(found), np.array(scale))
 
@@ -196,9 +196,9 @@ def net_change(
     after, base = replica.evaluate(model), replica.raw(off)
     law = _Law(replica, off, base, whitening)
     if sensor:
-        return change(replica, law.before, after, True)
+        return law.compared.change(after, True)
     logs = law.net((replica.raw(model) - base)[:, None])[1][:, 0]
-    return change(replica, law.before, law.without(after, logs), swings=swings)
+    return law.compared.change(law.without(after, logs), swings=swings)
 
 
 def held_out_rows(rows: Rows) -> np.ndarray:

@@ -7,6 +7,7 @@ times is only begun with: how large it is the recordings at hand say themselves,
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,7 @@ _COURSE_NODE_S = 4.0  # of what varies in time
 _SHAPE_NODES = 6  # of what varies over slip, speed or work, at quantiles
 MU_CD = 0.15  # [-] of a run's, about the believed one: assumption
 LOG_TAU = 1.0  # [-] about where the search starts: says next to nothing
+_FREE = 1e3  # deviation of a free column, in its own unit of whitened rows of length 1
 _UNIFORM = 1.0 / np.sqrt(3.0)
 WHEEL_TIME, TORQUE_TIME = "time of a wheel speed", "time of a torque"
 
@@ -53,6 +55,31 @@ class Group(NamedTuple):
     expected: float  # deviation; inf: free
     fixed: bool = False  # whether the size is known and not estimated
     mean_of: str = ""  # the group of the same thing's differences between runs: their mean adds to what is common
+
+
+def whitened(
+    groups: Sequence[Group], whitening: Whitening, noise: np.ndarray | None = None, sizes: np.ndarray | None = None
+) -> np.ndarray:  # fmt: skip
+    """Return the columns (n, p) of all groups, whitened and scaled by their deviations; a free one by as good as infinite.
+
+    Parameters
+    ----------
+    noise : (n,) factor of each row's deviation; None: 1
+    sizes : (G,) of the groups over the expected; None: 1
+
+    """
+    white = whitening(np.column_stack([group.columns for group in groups]))
+    if noise is not None:
+        white /= noise[:, None]
+    scales, first = [np.zeros(0)], 0
+    for i, group in enumerate(groups):
+        mine = white[:, first : first + group.columns.shape[1]]
+        first += mine.shape[1]
+        size = group.expected * (1.0 if sizes is None else float(sizes[i]))
+        free = np.isinf(group.expected)
+        scales.append(_FREE / np.maximum(np.linalg.norm(mine, axis=0), 1e-12) if free else np.full(mine.shape[1], size))
+    white *= np.concatenate(scales)
+    return white
 
 
 def law_columns(balances: Balances | Replica, model: Model, base: np.ndarray) -> np.ndarray:
@@ -180,7 +207,8 @@ def _in_time(column: np.ndarray, by_run: np.ndarray, own: np.ndarray, clock: np.
 
 def _present(group: Group) -> Group:
     """Leave out columns that touch no row."""
-    return group._replace(columns=group.columns[:, group.columns.any(axis=0)])
+    touches = group.columns.any(axis=0)
+    return group if touches.all() else group._replace(columns=group.columns[:, touches])
 
 
 def _slips(balances: Balances | Replica, model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -218,28 +246,27 @@ def _kept_track(place: bytes, used: bytes, length_m: float) -> np.ndarray:
     order = np.flatnonzero(inside)[np.argsort(places[inside])]
     # Stretches far from each other (runs of unknown places, say) have nothing to do with each other.
     stretches = np.split(order, np.flatnonzero(np.diff(places[order]) > _APART * length_m) + 1)
-    found = [_of_stretch(places, np.isin(np.arange(len(places)), one), length_m) for one in stretches]
+    found = [_of_stretch(places, one, length_m) for one in stretches if len(one)]
     return np.column_stack([np.zeros((len(places), 0)), *found])
 
 
 def _of_stretch(place: np.ndarray, used: np.ndarray, length_m: float) -> np.ndarray:
-    hats = _hats(place, 0.5 * length_m, used)
+    """Weights (n, m) of the rows (k,) that a stretch uses; 0 for the others."""
+    hats = _hats(place[used], 0.5 * length_m)
     node = np.arange(hats.shape[1])
     values, vectors = np.linalg.eigh(np.exp(-0.5 * (0.5 * np.subtract.outer(node, node)) ** 2))
     kept = values > 0.01 * values.max(initial=0.0)
-    result: np.ndarray = hats @ (vectors[:, kept] * np.sqrt(values[kept]))
+    result = np.zeros((len(place), int(kept.sum())))
+    result[used] = hats @ (vectors[:, kept] * np.sqrt(values[kept]))
     return result
 
 
-def _hats(values: np.ndarray, apart: float, used: np.ndarray | None = None) -> np.ndarray:
-    """Linear interpolation (n, nodes) between nodes `apart`; 0 for rows that are not used."""
-    used = np.ones(len(values), dtype=bool) if used is None else used
-    if not used.any():
-        return np.zeros((len(values), 0))
-    x = (values - values[used].min()) / apart
-    nodes = int(x[used].max()) + 2
+def _hats(values: np.ndarray, apart: float) -> np.ndarray:
+    """Linear interpolation (n, nodes) between nodes `apart`."""
+    x = (values - values.min()) / apart
+    nodes = int(x.max()) + 2
     weights: np.ndarray = np.clip(1.0 - np.abs(x[:, None] - np.arange(nodes)), 0.0, None)
-    return weights * used[:, None]
+    return weights
 
 
 def _line(values: np.ndarray, used: np.ndarray) -> np.ndarray:

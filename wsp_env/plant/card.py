@@ -5,7 +5,7 @@ how it is said, the report its words. No other file of the plant, the diagnosis 
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -276,6 +276,9 @@ class Card(NamedTuple):
     study: Mapping[str, float] = {}  # the size at which agents are studied (assumption: a railway may meet it); {}: the typical
     named: bool = True  # False: stands for physics without a name, which the diagnosis finds in another way than by trying it
     longest_step_m: float = math.inf  # between samples of a recording, for one that remembers the rail
+    # Whether it asks for the contacts' work so far, with a record that is not null; None: if its slots are told of it.
+    recalls: Callable[[Any], bool] | None = None
+    acting: Callable[[Any], Set[str]] | None = None  # the slots in which it acts with a record that is not null; None: all
 
     @property
     def sizes(self) -> tuple[Parameter, ...]:
@@ -285,6 +288,20 @@ class Card(NamedTuple):
     def __hash__(self) -> int:
         """Cards are told apart by name."""
         return hash(self.name)
+
+
+#: Slots that are told of contacts' work.
+_TOLD = frozenset({"torque", "before_contact", "after_contact", "after_passage"})
+
+
+def never(record: Any) -> bool:
+    """Return False: for `Card.recalls` of a mechanism that is told of contacts' work, and does not ask for it."""
+    return False
+
+
+def recalls(card: Card, record: Any) -> bool:
+    """Whether a mechanism that is on asks for the contacts' work so far."""
+    return not _TOLD.isdisjoint(card.acts) if card.recalls is None else card.recalls(record)
 
 
 def check_card(card: Card, where: str) -> None:

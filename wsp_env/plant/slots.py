@@ -81,8 +81,8 @@ _layer = _handed_on("layer", "layer, held")
 _axle_friction = _factor("axle_friction")
 #: Recovery rate [m/J] under axle k, handed on: (active, i, k, tau).
 recovery = _handed_on("recovery", "tau")
-#: The contact's adhesion.
-_contact = _handed_on("contact", "adhesion")
+#: The contact's adhesion, from that of the law.
+changed_contact = _handed_on("contact", "adhesion")
 #: Load of one wheel [N] of axle k, from the vehicle's mass [kg] and deceleration [m/s2].
 _wheel_load = _handed_on("wheel_load", "load")
 #: Force [N] against the motion beside the wheels, added to the believed one [N].
@@ -129,11 +129,17 @@ def surface(
 
 
 @inlined
+def at_speed(speed: float, on: Surface, active: Active) -> Surface:
+    """Return what a wheel finds on the rail at a running speed [m/s]."""
+    factor = _friction(active, speed)
+    return Surface(on.mu_cd * factor, on.mu_cr * factor, on.layer, on.held)
+
+
+@inlined
 def contact(slip: float, speed: float, load: float, on: Surface, tau: float, law: Any, active: Active) -> Adhesion:
     """Adhesion of one wheel at |slip| [m/s], running speed [m/s] and load [N]."""
-    factor = _friction(active, speed)
-    here = Surface(on.mu_cd * factor, on.mu_cr * factor, on.layer, on.held)
-    adhesion: Adhesion = _contact(active, traction(slip, speed, load, here, tau, law), slip, speed, load)
+    here = at_speed(speed, on, active)
+    adhesion: Adhesion = changed_contact(active, traction(slip, speed, load, here, tau, law), slip, speed, load)
     return adhesion
 
 
@@ -159,7 +165,7 @@ FROM_CARDS: dict[str, Callable[..., Any]] = {
     "layer": _layer,
     "axle_friction": _axle_friction,
     "recovery": recovery,
-    "contact": _contact,
+    "contact": changed_contact,
     "wheel_load": _wheel_load,
     "force": _force,
     "torque_factor": torque_factor,

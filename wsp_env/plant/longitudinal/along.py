@@ -13,40 +13,28 @@ J its inertia, T = (C + J dw/dt) / r the force of a wheelset from its own balanc
     actuator    measured torque - torque_nm
 """
 
+import copy
 import dataclasses
+import itertools
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wsp_env.compiled import inlined, loop
+from wsp_env.contact.traction import Adhesion
 from wsp_env.parameters.quantity import ParameterError
-from wsp_env.parameters.resistance import running_resistance
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant import mechanisms
-from wsp_env.plant.card import LOCKED_MPS, Doing, Moment, Passage, doing_at, note_doing
+from wsp_env.plant.card import Doing
+from wsp_env.plant.longitudinal.samples import AT_ONCE, KEPT, SPARE, Columns, Found, Given, evaluate, undone
 from wsp_env.plant.longitudinal.state import PlantConstants, constants, physics
 from wsp_env.plant.mechanisms import Active, Mechanisms
 from wsp_env.plant.port import Choice, Setup
-from wsp_env.plant.slots import (
-    after_contact,
-    after_passage,
-    before_contact,
-    contact,
-    recovery,
-    resistance,
-    surface,
-    torque,
-    torque_factor,
-    true_speed,
-    wheel_load,
-    wheel_speed,
-)
 
 
 @dataclasses.dataclass(frozen=True)
 class Trajectory:
-    """A measured stop, T samples of A axles; smoothed, without gaps.
+    """A measured stop, T samples of A axles, or several one after the other; smoothed, without gaps.
 
     Anything array-like is accepted and kept as float64. `ParameterError` for shapes that do not fit together, for numbers that
     are not finite, a time that does not rise or samples farther
@@ -60,37 +48,61 @@ class Trajectory:
     wheel_speed_radps: np.ndarray  # (T, A) as recorded [rad/s]
     wheel_acceleration_radps2: np.ndarray  # (T, A) its derivative [rad/s2]
     brake_torque_nm: np.ndarray  # (T, A) per wheelset, measured or nominal gain x pressure, positive in braking [N m]
+    first: tuple[int, ...] = (0,)  # the sample at which each stop begins
 
     def __post_init__(self) -> None:
         """Make the arrays what the compiled loop takes, and check them."""
         samples, axles = np.shape(self.wheel_speed_radps) if np.ndim(self.wheel_speed_radps) == 2 else (0, 0)
         if samples == 0 or axles == 0:
             raise ParameterError(f"wheel_speed_radps has shape {np.shape(self.wheel_speed_radps)}, expected (samples, axles)")
-        for field in dataclasses.fields(self):
-            array = np.ascontiguousarray(getattr(self, field.name), dtype=np.float64)
-            shape = (samples, axles) if field.name.startswith(("wheel", "brake")) else (samples,)
-            if array.shape != shape:
-                raise ParameterError(f"{field.name} has shape {array.shape}, expected {shape}")
-            if not np.isfinite(array).all():
-                raise ParameterError(f"{field.name} is not finite at sample {np.argwhere(~np.isfinite(array))[0][0]}")
-            object.__setattr__(self, field.name, array)
-        object.__setattr__(self, "position_m", np.maximum.accumulate(self.position_m))
-        if not (np.diff(self.time_s) > 0.0).all():
+        for name in _ARRAYS:
+            self._keep(name, getattr(self, name), (samples, axles) if name.startswith(("wheel", "brake")) else (samples,))
+        place = [np.maximum.accumulate(self.position_m[stop]) for stop in self.stops]
+        object.__setattr__(self, "position_m", np.concatenate(place))
+        if not all((np.diff(self.time_s[stop]) > 0.0).all() for stop in self.stops):
             raise ParameterError("time_s does not rise from sample to sample")
-        farthest = float(np.diff(self.position_m).max(initial=0.0))
+        farthest = max(float(np.diff(one).max(initial=0.0)) for one in place)
         if farthest > min(card.longest_step_m for card in mechanisms.ALL.values()):
             raise ParameterError(f"samples lie up to {farthest:g} m apart, too far to follow what the wheels leave on the rail")
+
+    @property
+    def stops(self) -> list[slice]:
+        """The samples of each stop."""
+        return [slice(*ends) for ends in itertools.pairwise((*self.first, len(self.time_s)))]
+
+    @property
+    def columns(self) -> Columns:
+        """The arrays as the compiled loop takes them."""
+        return Columns(*(getattr(self, name) for name in _ARRAYS))
+
+    def measured(self, **arrays: np.ndarray) -> "Trajectory":
+        """Return it with other speeds, of the vehicle or of its wheels."""
+        other = copy.copy(self)
+        for name, array in arrays.items():
+            other._keep(name, array, getattr(self, name).shape)
+        return other
+
+    def _keep(self, name: str, values: ArrayLike, shape: tuple[int, ...]) -> None:
+        array = np.ascontiguousarray(values, dtype=np.float64)
+        if array.shape != shape:
+            raise ParameterError(f"{name} has shape {array.shape}, expected {shape}")
+        if not np.isfinite(array).all():
+            raise ParameterError(f"{name} is not finite at sample {np.argwhere(~np.isfinite(array))[0][0]}")
+        object.__setattr__(self, name, array)
+
+
+_ARRAYS = tuple(field.name for field in dataclasses.fields(Trajectory) if field.name != "first")
 
 
 @dataclasses.dataclass(frozen=True)
 class Belief:
-    """What is believed of one stop."""
+    """What is believed of one stop; of several stops mass and gradient may be arrays (stops,)."""
 
     mu_cd: ArrayLike  # kinetic friction of the contaminated rail [-]; a number, (T, 1) or (T, A)
     tau: float  # recovery rate [m/J]
-    mass_kg: float  # [kg]
+    mass_kg: ArrayLike  # [kg]
     radius_m: ArrayLike  # of the wheels [m]; a number or (A,)
-    gradient: float = 0.0  # rise over distance [-]
+    gradient: ArrayLike = 0.0  # rise over distance [-]
 
 
 class Prediction(NamedTuple):
@@ -105,7 +117,7 @@ class Prediction(NamedTuple):
     torque_nm: np.ndarray  # (T, A) of the brakes, from `brake_torque_nm` where that is a nominal one [N m]
     speed_mps: np.ndarray  # (T,) with the mechanisms on the sensors undone [m/s]
     resistance_n: np.ndarray  # (T,) against the motion, beside the wheels: resistances, gradient, track brake [N]
-    mass_kg: float  # with the mechanisms on it
+    mass_kg: Any  # as in the belief, with the mechanisms on it
     radius_m: np.ndarray  # (A,) with the mechanisms on them [m]
     inertia_kgm2: np.ndarray  # (A,) of the wheelsets, with the mechanisms on it [kg m2]
 
@@ -122,16 +134,37 @@ class PlantModel(NamedTuple):
 
 def model(vehicle: Vehicle, choice: Choice | None = None) -> PlantModel:
     """Return a vehicle with the mechanisms of `choice` on, see `mechanisms.make`."""
-    own = mechanisms.make(choice)
+    return of_mechanisms(vehicle, mechanisms.make(choice))
+
+
+def of_mechanisms(vehicle: Vehicle, own: Mechanisms) -> PlantModel:
+    """Return a vehicle with mechanisms on."""
     _, law, inertia = physics(own, vehicle)
     believed = vehicle.contact.law
     return PlantModel(constants(vehicle, Setup()), own, type(believed)(*map(float, law)), inertia, vehicle.axle_positions_m)
 
 
-def along(trajectory: Trajectory, run: Belief, m: PlantModel, doings: np.ndarray | None = None) -> Prediction:
+#: Slots in which a mechanism changes speeds, torques or the forces beside the wheels.
+_MOVING = frozenset(
+    {"mass", "gradient", "radii", "inertia", "torque_factor", "torque", "force", "wheel_speed", "true_speed"}
+)  # fmt: skip
+
+
+def moving(own: Mechanisms, loads: bool = False) -> Mechanisms:
+    """Return mechanisms with those off that change nothing but the contacts, and the wheels' `loads` where these count too."""
+    return mechanisms.acting_in(_MOVING | {"wheel_load"} if loads else _MOVING, own)
+
+
+def along(
+    trajectory: Trajectory, run: Belief, m: PlantModel, doings: np.ndarray | None = None, contacts: bool = True
+) -> Prediction:  # fmt: skip
     """Evaluate the model of `model` along a trajectory (T samples, A axles).
 
-    `doings` (fields of `Doing`, T, A), if given, is filled with what every axle is doing, as slot "before_contact" is told.
+    Parameters
+    ----------
+    doings : (fields of `Doing`, T, A), if given, is filled with what every axle is doing, as slot "before_contact" is told
+    contacts : whether adhesion is asked for, without which the rest costs half; else it is not a number, unless the rest
+        depends on it
 
     Raises
     ------
@@ -142,145 +175,42 @@ def along(trajectory: Trajectory, run: Belief, m: PlantModel, doings: np.ndarray
     samples, axles = trajectory.wheel_speed_radps.shape
     if axles != len(m.axle_positions_m):
         raise ParameterError(f"the trajectory has {axles} axles, the vehicle {len(m.axle_positions_m)}")
-    mass = mechanisms.believed_to_true("mass", m.mechanisms, run.mass_kg)
+    stops = len(trajectory.first)
+    masses, gradients = (
+        np.array([mechanisms.believed_to_true(slot, m.mechanisms, float(one)) for one in np.broadcast_to(believed, (stops,))])
+        for slot, believed in (("mass", run.mass_kg), ("gradient", run.gradient))
+    )
     radius = np.array(
         mechanisms.believed_to_true("radii", m.mechanisms, np.broadcast_to(run.radius_m, (axles,))), dtype=np.float64
     )
-    gradient = mechanisms.believed_to_true("gradient", m.mechanisms, run.gradient)
     mu_cd = np.broadcast_to(np.asarray(run.mu_cd, dtype=np.float64), (samples, axles))
-    for name, lowest in (("mu_cd", mu_cd.min()), ("mass_kg", mass), ("radius_m", radius.min())):
+    for name, lowest in (("mu_cd", mu_cd.min()), ("mass_kg", masses.min()), ("radius_m", radius.min())):
         if not lowest > 0.0:
             raise ParameterError(f"{name} = {lowest:g} is impossible: it must be above 0")
     tau = mechanisms.believed_to_true("tau", m.mechanisms, run.tau)
     if not 0.0 <= tau < np.inf:
         raise ParameterError(f"tau = {tau:g} m/J is impossible: it must be finite, 0 or more")
-    per_axle = np.empty((7, samples, axles))
-    per_vehicle = np.empty((2, samples))
-    active = Active(m.mechanisms, m.constants.derived, mechanisms.remember(1, m.axle_positions_m))
-    conditions = _Believed(mu_cd, float(tau), float(mass), float(gradient), radius, m.inertia_kgm2)
-    doings = np.empty((len(Doing._fields), 1, axles)) if doings is None else doings
-    kept = np.zeros((_KEPT, axles))
-    _evaluate(_columns(trajectory), conditions, m.constants, m.law, active, per_axle, per_vehicle, kept, doings)
-    adhesion, slope, load, slip, wheel, factor, true = per_axle
-    speed, resisted = per_vehicle
+    active = Active(m.mechanisms, m.constants.derived, mechanisms.remember(stops, m.axle_positions_m))
+    acting = mechanisms.acting(m.mechanisms)
+    given = Given(
+        trajectory.columns, np.array([*trajectory.first, samples]), mu_cd, float(tau), masses, gradients, radius,
+        m.inertia_kgm2, m.constants, m.law, active, "after_passage" in acting, "before_contact" in acting,
+        doings is not None or "torque" in acting,
+    )  # fmt: skip
+    at_once = 1 if mechanisms.recalls(m.mechanisms) or doings is not None else AT_ONCE
+    found = Found(
+        np.empty((7, samples, axles)), np.empty((2, samples)), np.zeros((KEPT, stops, axles)),
+        np.empty((len(Doing._fields), stops, axles)) if doings is None else doings,
+        np.ones((8, at_once * axles + SPARE)), np.empty((len(Adhesion._fields), at_once * axles + SPARE)),
+    )  # fmt: skip
+    contacts = contacts or doings is not None or mechanisms.work_moves(m.mechanisms)
+    evaluate(given, found, contacts, at_once)
+    if not contacts:
+        found.per_axle[:2] = np.nan
+    adhesion, slope, load, slip, wheel, factor, true = found.per_axle
+    speed, resisted = found.per_vehicle
+    mass = masses if np.ndim(run.mass_kg) else float(masses[0])
     return Prediction(adhesion, slope, load, slip, wheel, factor, true, speed, resisted, mass, radius, m.inertia_kgm2)
-
-
-class _Believed(NamedTuple):
-    """The conditions of a run, as the compiled loop takes them."""
-
-    mu_cd: np.ndarray
-    tau: float
-    mass: float
-    gradient: float
-    radius: np.ndarray
-    inertia: np.ndarray
-
-
-class _Columns(NamedTuple):
-    """The fields of `Trajectory`, as the compiled loop takes them."""
-
-    time: np.ndarray
-    speed: np.ndarray
-    acceleration: np.ndarray
-    position: np.ndarray
-    wheel: np.ndarray
-    wheel_acceleration: np.ndarray
-    torque: np.ndarray
-
-
-def _columns(trajectory: Trajectory) -> _Columns:
-    return _Columns(*(getattr(trajectory, field.name) for field in dataclasses.fields(trajectory)))
-
-
-_SLIP = Doing._fields.index("slip")
-
-
-@inlined
-def _held_back(j: int, k: int, measured: _Columns, c: _Believed) -> tuple[float, float]:
-    """Return T [N] and J dw/dt [N m] of a wheelset by its own balance; of a locked one its share of the vehicle's force."""
-    if c.radius[k] * measured.wheel[j, k] < LOCKED_MPS:
-        return -c.mass * measured.acceleration[j] / measured.wheel.shape[1], 0.0
-    turning = c.inertia[k] * measured.wheel_acceleration[j, k]
-    return (measured.torque[j, k] + turning) / c.radius[k], turning
-
-
-# Rows of the scratch array `kept` (_KEPT, axles): at the last sample the friction power of one wheel and the braking power of
-# the axle [W] and the slip speed [m/s]; so far the heat in both contacts [J] and the angle turned [rad]; the wheels' speed now
-# [rad/s].
-_FRICTION, _BRAKING, _SLID, _WORK, _ANGLE, _WHEEL, _KEPT = range(7)
-
-
-@loop
-def _evaluate(
-    measured: _Columns,
-    c: _Believed,
-    p: PlantConstants,
-    law: Any,
-    active: Active,
-    per_axle: np.ndarray,
-    per_vehicle: np.ndarray,
-    kept: np.ndarray,
-    doings: np.ndarray,
-) -> None:
-    samples, axles = measured.wheel.shape
-    full_torque = p.brake.torque_per_bar * p.brake.full_pressure
-    static = c.mass * p.gravity / (2.0 * axles)
-    for j in range(samples):
-        before = max(j - 1, 0)
-        duration = measured.time[j] - measured.time[before]
-        speed = true_speed(active, measured.speed[j], measured.acceleration[j])
-        mean_wheel, braking = 0.0, 0.0
-        for k in range(axles):
-            offset = p.axle_offset[k]
-            force, turning = _held_back(j, k, measured, c)
-            passage = Passage(
-                measured.position[before] - offset, measured.position[j] - offset, kept[_FRICTION, k] * duration,
-                kept[_BRAKING, k] * duration, duration, measured.torque[j, k], full_torque,
-                kept[_SLID, k], force, turning,
-            )  # fmt: skip
-            after_passage(active, 0, k, passage)
-            last = kept[_WHEEL, k]
-            kept[_WHEEL, k] = wheel_speed(active, measured.wheel[j, k], measured.wheel_acceleration[j, k])
-            kept[_WORK, k] += 2.0 * kept[_FRICTION, k] * duration
-            kept[_ANGLE, k] += 0.5 * (last + kept[_WHEEL, k]) * duration
-            mean_wheel += kept[_WHEEL, k] / axles
-            braking += measured.torque[j, k] / (full_torque * axles)
-        believed = running_resistance(speed, p.resistance) + c.mass * p.gravity * c.gradient
-        now, deceleration = measured.time[j] - measured.time[0], -measured.acceleration[j]
-        moment = Moment(now, measured.position[j], deceleration, braking)
-        at = j if doings.shape[1] > 1 else 0
-        for k in range(axles):
-            rate = measured.wheel_acceleration[j, k]
-            doing = Doing(
-                now, duration, speed, deceleration, kept[_WHEEL, k], rate, speed - c.radius[k] * kept[_WHEEL, k],
-                -deceleration - c.radius[k] * rate, measured.position[j] - p.axle_offset[k], kept[_ANGLE, k], c.radius[k],
-                float(axles), mean_wheel, measured.torque[j, k], full_torque, kept[_WORK, k],
-            )  # fmt: skip
-            note_doing(doing, doings, at, k)
-            before_contact(active, 0, k, doing)
-        per_vehicle[0, j] = speed
-        per_vehicle[1, j] = resistance(0, speed, believed, moment, active)
-        rolled = speed * duration
-        for k in range(axles):
-            wheel, slip = kept[_WHEEL, k], doings[_SLIP, at, k]
-            load = wheel_load(0, k, c.mass, deceleration, static, active)
-            on = surface(0, k, measured.position[j] - p.axle_offset[k], rolled, c.mu_cd[j, k], 1.0, law.mu_cr, active)
-            adhesion = contact(slip, speed, load, on, recovery(active, 0, k, c.tau), law, active)
-            after_contact(active, 0, k, rolled, adhesion.kept)
-            nominal = measured.torque[j, k]
-            factor = torque_factor(active, 0, k, c.radius[k] * wheel, nominal / p.brake.torque_per_bar)
-            true = torque(0, k, factor * nominal, doing_at(doings, at, k, 0.0), active)
-            kept[_FRICTION, k] = adhesion.f * load * abs(slip)
-            kept[_BRAKING, k] = true * wheel
-            kept[_SLID, k] = slip
-            per_axle[0, j, k] = adhesion.f if slip >= 0.0 else -adhesion.f
-            per_axle[1, j, k] = adhesion.df_ds
-            per_axle[2, j, k] = load
-            per_axle[3, j, k] = slip
-            per_axle[4, j, k] = wheel
-            per_axle[5, j, k] = factor
-            per_axle[6, j, k] = true
 
 
 def true_wheel_acceleration(m: PlantModel, read_rate: np.ndarray, read_jerk: np.ndarray) -> np.ndarray:
@@ -288,14 +218,9 @@ def true_wheel_acceleration(m: PlantModel, read_rate: np.ndarray, read_jerk: np.
 
     What a sensor does is linear and the same at all times, so the rate passes `slots.wheel_speed` as the speed does.
     """
+    if "wheel_speed" not in mechanisms.acting(m.mechanisms):
+        return read_rate
     rate = np.empty(read_rate.shape)
     active = Active(m.mechanisms, m.constants.derived, mechanisms.remember(1, m.axle_positions_m))
-    _undone(read_rate, read_jerk, active, rate)
+    undone(read_rate, read_jerk, active, rate)
     return rate
-
-
-@loop
-def _undone(read_rate: np.ndarray, read_jerk: np.ndarray, active: Active, rate: np.ndarray) -> None:
-    for j in range(rate.shape[0]):
-        for k in range(rate.shape[1]):
-            rate[j, k] = wheel_speed(active, read_rate[j, k], read_jerk[j, k])

@@ -8,7 +8,7 @@ package names its module in an entry point of group "wsp_env.mechanisms".
 import importlib
 import math
 from collections import namedtuple
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from wsp_env.compiled import generated, third_party_mechanisms
 from wsp_env.parameters.quantity import ParameterError, check, shown
 from wsp_env.plant.card import Card, check_card
+from wsp_env.plant.card import recalls as card_recalls
 
 _FILES = (
     "leading_axle_cleaning",
@@ -181,6 +182,39 @@ def believed_to_true(slot: str, mechanisms: Mechanisms, believed: Any) -> Any:
             what = f"the traction law has nothing that it acts on ({type(believed).__name__}); take the degraded law"
             raise ParameterError(f"mechanism {name}: {what}") from None
     return believed
+
+
+def recalls(mechanisms: Mechanisms) -> bool:
+    """Whether a mechanism that is on asks for the contacts' work so far."""
+    return any(card_recalls(card, record) for card, record in _on(mechanisms))
+
+
+def work_moves(mechanisms: Mechanisms) -> bool:
+    """Whether one of those changes the brakes' torques or the force on the vehicle."""
+    both = (card_recalls(card, record) and not _FORCES.isdisjoint(_slots(card, record)) for card, record in _on(mechanisms))
+    return any(both)
+
+
+def acting(mechanisms: Mechanisms) -> set[str]:
+    """Return the slots in which mechanisms act that are on."""
+    return {slot for card, record in _on(mechanisms) for slot in _slots(card, record)}
+
+
+def acting_in(slots: Set[str], mechanisms: Mechanisms) -> Mechanisms:
+    """Return mechanisms with those off that act in none of some slots."""
+    off = {card.name: getattr(NULL, card.name) for card, one in _on(mechanisms) if slots.isdisjoint(_slots(card, one))}
+    return mechanisms._replace(**off)
+
+
+_FORCES = frozenset({"torque_factor", "torque", "force"})
+
+
+def _slots(card: Card, record: Any) -> Iterable[str]:
+    return card.acting(record) if card.acting else card.acts
+
+
+def _on(mechanisms: Mechanisms) -> list[tuple[Card, Any]]:
+    return [(card, one) for card, one, null in zip(ALL.values(), mechanisms, NULL, strict=True) if one != null]
 
 
 def derive(vehicle: Any) -> Derived:

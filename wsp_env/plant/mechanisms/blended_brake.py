@@ -20,6 +20,7 @@ from wsp_env.plant.card import (
     all_or_each_axle,
     concerns,
     itself,
+    never,
     whose,
 )
 
@@ -64,6 +65,7 @@ CARD = Card(
     ),
     record=Parameters,
     acts={"torque": torque},
+    recalls=never,
     signature=Signature(
         balances=frozenset({"vehicle", "adhesion", "actuator"}),
         trace="actuator, and vehicle with adhesion: a torque while braking that follows no pressure and fades with speed",

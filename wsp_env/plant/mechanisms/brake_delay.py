@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Doing, Parameter, Passage, Said, Signature, all_or_each_axle, concerns, whose
+from wsp_env.plant.card import Card, Doing, Parameter, Passage, Said, Signature, all_or_each_axle, concerns, never, whose
 
 
 class Parameters(NamedTuple):
@@ -76,6 +76,7 @@ CARD = Card(
     record=Parameters,
     acts={"torque": torque, "after_passage": follow},
     memory=memory,
+    recalls=never,
     signature=Signature(
         balances=frozenset({"vehicle", "adhesion", "actuator"}),
         trace="actuator and adhesion: in proportion to dC/dt, on one axle or on all alike; nothing at a steady torque",

@@ -38,6 +38,11 @@ _MOST_LOG = 20.0
 
 _SOURCE = "assumption: a diagnosis finds it"
 
+#: Where in the plant the terms of a slot act.
+_SLOTS = {
+    Slot.BRAKE_TORQUE: "torque", Slot.FRICTION: "axle_friction", Slot.RECOVERY: "recovery", Slot.VEHICLE_FORCE: "force",
+}  # fmt: skip
+
 # Codes as compiled code takes them.
 _BRAKE_TORQUE, _FRICTION, _RECOVERY, _VEHICLE_FORCE = map(int, Slot)
 
@@ -102,34 +107,40 @@ def _is_off(p: Parameters) -> bool:
     return p.coefficient_1 == 0.0 and p.coefficient_2 == 0.0 and p.coefficient_3 == 0.0
 
 
-@loop
+@inlined
+def _is_on(p: Parameters, slot: float) -> bool:
+    return (
+        (p.coefficient_1 != 0.0 and p.slot_1 == slot)
+        or (p.coefficient_2 != 0.0 and p.slot_2 == slot)
+        or (p.coefficient_3 != 0.0 and p.slot_3 == slot)
+    )
+
+
+@inlined
 def _past(noticed: Noticed, i: int, k: int, n: int) -> Past:
     noted = noticed.noted
     return Past(noted[i, k, n, 1], noted[i, k, n, 2], noted[i, k, n, 3], noted[i, k, n, 4])
 
 
 @loop
-def _sum(p: Parameters, noticed: Noticed, i: int, k: int, slot: int) -> float:
-    """Sum of coefficients times features of axle k at the last sample, in one slot."""
-    total = 0.0
-    for n in range(TERMS):
-        term = _term_at(p, n)
-        if int(term.slot) == slot and concerns(term.axles, k):
-            total += term.coefficient * noticed.noted[i, k, n, _FEATURE]
-    return total
-
-
-@loop
 def _notice(p: Parameters, noticed: Noticed, i: int, k: int, doing: Doing) -> None:
+    friction, log = 1.0, 0.0
     for n in range(TERMS):
         term = _term_at(p, n)
+        if term.coefficient == 0.0:
+            continue
         past = brought_up_to_date(term, _past(noticed, i, k, n), doing)
-        noticed.noted[i, k, n, _FEATURE] = feature_value(term, past, doing)
-        for m, value in enumerate(past):
-            noticed.noted[i, k, n, _PAST + m] = value
-    noticed.noted[i, k, 0, _FRICTION_FACTOR] = max(1.0 + _sum(p, noticed, i, k, _FRICTION), LEAST_FRICTION)
-    log = _sum(p, noticed, i, k, _RECOVERY)
-    noticed.noted[i, k, 0, _TAU_FACTOR] = math.exp(min(max(log, -_MOST_LOG), _MOST_LOG))
+        value = feature_value(term, past, doing)
+        noticed.noted[i, k, n, _FEATURE] = value
+        for m, kept in enumerate(past):
+            noticed.noted[i, k, n, _PAST + m] = kept
+        if concerns(term.axles, k):
+            if int(term.slot) == _FRICTION:
+                friction += term.coefficient * value
+            elif int(term.slot) == _RECOVERY:
+                log += term.coefficient * value
+    noticed.noted[i, k, 0, _FRICTION_FACTOR] = max(friction, LEAST_FRICTION)
+    noticed.noted[i, k, 0, _TAU_FACTOR] = math.exp(min(max(log, -_MOST_LOG), _MOST_LOG)) if log != 0.0 else 1.0
 
 
 @inlined
@@ -155,7 +166,7 @@ def _torque(p: Parameters, noticed: Noticed, i: int, k: int, doing: Doing) -> fl
 @inlined
 def torque(p: Parameters, noticed: Noticed, i: int, k: int, believed_nm: float, doing: Doing) -> float:
     """Brake torque of axle k [N m]."""
-    return believed_nm if _is_off(p) else believed_nm + _torque(p, noticed, i, k, doing)
+    return believed_nm + _torque(p, noticed, i, k, doing) if _is_on(p, _BRAKE_TORQUE) else believed_nm
 
 
 @inlined
@@ -197,7 +208,17 @@ def _force(p: Parameters, noticed: Noticed, i: int, speed: float, moment: Moment
 @inlined
 def force(p: Parameters, noticed: Noticed, i: int, speed_mps: float, believed_n: float, moment: Moment) -> float:
     """Force against the motion [N]."""
-    return 0.0 if _is_off(p) else _force(p, noticed, i, speed_mps, moment)
+    return _force(p, noticed, i, speed_mps, moment) if _is_on(p, _VEHICLE_FORCE) else 0.0
+
+
+def by_work(p: Parameters) -> bool:
+    """Whether a term depends on friction work."""
+    return any(int(one.feature) == Feature.WORK for one in terms_of(p._asdict()))
+
+
+def acting(p: Parameters) -> set[str]:
+    """Return the slots in which terms act."""
+    return {"before_contact", *(_SLOTS[Slot(int(one.slot))] for one in terms_of(p._asdict()))}
 
 
 def parameters_of(terms: Sequence[Term]) -> dict[str, float]:
@@ -238,6 +259,8 @@ CARD = Card(
         "torque": torque,
     },
     memory=memory,
+    recalls=by_work,
+    acting=acting,
     signature=Signature(
         balances=frozenset({"vehicle", "adhesion", "actuator"}),
         trace="whatever no mechanism of the library leaves",

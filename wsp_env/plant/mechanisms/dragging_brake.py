@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Doing, Parameter, Passage, Recorded, Said, Signature, brakes, concerns, itself
+from wsp_env.plant.card import Card, Doing, Parameter, Passage, Recorded, Said, Signature, brakes, concerns, itself, never
 
 
 class Parameters(NamedTuple):
@@ -69,6 +69,7 @@ CARD = Card(
     record=Parameters,
     acts={"torque": torque, "after_passage": apply},
     memory=memory,
+    recalls=never,
     signature=Signature(
         balances=frozenset({"vehicle", "adhesion", "actuator"}),
         trace="actuator and adhesion: constant on one axle, also while its cylinder is vented",

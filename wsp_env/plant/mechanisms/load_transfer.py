@@ -21,7 +21,7 @@ import numpy as np
 
 from wsp_env.compiled import inlined
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.card import Card, Parameter, Passage, Said, Signature, itself
+from wsp_env.plant.card import Card, Parameter, Passage, Said, Signature, itself, never
 
 
 class Parameters(NamedTuple):
@@ -167,6 +167,7 @@ CARD = Card(
     acts={"wheel_load": wheel_load, "after_passage": remember},
     derive=derive,
     memory=memory,
+    recalls=never,
     signature=Signature(
         balances=frozenset({"adhesion"}),
         trace="adhesion: sign alternates from axle to axle and grows with the deceleration",

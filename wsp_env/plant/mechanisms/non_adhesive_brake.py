@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Moment, Parameter, Passage, Recorded, Said, Signature, brakes
+from wsp_env.plant.card import Card, Moment, Parameter, Passage, Recorded, Said, Signature, brakes, never
 
 #: Width of the band's edges [m/s] (assumption).
 EDGE_MPS = 0.5
@@ -79,6 +79,7 @@ CARD = Card(
     record=Parameters,
     acts={"force": force, "after_passage": apply},
     memory=memory,
+    recalls=never,
     signature=Signature(
         balances=frozenset({"vehicle"}),
         trace="vehicle: deceleration beyond the wheels' sum, within its band of speed",

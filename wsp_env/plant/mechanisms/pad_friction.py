@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Parameter, Passage, Said, Signature, percent
+from wsp_env.plant.card import Card, Parameter, Passage, Said, Signature, never, percent
 
 #: Speed [m/s] and pressure [bar] at which the friction is the believed one (assumption: the middle of a full stop).
 REFERENCE_MPS = 20.0
@@ -73,6 +73,7 @@ CARD = Card(
     record=Parameters,
     acts={"torque_factor": torque_factor, "after_passage": warm},
     memory=memory,
+    recalls=never,
     signature=Signature(
         balances=frozenset({"vehicle", "adhesion", "actuator"}),
         trace="actuator, and vehicle with adhesion in a fixed ratio; also in stops without slide",

@@ -15,7 +15,7 @@ import numpy as np
 
 from wsp_env.compiled import inlined
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.card import Card, Parameter, Passage, Recorded, Said, Signature, percent
+from wsp_env.plant.card import Card, Parameter, Passage, Recorded, Said, Signature, never, percent
 
 #: Share of the sand before one axle that the next one behind it finds (assumption: each crushes and throws off some of it).
 BEHIND = 0.7
@@ -115,6 +115,7 @@ CARD = Card(
     acts={"layer": layer_left, "after_passage": work},
     derive=derive,
     memory=memory,
+    recalls=never,
     signature=Signature(
         balances=frozenset({"adhesion"}),
         trace="adhesion: rises about a second after a slide has begun, on one axle and less on those behind it",

@@ -106,15 +106,19 @@ def concerns(axles: float, k: int) -> bool:
 
 @kernel
 def brought_up_to_date(term: Term, past: Past, doing: Doing) -> Past:
-    """Return what is remembered `doing.duration_s` later, under what the axle does now."""
+    """Return what is remembered `doing.duration_s` later, under what the axle does now, of that which the feature asks for."""
     share = doing.believed_torque / doing.full_torque
     if doing.time_s == 0.0:  # steady at the start
         return Past(share, 0.0, 0.0, doing.slip_rate)
-    follows = 1.0 - math.exp(-doing.duration_s / max(term.scale, _LEAST))
-    slides = 1.0 if abs(doing.slip) > term.second_scale else 0.0
+    code, lagged, built, rate = int(term.feature), past.lagged, past.built, past.slip_rate
     braked = past.braked_s + doing.duration_s if share > BRAKING_SHARE or past.braked_s > 0.0 else 0.0
-    rate = past.slip_rate + (1.0 - math.exp(-doing.duration_s / RATE_LAG_S)) * (doing.slip_rate - past.slip_rate)
-    return Past(past.lagged + follows * (share - past.lagged), past.built + follows * (slides - past.built), braked, rate)
+    if code in (_TORQUE_MEMORY, _BUILT_UP):
+        follows = 1.0 - math.exp(-doing.duration_s / max(term.scale, _LEAST))
+        lagged += follows * (share - lagged)
+        built += follows * ((1.0 if abs(doing.slip) > term.second_scale else 0.0) - built)
+    elif code == _SLIP_RATE:
+        rate += (1.0 - math.exp(-doing.duration_s / RATE_LAG_S)) * (doing.slip_rate - rate)
+    return Past(lagged, built, braked, rate)
 
 
 @kernel
