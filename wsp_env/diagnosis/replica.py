@@ -106,7 +106,7 @@ class Replica:
         ]
 
     def _slid(self, model: Model) -> tuple[list[Evaluation], list[Evaluation], list[np.ndarray], list[Evaluation]]:
-        """Return a model without contacts, without sensors, their errors of the slip (T, A), and it where wheels truly slide."""
+        """Return a model without contacts, without sensors, their errors of the slip (T, A), it where wheels truly slide."""
         whole, without = self._copy.evaluate_forces(model), self._copy.evaluate(_without_sensors(model))
         errors = [one.slip - other.slip for one, other in zip(without, whole, strict=True)]
         slid = self._copy.evaluate_slid(model, [(1.0 - kept) * error for kept, error in zip(self._share, errors, strict=True)])
