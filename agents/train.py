@@ -173,7 +173,14 @@ class Training:
         self.lessons = 0 if arguments.start else arguments.imitation * arguments.imitation_decisions * arguments.envs
         self.segments = max(1, round(arguments.steps / (arguments.envs * arguments.rollout * arguments.segment)))
         task = make_task(task_options(arguments))
-        self.watch = Watch(arguments.vehicle, task, arguments.slide_price, arguments.classic_share, arguments.watched)
+        self.watch = Watch(
+            arguments.vehicle,
+            task,
+            arguments.slide_price,
+            arguments.classic_share,
+            arguments.watched,
+            arguments.world == "varied",
+        )
 
     def imitate(self) -> Iterator[None]:
         """Learn from the teacher, round by round; a run that was killed meanwhile begins anew."""
