@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.drawn import GAIN_OF_ONE, LAG_S, NOISE, RADIUS, WORN, drawn_vehicle
+from agents.drawn import NOISE, RADIUS, WORN, drawn_vehicle
 from agents.worlds import Shaped
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
@@ -23,7 +23,7 @@ from wsp_env.plant.port import Measurement
 
 #: Vehicles of a training under each law, and how many of them, the last, are nominal with usual noise; each brakes as many of
 #: the stops.
-VEHICLES, NOMINAL = 32, 6
+VEHICLES, NOMINAL = 32, 8
 
 #: Vehicles of a world without a guard, none of them nominal.
 UNGUARDED = 8
@@ -79,16 +79,6 @@ class Overruled(Shaped):
         return to_action(observer.guard.overrule(actions.astype(np.float64) - to_action(0.0)))
 
 
-def of_each_stop(vehicle: Vehicle) -> dict[str, dict[str, Any]]:
-    """Return what differs from stop to stop: one axle's gain (as uneven as in `agents.drawn`), its lag, one wheelset's wear."""
-    axle, even = (1, vehicle.axles), GAIN_OF_ONE * 3.0**0.5
-    return {
-        "brake_gain_imbalance": {"gain": (-even, even), "axle": axle},
-        "brake_delay": {"lag_s": LAG_S, "axle": axle},
-        "wheel_radius": {"change": (-max(WORN), 0.0), "axle": axle},
-    }
-
-
 def varied_parts(
     vehicle: str, count: int, law: str, options: dict[str, Any], slide_price: float, seed: int, guarded: bool = True
 ) -> list[Shaped]:  # fmt: skip
@@ -102,9 +92,10 @@ def varied_parts(
             own, mechanisms = drawn_vehicle(nominal, rng)
             changed["vehicle"] = {"brake": dataclasses.asdict(own.brake)}
             changed["scenario"] = {**options.get("scenario", {}), "sensor_noise": (0.0, NOISE)}
-            radius: dict[str, Any] = {"change": float(RADIUS * rng.normal()), "axle": float(rng.integers(nominal.axles) + 1)}
-            mechanisms = {**mechanisms, "wheel_radius": radius}
-            changed["mechanisms"] = {**options.get("mechanisms", {}), **(of_each_stop(nominal) if guarded else mechanisms)}
+            radius = {"change": float(RADIUS * rng.normal()), "axle": float(rng.integers(nominal.axles) + 1)}
+            if guarded:
+                radius["change"] -= float(rng.uniform(0.0, max(WORN)))
+            changed["mechanisms"] = {**options.get("mechanisms", {}), **mechanisms, "wheel_radius": radius}
         env = BrakingVecEnv(f"wsp_env/{vehicle.title()}-v1", len(share), adhesion=law, **changed)
         batch: Any = env.env.batch
         observer = Guarded if guarded else Observer

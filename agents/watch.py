@@ -29,7 +29,7 @@ class Watch:
     slide_price : metres travelled that a metre of sliding is worth
     classic_share : weight of the stops under the classic law
     count : stops under each law, of each world
-    varied : they are those of the worlds "nominal" and "all", see `agents.drawn.world`; else of the first alone
+    varied : they are those of three worlds, see `agents.drawn.world`; else of the first alone
 
     """
 
@@ -40,7 +40,7 @@ class Watch:
         self.slide_price, self.classic_share = slide_price, classic_share
         self.believed = VEHICLES[vehicle]
         self.parts, of_law = list[Yardstick](), list[str]()
-        for name in ("nominal", "all") if varied else ("nominal",):
+        for name in ("nominal", "drawn brakes", "all") if varied else ("nominal",):
             found = [world(name, under(self.believed, law), law, count, WATCHED) for law in LAWS]
             for each in zip(*found, strict=True):  # both laws on the same vehicle
                 own, mechanisms, _ = each[0]
