@@ -76,7 +76,9 @@ def check(arguments: Arguments) -> None:
     if not 0.0 <= arguments.classic_share <= 1.0:
         raise SystemExit(f"--classic-share {arguments.classic_share:g} is impossible: it must lie in [0, 1]")
     if arguments.imitation_thin < 1 or arguments.imitation_decisions % arguments.imitation_thin:
-        raise SystemExit(f"--imitation-thin {arguments.imitation_thin} is impossible: --imitation-decisions is no multiple of it")
+        raise SystemExit(
+            f"--imitation-thin {arguments.imitation_thin} is impossible: --imitation-decisions is no multiple of it"
+        )
     try:
         make_task(task_options(arguments)).make_vehicle(arguments.vehicle)
     except ParameterError as error:

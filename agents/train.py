@@ -189,7 +189,9 @@ class Training:
         torch.set_num_threads(1)  # its small batches gain nothing by more
         given, begun = self.arguments, time.perf_counter()
         self.world.seed(segment_seed(given.seed, 0))
-        lessons = imitate(self.model, self.world, given.slide_price, self.rounds, given.imitation_decisions, given.imitation_thin)
+        lessons = imitate(
+            self.model, self.world, given.slide_price, self.rounds, given.imitation_decisions, given.imitation_thin
+        )
         for difference in lessons:
             self.taught += 1
             if self.taught % LOOKS == 0 or self.taught == given.imitation:

@@ -397,7 +397,7 @@ def test_a_policy_that_does_not_learn_yet_keeps_its_weights(tmp_path):
 
 
 def test_a_speed_that_contradicts_makes_the_forces_less_certain():
-    """Within three standard deviations it is the usual correction; beyond, the more so the further off, up to the bounds of q."""
+    """Within three standard deviations the correction is the usual one; beyond, less certain, within the bounds of q."""
     deviation, found = estimator.ROLLING_DEVIATION_MPS, []
     for missing in (0.1, 0.5, 2.0, 50.0):
         e = estimator.allocate(1, BOGIE, 0.02)
