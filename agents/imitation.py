@@ -14,7 +14,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from agents.teacher import Teacher
 
-#: Decisions between two that the teacher answers: neighbours are alike.
+#: Decisions between two that the teacher answers, if nothing else is said: neighbours are alike.
 THIN = 4
 
 #: States of one step of the optimiser, and its learning rate, which falls linearly to zero over the rounds.
@@ -22,21 +22,24 @@ BATCH, LEARNING_RATE = 4096, 3e-3
 
 
 class Round(NamedTuple):
-    """R decisions of N stops, and what the teacher wanted at every `THIN`th; without memory only these decisions are kept."""
+    """R decisions of N stops, and what the teacher wanted at every `thin`th; without memory only these decisions are kept."""
 
     observation: np.ndarray  # (R, N, size), not normalised
     begun: np.ndarray  # (R, N) a stop began with it
-    wanted: np.ndarray  # (R / THIN, N, A)
+    wanted: np.ndarray  # (R / thin, N, A)
     memory: tuple[np.ndarray, ...] | None  # of the network before: hidden and cell state, each (1, N, units); None: it has none
 
 
-def imitate(model: OnPolicyAlgorithm, world: VecNormalize, slide_price: float, rounds: int, decisions: int) -> Iterator[float]:
+def imitate(
+    model: OnPolicyAlgorithm, world: VecNormalize, slide_price: float, rounds: int, decisions: int, thin: int = THIN
+) -> Iterator[float]:  # fmt: skip
     """Fit the policy of `model` to the teacher; yield the mean squared difference to it in each round's pass over all rounds.
 
     Parameters
     ----------
     rounds : of braking and fitting
     decisions : of every stop in a round
+    thin : decisions between two that the teacher answers
 
     """
     steered: Any = world.venv
@@ -49,7 +52,7 @@ def imitate(model: OnPolicyAlgorithm, world: VecNormalize, slide_price: float, r
     for turn in range(rounds):
         observations, starts, wanted, before = [], [], [], memory
         for step in range(decisions):
-            answered = step % THIN == 0
+            answered = step % thin == 0
             if turn == 0 or answered:
                 told = zip(teachers, batches, strict=True)
                 label = np.concatenate([teacher.wanted(batch.observer.estimate) for teacher, batch in told])
@@ -87,7 +90,8 @@ def _fit_in_sequence(
     """Do the same with a network that remembers: whole rounds of some stops, from the memory that it then had."""
     policy: Any = model.policy
     decisions, stops, size = seen[0].observation.shape
-    together = max(1, BATCH * THIN // decisions)
+    thin = decisions // len(seen[0].wanted)
+    together = max(1, BATCH * thin // decisions)
     places: Any = torch.randperm(len(seen) * stops)
     for chosen in places.split(together):
         turns, rows = np.divmod(chosen.numpy(), stops)
@@ -99,7 +103,7 @@ def _fit_in_sequence(
             torch.as_tensor(np.stack([seen[turn].memory[part][:, row] for turn, row in pairs], axis=1)) for part in (0, 1)
         )
         distribution: Any = policy.get_distribution(normal.reshape(-1, size), memory, begun.reshape(-1))[0].distribution
-        own = distribution.mean.reshape(len(chosen), decisions, -1)[:, ::THIN]
+        own = distribution.mean.reshape(len(chosen), decisions, -1)[:, ::thin]
         yield own, wanted
 
 

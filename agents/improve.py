@@ -93,7 +93,7 @@ def make_held(given: Improvement, envs: int, seed: int) -> Held:
     parts: list[Shaped] = []
     for law, count in laws.items():
         if count and given.world == "varied":
-            parts += varied_parts(given.vehicle, count, law, options, given.slide_price, seed)
+            parts += varied_parts(given.vehicle, count, law, options, given.slide_price, seed, guarded=False)
         elif count:
             noisy = options | {"scenario": LOW | {"sensor_noise": NOISY}}
             env = BrakingVecEnv(f"wsp_env/{given.vehicle.title()}-v1", count, adhesion=law, **noisy)

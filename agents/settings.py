@@ -33,6 +33,7 @@ class Arguments:
     log_deviation: float = -3.0  # of the brake wanted, at the start
     imitation: int = 40  # rounds in which the policy first learns from a teacher, see `agents.imitation`; 0: none
     imitation_decisions: int = 200  # of each stop in a round
+    imitation_thin: int = 4  # decisions between two that the teacher answers: neighbours are alike
     critic_segments: int = 1  # first segments in which only the value function learns
     hidden: tuple[int, ...] = (128, 128)  # layers of the policy
     critic: tuple[int, ...] = (64, 64)  # layers of the value function
@@ -74,6 +75,10 @@ def check(arguments: Arguments) -> None:
             raise SystemExit(f"--{name} {getattr(arguments, name)} is impossible: it must be at least 1")
     if not 0.0 <= arguments.classic_share <= 1.0:
         raise SystemExit(f"--classic-share {arguments.classic_share:g} is impossible: it must lie in [0, 1]")
+    if arguments.imitation_thin < 1 or arguments.imitation_decisions % arguments.imitation_thin:
+        raise SystemExit(
+            f"--imitation-thin {arguments.imitation_thin} is impossible: --imitation-decisions is no multiple of it"
+        )
     try:
         make_task(task_options(arguments)).make_vehicle(arguments.vehicle)
     except ParameterError as error:

@@ -173,7 +173,14 @@ class Training:
         self.lessons = 0 if arguments.start else arguments.imitation * arguments.imitation_decisions * arguments.envs
         self.segments = max(1, round(arguments.steps / (arguments.envs * arguments.rollout * arguments.segment)))
         task = make_task(task_options(arguments))
-        self.watch = Watch(arguments.vehicle, task, arguments.slide_price, arguments.classic_share, arguments.watched)
+        self.watch = Watch(
+            arguments.vehicle,
+            task,
+            arguments.slide_price,
+            arguments.classic_share,
+            arguments.watched,
+            arguments.world == "varied",
+        )
 
     def imitate(self) -> Iterator[None]:
         """Learn from the teacher, round by round; a run that was killed meanwhile begins anew."""
@@ -182,7 +189,9 @@ class Training:
         torch.set_num_threads(1)  # its small batches gain nothing by more
         given, begun = self.arguments, time.perf_counter()
         self.world.seed(segment_seed(given.seed, 0))
-        lessons = imitate(self.model, self.world, given.slide_price, self.rounds, given.imitation_decisions)
+        lessons = imitate(
+            self.model, self.world, given.slide_price, self.rounds, given.imitation_decisions, given.imitation_thin
+        )
         for difference in lessons:
             self.taught += 1
             if self.taught % LOOKS == 0 or self.taught == given.imitation:

@@ -86,7 +86,11 @@ class Shaped(VecEnvWrapper):
     def step_async(self, actions: np.ndarray) -> None:
         """Take the actions (N, A); where the vehicle is as good as at rest the brake is applied."""
         full = int(to_action(APPLIES)) if self.batch.task.action == "valve" else APPLIES
-        self.venv.step_async(np.where((self._reference < CUT_OUT_MPS)[:, None], full, actions))
+        self.venv.step_async(self.final(np.where((self._reference < CUT_OUT_MPS)[:, None], full, actions)))
+
+    def final(self, actions: np.ndarray) -> np.ndarray:
+        """Return what is done of actions (N, A): all."""
+        return actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Advance; `infos[i]["stopped"]` holds a `Stopped` when stop i has ended."""

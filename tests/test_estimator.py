@@ -29,6 +29,7 @@ from agents.train import Arguments, learns, make_model, make_world, train
 from wsp_env.contact.degraded import degraded_adhesion
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.runner import Conduct, measure, start_plant
+from wsp_env.observer import estimator
 from wsp_env.observer.estimator import MASS_DEVIATION, SLIDE_REMEMBERED_S, full_brake
 from wsp_env.observer.observation import Observer
 from wsp_env.observer.rail import START_S
@@ -393,3 +394,20 @@ def test_a_policy_that_does_not_learn_yet_keeps_its_weights(tmp_path):
     learns(model, True)
     model.learn(64)
     assert not torch.equal(model.policy.action_net.weight, before["action_net.weight"])
+
+
+def test_a_speed_that_contradicts_makes_the_forces_less_certain():
+    """Within three standard deviations the correction is the usual one; beyond, less certain, within the bounds of q."""
+    deviation, found = estimator.ROLLING_DEVIATION_MPS, []
+    for missing in (0.1, 0.5, 2.0, 50.0):
+        e = estimator.allocate(1, BOGIE, 0.02)
+        e.speed[:], e.mass_ratio[:], e.speed_variance[:] = 20.0, 1.0, 0.2**2
+        e.covariance[:], e.mass_variance[:] = -0.5 * 0.2 * 0.04, 0.04**2
+        estimator._correct(0, 20.0 - missing, deviation, e)
+        assert 20.0 - missing <= e.speed[0] < 20.0
+        found.append((float(e.mass_variance[0]), float(e.mass_ratio[0]), float(e.speed[0])))
+    usual = 0.2**2 / (0.2**2 + deviation**2)
+    assert_allclose(found[0][2], 20.0 - usual * 0.1)
+    variances = [variance for variance, _, _ in found]
+    assert variances[0] == variances[1] < variances[2] < variances[3] <= (estimator.MASS_RANGE[1] - 1.0) ** 2
+    assert all(ratio > 1.0 for _, ratio, _ in found)  # it was too fast: the vehicle is slowed by more

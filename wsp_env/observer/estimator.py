@@ -270,10 +270,20 @@ def _predict(i: int, slowed: float, e: VehicleEstimate, c: EstimatorConstants) -
 
 @inlined
 def _correct(i: int, seen: float, deviation: float, e: VehicleEstimate) -> None:
-    """Take a speed that was seen, with its standard deviation, both [m/s], for the running speed."""
+    """Take a speed that was seen, with its standard deviation, both [m/s], for the running speed.
+
+    One that is further off than three standard deviations says that the forces are less certain than believed, as those of a
+    brake with other times are: so much less certain is all, but q no less than its bounds allow.
+    """
+    missing = seen - e.speed[i]
+    more = missing * missing / (9.0 * (e.speed_variance[i] + deviation * deviation))
+    if more > 1.0:
+        more = min(more, max((MASS_RANGE[1] - 1.0) * (MASS_RANGE[1] - 1.0) / e.mass_variance[i], 1.0))
+        e.speed_variance[i] *= more
+        e.covariance[i] *= more
+        e.mass_variance[i] *= more
     share = 1.0 / (e.speed_variance[i] + deviation * deviation)
     gain_v, gain_q = e.speed_variance[i] * share, e.covariance[i] * share
-    missing = seen - e.speed[i]
     e.speed[i] += gain_v * missing
     e.mass_ratio[i] = min(max(e.mass_ratio[i] + gain_q * missing, MASS_RANGE[0]), MASS_RANGE[1])
     e.mass_variance[i] -= gain_q * e.covariance[i]
