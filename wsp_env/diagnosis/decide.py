@@ -26,8 +26,6 @@ from wsp_env.diagnosis.trials import FORM, SURE, FormsLeft, Trial, form_of, form
 
 #: Mechanisms that are accepted at most.
 MOST = 3
-#: Times that the next best ones are refitted in a round, where none of those before holds.
-TURNS = 2
 #: Times its cost by which a model fits worse about its own replica, from which on its mechanism has run away (assumption).
 _RUN_AWAY = 2.0
 #: Smallest effects of interest from which on a size matters: one, less what its form may err by at 95 %,
@@ -95,15 +93,8 @@ def select(
         refuses = functools.partial(_refused, replica, accepted, seen)
         stands = functools.partial(_about_its_own, replica, seen, weights)
         forms_left = FormsLeft(replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen)
-        trials: list[Trial] = []
-        refused: set[str] = set()
-        for _ in range(TURNS):
-            tried_now = trials_of(replica, seen, fitted, weights, pool, {one.listed.title for one in trials})
-            trials += tried_now
-            best, not_these = _best(tried_now, refuses, stands, forms_left)
-            refused |= not_these
-            if best is not None or not tried_now:
-                break
+        trials = trials_of(replica, seen, fitted, weights, pool)
+        best, refused = _best(trials, refuses, stands, forms_left)
         if best is None:
             break
         others = [one for one in trials if one.listed.title not in {*refused, best.trial.listed.title}]

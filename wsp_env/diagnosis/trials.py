@@ -1,7 +1,7 @@
 """Tries mechanisms: each refitted together with what was accepted before, with the evidence that it then has."""
 
 import dataclasses
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 
 import numpy as np
@@ -65,12 +65,10 @@ def odds(variant: Variant, evidence: float) -> float:
     return evidence + (PRIOR_TERM if variant.family else PRIOR)
 
 
-def trials_of(
-    replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor, known: Collection[str] = ()
-) -> list[Trial]:
-    """Refit the mechanisms that promise most, less those that are `known`; the best first."""
-    possible = [one for one in seen.found if odds(one.candidate.variant, one.evidence) > 0.0 and one.name not in known]
-    promising = sorted(possible, key=lambda one: -odds(one.candidate.variant, one.evidence))[:TRIED]
+def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor) -> list[Trial]:
+    """Refit the mechanisms that promise most; the best first."""
+    promising = sorted(seen.found, key=lambda one: -odds(one.candidate.variant, one.evidence))[:TRIED]
+    promising = [one for one in promising if odds(one.candidate.variant, one.evidence) > 0.0]
     if not promising:
         return []
     # A refit moves where a mechanism acts only from near: its next best place or band may be the better one to begin with.
