@@ -314,10 +314,12 @@ def damaged_text(draw, text):
         elif kind == "cell":
             cells[column] = draw(CELLS)
             lines[at] = ",".join(cells)
-        elif kind == "drop cell":
-            lines[at] = ",".join(cells[:column] + cells[column + 1 :])
-        elif kind == "add cell":
-            lines[at] = ",".join([*cells[:column], "7", *cells[column:]])
+        elif kind in ("drop cell", "add cell"):
+            # once in a line: a cell put in and another one taken out is another number, and nothing tells that it was one
+            if len(cells) == lines[0].count(",") + 1:
+                lines[at] = ",".join(
+                    [*cells[:column], *(["7", *cells[column:]] if kind == "add cell" else cells[column + 1 :])]
+                )
         elif kind == "truncate":
             del lines[max(at, 300) :]
         else:
