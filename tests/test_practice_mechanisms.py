@@ -15,7 +15,7 @@ from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import switched, unavailable, variants
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import baseline
-from wsp_env.diagnosis.interest import change
+from wsp_env.diagnosis.interest import Compared
 from wsp_env.diagnosis.search import net_effect
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.parameters.uic_z1 import BOGIE, COACH
@@ -314,10 +314,10 @@ def test_of_a_force_that_pushes_and_pulls_the_amplitude_matters(replica):
             "coupler_force": {"sine_n": sine, "cosine_n": cosine, "frequency_hz": 0.5, "from_start": 1.0, "released": 1.0}
         }
         on = replica.evaluate(dataclasses.replace(replica.baseline, choice=choice))
-        said = change(replica, off, on, swings=True)
+        said = Compared(replica, off).change(on, swings=True)
         assert said.push == pytest.approx(np.mean(2000.0 / np.array(sliding)), rel=0.15)
         assert said.multiple == pytest.approx(said.push / 0.01)
-        assert change(replica, off, on).multiple < 0.5 * said.multiple
+        assert Compared(replica, off).change(on).multiple < 0.5 * said.multiple
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -49,13 +49,6 @@ def only_sensors(choice: Choice) -> bool:
     return all(ALL[name].signature.acts_on == "sensor" for name in choice)
 
 
-def change(
-    replica: Replica, before: Sequence[Evaluation], after: Sequence[Evaluation], sensor: bool = False, swings: bool = False
-) -> StopChange:  # fmt: skip
-    """Return what one model changes against another, see `Compared.change`; both evaluated along the recorded stops."""
-    return Compared(replica, before).change(after, sensor, swings)
-
-
 class Compared:
     """A model along the recorded stops that others are compared with: what of the comparison is its alone."""
 
