@@ -24,7 +24,7 @@ CHOICES = {name: {name: {}} for name in ALL} | {
     f"{slot.name} by {feature.name}": {
         "discovered": parameters_of([Term(SIZES[slot], float(slot), 0.0, float(feature), 1.0, 1.0, -UNBOUNDED, UNBOUNDED)])
     }
-    for slot in Slot
+    for slot in SIZES
     for feature in (Feature.WORK, Feature.SLIP, Feature.BUILT_UP, Feature.PLACE_BUMP)
 }
 

@@ -52,8 +52,8 @@ SLOTS = {
     "torque": "i, k, torque, doing",
     "reading": "now, before, last, duration",
     "wheel_speed": "wheel, rate",
-    "recorded_speed": "speed, acceleration",
-    "true_speed": "speed, acceleration",
+    "recorded_speed": "speed, acceleration, time",
+    "true_speed": "speed, acceleration, time",
     "after_contact": "i, k, rolled, kept",
     "after_passage": "i, k, passage",
 }

@@ -98,7 +98,7 @@ torque_acts = _acts("torque")
 reading = _handed_on("reading", "now")
 #: True wheel speed [rad/s] from a reading and its rate [rad/s2].
 wheel_speed = _handed_on("wheel_speed", "wheel")
-#: Recorded vehicle speed [m/s] from the true one and its rate [m/s2], and the other way round.
+#: Recorded vehicle speed [m/s] from the true one, its rate [m/s2] and the time since the start [s], and the other way round.
 recorded_speed = _handed_on("recorded_speed", "speed")
 true_speed = _handed_on("true_speed", "speed")
 #: What is remembered of a contact: rolled [m] since the last, share of the layer that the wheel's work leaves [-].

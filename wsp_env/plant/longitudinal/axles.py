@@ -108,7 +108,7 @@ def turn_axle(
 @inlined
 def read_sensors(i: int, state: State, c: Conditions, p: PlantConstants, active: Active) -> None:
     """Read the sensors of vehicle i at the end of a control interval."""
-    state.recorded_speed[i] = recorded_speed(active, state.speed[i], -state.deceleration[i])
+    state.recorded_speed[i] = recorded_speed(active, state.speed[i], -state.deceleration[i], state.time[i])
     axles = state.wheel_speed.shape[1]
     now, interval = state.time[i], p.substep * p.substeps
     step = round(now / interval)

@@ -96,7 +96,8 @@ def _roll(i: int, j: int, before: int, given: Given, found: Found) -> None:
     axles = measured.wheel.shape[1]
     full_torque = p.brake.torque_per_bar * p.brake.full_pressure
     duration = measured.time[j] - measured.time[before]
-    speed = true_speed(active, measured.speed[j], measured.acceleration[j])
+    now, deceleration = measured.time[j] - measured.time[given.first[i]], -measured.acceleration[j]
+    speed = true_speed(active, measured.speed[j], measured.acceleration[j], now)
     mean_wheel, braking = 0.0, 0.0
     for k in range(axles):
         if given.told:
@@ -114,7 +115,6 @@ def _roll(i: int, j: int, before: int, given: Given, found: Found) -> None:
         kept[_ANGLE, i, k] += 0.5 * (last + kept[_WHEEL, i, k]) * duration
         mean_wheel += kept[_WHEEL, i, k] / axles
         braking += measured.torque[j, k]
-    now, deceleration = measured.time[j] - measured.time[given.first[i]], -measured.acceleration[j]
     at = j if found.doings.shape[1] == len(measured.time) else i
     static = given.mass[i] * p.gravity / (2.0 * axles)
     for k in range(axles):

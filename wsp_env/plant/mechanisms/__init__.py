@@ -45,6 +45,7 @@ _FILES = (
     "dragging_brake",
     "blended_brake",
     "discovered",
+    "misread_speed",
 )
 
 

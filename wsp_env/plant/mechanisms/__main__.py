@@ -23,7 +23,7 @@ def _row(card: Card) -> tuple[str, ...]:
 def _first_of_a_kind(card: Card) -> list[Parameter]:
     """Return the first of parameters whose names differ in a number at their end only, with that number left open."""
     kinds = {one.name.rstrip("0123456789"): one for one in reversed(card.parameters)}
-    return [one._replace(name=f"{kind}n") for kind, one in reversed(kinds.items())]
+    return [one if one.name == kind else one._replace(name=f"{kind}n") for kind, one in reversed(kinds.items())]
 
 
 def _parameter(one: Parameter) -> str:

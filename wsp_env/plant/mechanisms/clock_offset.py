@@ -17,13 +17,13 @@ class Parameters(NamedTuple):
 
 
 @inlined
-def recorded(p: Parameters, speed: float, acceleration: float) -> float:
+def recorded(p: Parameters, speed: float, acceleration: float, time: float) -> float:
     """Return the recorded vehicle speed [m/s] from the true speed and its rate of change [m/s2]."""
     return speed - p.offset_s * acceleration
 
 
 @inlined
-def speed(p: Parameters, recorded: float, acceleration: float) -> float:
+def speed(p: Parameters, recorded: float, acceleration: float, time: float) -> float:
     """Return the vehicle speed [m/s] from the recorded one and its rate of change [m/s2]."""
     return recorded + p.offset_s * acceleration
 

@@ -25,6 +25,7 @@ from wsp_env.plant.mechanisms.terms import (
     concerns,
     feature_value,
     is_of_the_vehicle,
+    of_the_vehicle,
 )
 
 #: Most terms that a model may hold.
@@ -38,18 +39,18 @@ _MOST_LOG = 20.0
 
 _SOURCE = "assumption: a diagnosis finds it"
 
-#: Where in the plant the terms of a slot act.
+#: Where in the plant the terms of a slot act; errors of the recorded speed have a card of their own.
 _SLOTS = {
     Slot.BRAKE_TORQUE: "torque", Slot.FRICTION: "axle_friction", Slot.RECOVERY: "recovery", Slot.VEHICLE_FORCE: "force",
 }  # fmt: skip
 
 # Codes as compiled code takes them.
-_BRAKE_TORQUE, _FRICTION, _RECOVERY, _VEHICLE_FORCE = map(int, Slot)
+_BRAKE_TORQUE, _FRICTION, _RECOVERY, _VEHICLE_FORCE = map(int, _SLOTS)
 
 
 def _parameters_of_term(n: int) -> tuple[Parameter, ...]:
     first = n == 1
-    last_slot, last_feature = float(max(Slot)), float(max(Feature))
+    last_slot, last_feature = float(max(_SLOTS)), float(max(Feature))
     return (
         Parameter(
             f"coefficient_{n}", "of slot / of feature", 0.0, 650.0 if first else 0.0, -1e7, 1e7,
@@ -189,12 +190,7 @@ def _force(p: Parameters, noticed: Noticed, i: int, speed: float, moment: Moment
         if int(term.slot) != _VEHICLE_FORCE or term.coefficient == 0.0:
             continue
         if is_of_the_vehicle(term.feature):  # at this very moment, which may lie between two samples
-            none = 0.0
-            doing = Doing(
-                moment.time_s, none, speed, moment.deceleration, none, none, none, none, moment.place_m, none, 1.0, 1.0, none,
-                none, 1.0, none,
-            )  # fmt: skip
-            total += term.coefficient * feature_value(term, Past(0.0, 0.0, 0.0, 0.0), doing)
+            total += term.coefficient * of_the_vehicle(term, moment.time_s, moment.place_m, speed, moment.deceleration)
             continue
         value, count = 0.0, 0.0
         for k in range(noticed.noted.shape[1]):

@@ -20,6 +20,7 @@ SLOTS: dict[Slot, tuple[str, str]] = {
     Slot.FRICTION: ("friction", "-"),
     Slot.RECOVERY: ("recovery", "-"),
     Slot.VEHICLE_FORCE: ("vehicle force", "N"),
+    Slot.RECORDED_SPEED: ("sensor", "m/s"),
 }
 
 FEATURES: dict[Feature, Described] = {
@@ -48,6 +49,8 @@ FEATURES: dict[Feature, Described] = {
     Feature.SPEED_TENT: Described("a tent {second_scale:g} m/s about a speed of {scale:g} m/s", "-", ("m/s", "m/s")),
     Feature.SLIP_TENT: Described("a tent {second_scale:g} m/s about a slip of {scale:g} m/s", "-", ("m/s", "m/s")),
     Feature.TIME_TENT: Described("a tent {second_scale:g} s about {scale:g} s", "-", ("s", "s")),
+    Feature.SPEED_DECELERATION: Described("deceleration, times running speed over 30 m/s", "m/s2"),
+    Feature.SPEED_TIME: Described("time since the start, times running speed over 30 m/s", "s"),
 }
 
 _SWING = dict.fromkeys((Feature.SINE, Feature.COSINE), ("coupler force", "pitching of the coach"))
@@ -108,6 +111,12 @@ LOOKS_LIKE: dict[Slot, dict[Feature, tuple[str, ...]]] = {
         Feature.TIME_TENT: ("coupler force",),
     }
     | _SWING,
+    Slot.RECORDED_SPEED: {
+        Feature.SPEED_DECELERATION: ("radar that pitches with the body",),
+        Feature.TIME: ("drift of the speed sensor",),
+        Feature.SPEED_TIME: ("drift of the speed sensor's scale",),
+        Feature.SPEED_SQUARED: ("speed sensor that is not linear",),
+    },
 }
 
 
@@ -157,6 +166,8 @@ def equation_of(term: Term) -> str:
         return f"friction of {axles} {rises} by {100.0 * size:.3g} %{per}{behind}"
     if slot is Slot.RECOVERY:
         return f"recovery rate of {axles} {rises} by a factor of {math.exp(min(size, 700.0)):.3g}{per}{behind}"
+    if slot is Slot.RECORDED_SPEED:
+        return f"recorded speed too {'high' if term.coefficient > 0.0 else 'low'} by {size:.3g} m/s{per}{behind}"
     way = "against" if term.coefficient > 0.0 else "along"
     where = "" if not axles_of(term.axles) else f" (of {axles})"
     return f"{size:.3g} N {way} the motion{per}{behind}{where}"

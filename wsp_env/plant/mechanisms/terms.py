@@ -21,6 +21,7 @@ class Slot(IntEnum):
     FRICTION = 1  # the relative change of both friction coefficients under each axle [-]
     RECOVERY = 2  # added to the logarithm of the recovery rate tau under each axle [-]
     VEHICLE_FORCE = 3  # added to the force against the motion [N], with the mean of the feature over the axles
+    RECORDED_SPEED = 4  # added to the recorded speed of the vehicle [m/s]: see `misread_speed`
 
 
 class Feature(IntEnum):
@@ -49,6 +50,8 @@ class Feature(IntEnum):
     SPEED_TENT = 20  # 1 at a speed, linearly down to 0 around it: several make a spline [-] (m/s, middle; m/s, half width)
     SLIP_TENT = 21  # the same over slip speed [-] (m/s; m/s)
     TIME_TENT = 22  # the same over time [-] (s; s)
+    SPEED_DECELERATION = 23  # running speed over 30 m/s, times deceleration [m/s2]
+    SPEED_TIME = 24  # running speed over 30 m/s, times the time since the start of the stop [s]
 
 
 #: Share of the full torque from which on an axle brakes (assumption: above the noise of a recorded pressure).
@@ -71,7 +74,7 @@ _LEAST = 1e-9
 (
     _BRAKING, _ALWAYS, _SPEED, _SPEED_SQUARED, _SLIP, _SLIP_SIGN, _TORQUE, _WHEEL_RATE, _TORQUE_MEMORY, _SLIP_RATE, _TIME,
     _BRAKING_TIME, _SINE, _COSINE, _WHEEL_SINE, _WHEEL_COSINE, _PLACE_BUMP, _WHEEL_DIFFERENCE, _WORK, _BUILT_UP, _SPEED_TENT,
-    _SLIP_TENT, _TIME_TENT,
+    _SLIP_TENT, _TIME_TENT, _SPEED_DECELERATION, _SPEED_TIME,
 ) = map(int, Feature)  # fmt: skip
 
 
@@ -180,6 +183,10 @@ def _feature(code: int, scale: float, second: float, past: Past, doing: Doing) -
         return _tent(doing.slip, scale, second)
     if code == _TIME_TENT:
         return _tent(doing.time_s, scale, second)
+    if code == _SPEED_DECELERATION:
+        return doing.speed / REFERENCE_MPS * doing.deceleration
+    if code == _SPEED_TIME:
+        return doing.speed / REFERENCE_MPS * doing.time_s
     return 1.0
 
 
@@ -192,9 +199,21 @@ def feature_value(term: Term, past: Past, doing: Doing) -> float:
 
 @kernel
 def is_of_the_vehicle(feature: float) -> bool:
-    """Whether a feature depends on the vehicle's speed and on time only, the same for every axle."""
+    """Whether a feature depends on the vehicle's motion and on time only, the same for every axle."""
     code = int(feature)
-    return code in (_SPEED, _SPEED_SQUARED, _TIME, _SINE, _COSINE, _SPEED_TENT, _TIME_TENT)
+    return code in (
+        _SPEED, _SPEED_SQUARED, _TIME, _SINE, _COSINE, _SPEED_TENT, _TIME_TENT, _SPEED_DECELERATION, _SPEED_TIME,
+    )  # fmt: skip
+
+
+@kernel
+def of_the_vehicle(term: Term, time: float, place: float, speed: float, deceleration: float) -> float:
+    """Return a feature that depends on the vehicle's motion and on time only, at this very moment."""
+    none = 0.0
+    doing = Doing(
+        time, none, speed, deceleration, none, none, none, none, place, none, 1.0, 1.0, none, none, 1.0, none,
+    )  # fmt: skip
+    return feature_value(term, Past(none, none, none, none), doing)
 
 
 @loop
