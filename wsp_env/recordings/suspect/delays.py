@@ -43,6 +43,7 @@ class _Witnesses:
     wheel: float  # wheel late beside the others, by rolling
     wheel_error: float
     torque: float  # torque late beside what the wheel's creepage says
+    torque_error: float
 
 
 def find(search: Search) -> None:
@@ -91,7 +92,7 @@ def _delay(runs: list[dict[int, "_Witnesses"]], axle: int) -> tuple[str, float] 
     heard = [by_axle[axle] for by_axle in runs if axle in by_axle]
     if not heard:
         return None
-    onset, torque = (_median([getattr(one, field) for one in heard]) for field in ("onset", "torque"))
+    onset = _median([one.onset for one in heard])
     apart = _shared([one.apart for one in heard])
     wheel, error = _weighed([(one.wheel, one.wheel_error) for one in heard])
     wheel_is_late = abs(wheel) > max(_LEAST_S, _SURE * error)
@@ -101,7 +102,8 @@ def _delay(runs: list[dict[int, "_Witnesses"]], axle: int) -> tuple[str, float] 
         return "wheel_speed", wheel
     if abs(onset) > _BRAKE_LAG_S:
         return "brake_torque", onset
-    confirmed = torque / onset > _LATE if onset else False
+    torque, torque_error = _weighed([(one.torque, one.torque_error) for one in heard])
+    confirmed = bool(onset) and torque / onset > _LATE and abs(torque) > _SURE * torque_error
     # The creepage of rolling wheels is a poor witness: noise moves the onsets of two gentle stops alike by some hundredths.
     return ("brake_torque", onset) if abs(onset) > 0.5 * _BRAKE_LAG_S and confirmed else None
 
@@ -131,9 +133,12 @@ def _witnesses(search: Search, name: str) -> dict[int, _Witnesses]:
     for axle in here:
         apart = _apart(own, lags, axle) if len(lags) > 1 or search.axles == 1 else np.nan
         onset = onsets[axle] - _median([value for k, value in onsets.items() if k != axle])
-        wheel, error, torque = rolls.get(axle, (np.nan, np.nan, np.nan)) if len(rolls) > 2 else (np.nan, np.nan, np.nan)
-        scatter = 1.5 * _median([abs(late[0]) for k, late in rolls.items() if k != axle])
-        found[axle] = _Witnesses(apart, onset, wheel, float(np.hypot(error, scatter)), torque)
+        nothing = (np.nan, np.nan, np.nan, np.nan)
+        wheel, error, torque, torque_error = rolls.get(axle, nothing) if len(rolls) > 2 else nothing
+        others = [abs(np.array(late)) for k, late in rolls.items() if k != axle]
+        error = float(np.hypot(error, _scatter([one[0] for one in others])))
+        torque_error = float(np.hypot(torque_error, _scatter([one[2] for one in others])))
+        found[axle] = _Witnesses(apart, onset, wheel, error, torque, torque_error)
     return found
 
 
@@ -163,8 +168,8 @@ def _onset(one: Traces, axle: int) -> float:
     return float(one.time[i] - one.step * (torque[i] - least) / max(torque[i] - torque[i - 1], 1e-9))
 
 
-def _late(one: Traces, axle: int) -> tuple[float, float, float] | None:
-    """Return the delay of an axle's wheel, its error, and the delay of its torque in one run [s]."""
+def _late(one: Traces, axle: int) -> tuple[float, float, float, float] | None:
+    """Return the delay of an axle's wheel and its error, and those of its torque, in one run [s]."""
     coarse = _coarse_wheel(one, axle)
     compared = rolled(one, axle, coarse)
     if compared is None:
@@ -172,7 +177,7 @@ def _late(one: Traces, axle: int) -> tuple[float, float, float] | None:
     values, deviations = compared.solved()
     # Where brakes bite fast the creepage is not in proportion: its gain then looks wrong, and so does the delay.
     error = float(np.hypot(_FLOOR_S, _FORM * (abs(values[GAIN]) + deviations[GAIN])))
-    return coarse + float(values[WHEEL_LATE]), error, float(values[TORQUE_LATE])
+    return coarse + float(values[WHEEL_LATE]), error, float(values[TORQUE_LATE]), float(deviations[TORQUE_LATE])
 
 
 def _coarse_wheel(one: Traces, axle: int) -> float:
@@ -189,6 +194,11 @@ def _coarse_wheel(one: Traces, axle: int) -> float:
         size[shift] = float(np.median(np.abs(ratio - np.median(ratio))))
     best = min(size, key=size.__getitem__)
     return best * one.step if size[best] < _SMOOTHER * size[0] else 0.0
+
+
+def _scatter(others: list[float]) -> float:
+    """Return the deviation that as many others' values say, which should be none."""
+    return 1.5 * _median(others)
 
 
 def _median(values: list[float]) -> float:
