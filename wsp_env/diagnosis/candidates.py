@@ -32,6 +32,7 @@ class Variant:
     fixed: dict[str, float]  # the others
     steps: tuple[float, ...] = ()  # by which the sizes are moved; none: as their parameters say
     family: str = ""  # of a term without a name: what it is, of the same words as others that differ in scale or axle only
+    above: bool = False  # whether its one size can only be above its null: the other side is what noise looks like
 
     @property
     def title(self) -> str:

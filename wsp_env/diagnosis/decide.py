@@ -82,7 +82,7 @@ def select(
     replica: Replica, tried: Sequence[Variant], pool: Executor, progress: Callable[[str], None] = lambda step: None
 ) -> Outcome:
     """Accept mechanisms one after the other; what competes is refitted side by side."""
-    first = seen = screen(replica, replica.baseline, [*tried, *terms(replica, 1)], pool)
+    first = seen = screen(replica, replica.baseline, [*tried, *terms(replica)], pool)
     fitted = Fitted(replica.baseline, (), (), (), 0.0)
     accepted: list[Accepted] = []
     for _ in range(2 * MOST):  # rounds: one may be taken back
@@ -103,7 +103,7 @@ def select(
         named = Accepted(best.trial, *belief(best.trial, others, searched))
         replica, fitted, accepted = _beside([*accepted, named], best, weights, seen)
         left = [one for one in tried if one.name not in fitted.model.choice]
-        left += terms(replica, 1 + sum(len(one.trial.listed.sizes) for one in accepted if one.trial.listed.family))
+        left += terms(replica, [one.trial.listed for one in accepted])
         bent = forms(replica, fitted.model, fitted.variants)
         seen = screen(replica, fitted.model, left, pool, fitted.variants, bent)
         if all(one.size.multiple < MATTERS for one in (best.trial, *sure)):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, Named, Verdict, Worth
+from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, FitQuality, Named, Verdict, Worth
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import parameter_of, unavailable, variants, without
 from wsp_env.diagnosis.data_first import data_first
@@ -150,7 +150,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         sentence=sentence(verdict, named, where, terms),
         mechanisms=named,
         location=() if verdict in ("adequate", "insufficient") else where,
-        fit=found.fit,
+        fit=_nothing_removed(found.fit) if verdict == "adequate" else found.fit,
         detectable=detectable(outcome.first),
         next_test=next_test(verdict, named, reasons, where, terms),
         evidence=_evidence(outcome.first.found),
@@ -162,6 +162,11 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         discovered=terms,
         worth=_worth(outcome, extended, missing) if named or terms else None,
     )
+
+
+def _nothing_removed(fit: FitQuality) -> FitQuality:
+    """Return how well the baseline fits: what was accepted, but is too small to matter, is no part of an adequate answer."""
+    return dataclasses.replace(fit, extended=fit.baseline, removed_validate=None)
 
 
 def _evidence(found: Sequence[Found]) -> tuple[Evidence, ...]:

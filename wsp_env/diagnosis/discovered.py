@@ -3,7 +3,7 @@
 They compete with the library's names under the same principle. See `wsp_env.plant.mechanisms.terms` for slots and features.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence, Set
 from typing import NamedTuple
 
 import numpy as np
@@ -11,17 +11,24 @@ import numpy as np
 from wsp_env.diagnosis.balances import ADHESION
 from wsp_env.diagnosis.candidates import Variant
 from wsp_env.diagnosis.replica import Replica
+from wsp_env.plant.mechanisms import misread_speed
 from wsp_env.plant.mechanisms.discovered import TERMS
 from wsp_env.plant.mechanisms.term_words import FEATURES, SLOTS, axles_of, equation_of, mask_of
 from wsp_env.plant.mechanisms.term_words import looks_like as physics_of
 from wsp_env.plant.mechanisms.terms import UNBOUNDED, Feature, Slot, Term
 
-NAME = "discovered"
+#: Cards that hold terms: of the plant, numbered, and the one error of the recorded speed.
+NAME, MISREAD = "discovered", misread_speed.CARD.name
 
-#: Finite-difference steps of a coefficient by slot, for a feature of size 1 [N m], [-], [-], [N]: small against a stop's own.
-_STEPS = {Slot.BRAKE_TORQUE: 100.0, Slot.FRICTION: 0.02, Slot.RECOVERY: 0.1, Slot.VEHICLE_FORCE: 200.0}
+#: Finite-difference steps of a coefficient by slot, for a feature of size 1 [N m], [-], [-], [N], [m/s]: small against a stop's
+#: own.
+_STEPS = {
+    Slot.BRAKE_TORQUE: 100.0, Slot.FRICTION: 0.02, Slot.RECOVERY: 0.1, Slot.VEHICLE_FORCE: 200.0, Slot.RECORDED_SPEED: 0.02,
+}  # fmt: skip
 #: Usual sizes of features that are far from 1, in their units: for the steps alone.
-_USUAL = {Feature.SLIP: 3.0, Feature.WHEEL_RATE: 3.0, Feature.TIME: 15.0, Feature.BRAKING_TIME: 15.0}
+_USUAL = {
+    Feature.SLIP: 3.0, Feature.WHEEL_RATE: 3.0, Feature.TIME: 15.0, Feature.BRAKING_TIME: 15.0, Feature.SPEED_TIME: 15.0,
+}  # fmt: skip
 #: Widths of bumps along the track, of a curve and of a grade, and how far apart they are tried [m]: a force that lies between
 #: two keeps half of its evidence and more.
 _BUMPS_M, _APART_M = (150.0, 300.0), 75.0
@@ -29,59 +36,93 @@ _BUMPS_M, _APART_M = (150.0, 300.0), 75.0
 _ONE = ((1.0, 1.0),)
 #: Features tried in each slot with their scales: on all axles together, and on each axle alone; those that have a name in the
 #: library are left to it, and what wheels' treads differ by, an axle's friction or recovery as a whole, to normal variation.
-#: Friction by the rate of the
-#: slip is not tried: whatever moves the friction moves the wheel, so that in a closed loop any noise of friction looks like it.
 _TOGETHER: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
     Slot.BRAKE_TORQUE: {
         Feature.SLIP: _ONE, Feature.BRAKING_TIME: _ONE, Feature.WHEEL_DIFFERENCE: _ONE, Feature.WORK: _ONE,
         Feature.WHEEL_SINE: _ONE,
     },
     Slot.FRICTION: {
-        Feature.BRAKING_TIME: _ONE, Feature.WORK: _ONE, Feature.WHEEL_DIFFERENCE: _ONE, Feature.TORQUE: _ONE,
-        Feature.BUILT_UP: ((0.5, 0.6), (0.5, 1.2), (1.5, 0.6), (1.5, 1.2)),
+        Feature.BRAKING_TIME: _ONE, Feature.WORK: _ONE, Feature.WHEEL_DIFFERENCE: _ONE,
+        Feature.BUILT_UP: ((0.5, 0.6), (0.5, 1.2), (1.5, 0.6), (1.5, 1.2)), Feature.SLIP_RATE: ((3.0, 1.0),),
     },
     Slot.RECOVERY: {Feature.SPEED: _ONE, Feature.BRAKING_TIME: _ONE, Feature.WORK: _ONE},
     Slot.VEHICLE_FORCE: {Feature.TIME: _ONE, Feature.BRAKING_TIME: _ONE},
+    Slot.RECORDED_SPEED: {
+        Feature.SPEED_DECELERATION: _ONE, Feature.TIME: _ONE, Feature.SPEED_TIME: _ONE, Feature.SPEED_SQUARED: _ONE,
+    },
 }  # fmt: skip
-_EACH: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
-    Slot.BRAKE_TORQUE: {Feature.SPEED: _ONE, Feature.BRAKING_TIME: _ONE, Feature.WHEEL_DIFFERENCE: _ONE},
+#: Whatever lifts the friction speeds up the wheel, so that in a closed loop noise of friction looks like friction that falls
+#: with the rate of the slip: of that feature only the other side says anything.
+_ABOVE = {(Slot.FRICTION, Feature.SLIP_RATE)}
+_SOME: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
+    Slot.BRAKE_TORQUE: {
+        Feature.SPEED: _ONE,
+        Feature.BRAKING_TIME: _ONE,
+        Feature.WHEEL_DIFFERENCE: _ONE,
+    },
     Slot.FRICTION: {Feature.SPEED: _ONE, Feature.BRAKING_TIME: _ONE},
 }
 
 
-def terms(replica: Replica, n: int) -> list[Variant]:
-    """Return what is tried as the n-th term, from 1; nothing beyond the most that a model may hold."""
+def terms(replica: Replica, accepted: Sequence[Variant] = ()) -> list[Variant]:
+    """Return the terms that are tried beside what was accepted; none beyond the most that a model may hold."""
+    n = 1 + sum(len(one.sizes) for one in accepted if one.name == NAME)
+    closed = {Slot.BRAKE_TORQUE} if replica.campaign.vehicle.torque_is_measured else set()
+    if not (replica.rows.balance == ADHESION).any():
+        closed |= {Slot.FRICTION, Slot.RECOVERY}
     if n > TERMS:
-        return []
-    slides = bool((replica.rows.balance == ADHESION).any())
-    blind = replica.campaign.vehicle.torque_is_measured
-    return [
-        one
-        for one in _all(replica, n)
-        if not (blind and one.fixed[f"slot_{n}"] == Slot.BRAKE_TORQUE)
-        and (slides or one.fixed[f"slot_{n}"] in (Slot.BRAKE_TORQUE, Slot.VEHICLE_FORCE))
-    ]
+        closed |= set(Slot) - {Slot.RECORDED_SPEED}
+    if any(one.name == MISREAD for one in accepted):
+        closed.add(Slot.RECORDED_SPEED)
+    return list(_all(replica, n, closed))
 
 
-def _all(replica: Replica, n: int) -> Iterator[Variant]:
+def _all(replica: Replica, n: int, closed: Set[Slot]) -> Iterator[Variant]:
     for slot, features in _TOGETHER.items():
+        if slot in closed:
+            continue
         for feature, scales in features.items():
             for scale in scales:
                 yield _variant(n, slot, (), feature, scale)
-    axles = range(1, replica.axles + 1) if replica.axles > 1 else ()
-    for slot, features in _EACH.items():
+    groups = axle_groups(replica.vehicle.running_gear)
+    for slot, features in _SOME.items():
+        if slot in closed:
+            continue
         for feature, scales in features.items():
             for scale in scales:
-                for axle in axles:
-                    yield _variant(n, slot, (axle,), feature, scale)
+                for axles in groups:
+                    yield _variant(n, slot, axles, feature, scale)
+    if Slot.VEHICLE_FORCE in closed:
+        return
     place = replica.rows.place
     for middle in np.arange(place.min(), place.max(), _APART_M):
         for width in _BUMPS_M:
             yield _variant(n, Slot.VEHICLE_FORCE, (), Feature.PLACE_BUMP, (float(middle), width))
 
 
+def axle_groups(running_gear: Sequence[Sequence[int]]) -> list[tuple[int, ...]]:
+    """Return the axles, from 1, that something may be about that is not about all: each one, a bogie's, all leading ones.
+
+    Parameters
+    ----------
+    running_gear : of each body the numbers of axles of its bogies
+
+    """
+    counts = [count for body in running_gear for count in body]
+    firsts = np.cumsum([1, *counts[:-1]])
+    bogies = [tuple(range(first, first + count)) for first, count in zip(map(int, firsts), counts, strict=True)]
+    places = [tuple(bogie[k] for bogie in bogies if k < len(bogie)) for k in range(max(counts))]
+    each = [(axle,) for bogie in bogies for axle in bogie]
+    whole = sum(counts)
+    return [one for one in dict.fromkeys([*each, *bogies, *places]) if len(one) < whole]
+
+
 def _variant(n: int, slot: Slot, axles: tuple[int, ...], feature: Feature, scale: tuple[float, float]) -> Variant:
-    where = f" of axle {axles[0]}" if axles else ""
+    where = f" of axle {' '.join(map(str, axles))}" if axles else ""
+    family = f"{slot.name.lower()}{where} by {feature.name.lower()}".replace("_", " ")
+    steps = (_STEPS[slot] / _USUAL.get(feature, 1.0),)
+    if slot is Slot.RECORDED_SPEED:
+        return Variant(MISREAD, ("coefficient",), {"feature": float(feature)}, steps, family)
     parts = [(n, feature)]
     if feature is Feature.WHEEL_SINE and n < TERMS:  # with its cosine: where the wheel stood at the start is not known
         parts.append((n + 1, Feature.WHEEL_COSINE))
@@ -91,9 +132,9 @@ def _variant(n: int, slot: Slot, axles: tuple[int, ...], feature: Feature, scale
             f"slot_{k}": float(slot), f"axles_{k}": mask_of(axles), f"feature_{k}": float(one), f"scale_{k}": scale[0],
             f"second_scale_{k}": scale[1], f"low_{k}": -UNBOUNDED, f"high_{k}": UNBOUNDED,
         }  # fmt: skip
-    family = f"{slot.name.lower()}{where} by {feature.name.lower()}".replace("_", " ")
-    steps = (_STEPS[slot] / _USUAL.get(feature, 1.0),) * len(parts)
-    return Variant(NAME, tuple(f"coefficient_{k}" for k, _ in parts), fixed, steps, family)
+    return Variant(
+        NAME, tuple(f"coefficient_{k}" for k, _ in parts), fixed, steps * len(parts), family, (slot, feature) in _ABOVE
+    )
 
 
 class Words(NamedTuple):
@@ -104,13 +145,17 @@ class Words(NamedTuple):
     features: tuple[str, ...]
 
 
-def _numbers(variant: Variant) -> list[str]:
-    return [size.removeprefix("coefficient_") for size in variant.sizes if size.startswith("coefficient_")]
+def _terms_in(variant: Variant, values: Mapping[str, float]) -> list[Term]:
+    """Return the terms of a variant, from a card's parameters."""
+    if variant.name == MISREAD:
+        return [misread_speed.term_of({"coefficient": 0.0} | dict(values))]
+    numbers = [size.removeprefix("coefficient_") for size in variant.sizes if size.startswith("coefficient_")]
+    return [Term(*(values.get(f"{field}_{n}", 0.0) for field in Term._fields)) for n in numbers]
 
 
 def equation(variant: Variant, values: Mapping[str, float]) -> Words:
     """Return a variant that is on in words."""
-    found = [Term(*(values[f"{field}_{n}"] for field in Term._fields)) for n in _numbers(variant)]
+    found = _terms_in(variant, values)
     features = tuple(
         FEATURES[Feature(int(one.feature))].words.format(scale=one.scale, second_scale=one.second_scale) for one in found
     )
@@ -119,10 +164,10 @@ def equation(variant: Variant, values: Mapping[str, float]) -> Words:
 
 def slot_of(variant: Variant) -> str:
     """Return the slot in words."""
-    return SLOTS[Slot(int(variant.fixed[f"slot_{_numbers(variant)[0]}"]))][0]
+    return SLOTS[Slot(int(_terms_in(variant, variant.fixed)[0].slot))][0]
 
 
 def looks_like(variant: Variant) -> tuple[str, ...]:
     """Return known physics of that form."""
-    n = _numbers(variant)[0]
-    return physics_of(variant.fixed[f"slot_{n}"], variant.fixed[f"feature_{n}"])
+    first = _terms_in(variant, variant.fixed)[0]
+    return physics_of(first.slot, first.feature)

@@ -319,4 +319,5 @@ def can_be(one: Candidate, amplitude: np.ndarray) -> bool:
         return True
     size = parameter_of(one.variant.name, one.variant.sizes[0])
     moved = -float(amplitude[0]) * float(one.variant.moves()[0])
-    return (size.null > size.low or moved >= 0.0) and (size.null < size.high or moved <= 0.0)
+    may_fall = size.null > size.low and not one.variant.above
+    return (may_fall or moved >= 0.0) and (size.null < size.high or moved <= 0.0)

@@ -57,6 +57,7 @@ def form_of(variant: Variant) -> float:
 
 
 def _on_a_sensor(variant: Variant) -> bool:
+    """Whether a mechanism acts on what sensors read."""
     return ALL[variant.name].signature.acts_on == "sensor"
 
 
@@ -95,13 +96,13 @@ def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, 
         # Those before may fit better now for a reason of their own: no merit of the one that was tried.
         alone = refit(replica, without(best.model, free), start.variants, weights)
         reduction, about = min(start.cost, alone.cost) - best.cost, replica
-        if reduction < 0.8 * one.reduction and _on_a_sensor(listed):
-            # Where wheels slide the sensor itself says: asked again about a replica in which it says so.
+        if _on_a_sensor(listed):
+            # Where wheels slide the sensor itself says: asked again about a replica in which it says so. Without it that one
+            # fits nothing, so that it is compared with the replica in which sensors say nothing.
             about = Replica(replica.recorded, switched(start.model, there, there.null() + change))
             again = refit(about, switched(start.model, there, there.null() + change), (*start.variants, there), weights)
-            gone = refit(about, without(again.model, there), start.variants, weights).cost - again.cost
-            if gone > reduction:
-                best, free, reduction = again, there, gone
+            if start.cost - again.cost > reduction:
+                best, free, reduction = again, there, start.cost - again.cost
             else:
                 about = replica
         price = 0.5 * one.reduction - one.evidence
