@@ -242,6 +242,7 @@ def test_fault_spoils_its_channel_and_no_other(tmp_path, fault, suffix):
     expected = {
         "torque in another unit": lambda: np.allclose(new, 1e-3 * old),
         "torque halved": lambda: np.allclose(new, 0.5 * old),
+        "wheel speed in another unit": lambda: np.allclose(new, 60.0 / (2.0 * np.pi) * old),
         "torque offset": lambda: np.allclose(new, old + 2000.0),
         "wheel speed delayed": lambda: np.allclose(new[late:], old[:-late]),
         "wheel speed copied": lambda: any(np.allclose(new, before[name]) for name in names if name != changed[0]),

@@ -74,13 +74,20 @@ def test_labels_that_cannot_be_understood_are_refused(label, wrong):
 
 def test_labels_of_the_bank_become_the_same_truths():
     effect = {"name": "dragging_brake", "size": 300.0, "multiple": 2.0, "axle": 5, "variant": 0}
-    label = {"class": "single", "mechanisms": ["dragging_brake"], "effects": [effect], "axles": 4, "start_positions": False}
+    label = {
+        "class": "single",
+        "mechanisms": ["dragging_brake"],
+        "effects": [effect],
+        "axles": 4,
+        "start_positions": False,
+        "net": 1.5,
+    }
     truth = of_bank(label)
     assert truth[:3] == ("single", ("dragging_brake",), True)
     assert truth.parameters == {"dragging_brake": {"torque_nm": 300.0, "axle": 2.0}}
     assert truth.group == "start positions unknown"
-    assert not of_bank(label | {"effects": [effect | {"multiple": 1.0}]}).matters
-    foreign = {"class": "foreign", "mechanisms": [], "effects": [effect | {"name": "torque_drift"}], "axles": 4}
+    assert not of_bank(label | {"net": 0.9}).matters
+    foreign = {"class": "foreign", "mechanisms": [], "effects": [effect | {"name": "torque_drift"}], "axles": 4, "net": 2.0}
     assert of_bank(foreign | {"slots": ["sensor"], "slot_axles": [2]})[:5] == ("outside", (), True, ("sensor",), (2,))
 
 

@@ -106,7 +106,10 @@ def truth(kind: str, *names: str, size: float = 1.0, multiple: float = 2.0) -> d
     """Return a label."""
     effects = [{"name": name, "size": size, "multiple": multiple, "axle": 1, "variant": 0} for name in names]
     mechanisms = library_names(names)
-    return {"class": kind, "mechanisms": mechanisms, "effects": effects, "noise": 1.0, "axles": 4, "distance_change": -0.02}
+    return {
+        "class": kind, "mechanisms": mechanisms, "effects": effects, "noise": 1.0, "axles": 4, "distance_change": -0.02,
+        "net": 0.6 * multiple,
+    }  # fmt: skip
 
 
 def answer(verdict: str, *names: str, alternatives: tuple[str, ...] = (), confidence: float = 0.9, **parameters) -> dict:
@@ -243,7 +246,7 @@ def test_comparable_parameters_have_the_library_s_sign():
     """What the truth's late clock records is what the library's clock says of the parameter that it is scored by."""
     speed, acceleration, late = 30.0, -0.8, 0.2
     offset = true_value({"name": "clock_offset", "size": late, "variant": 0})
-    stamped = clock_offset.recorded(clock_offset.Parameters(offset), speed, acceleration)
+    stamped = clock_offset.recorded(clock_offset.Parameters(offset), speed, acceleration, 1.0)
     assert stamped == pytest.approx(speed + late * acceleration)  # sampled later than stamped: slower already
     drag = true_value({"name": "aerodynamic_drag", "size": 2.0, "variant": 1})
     assert drag * 30.0**2 == pytest.approx(2.0 * (100.0 + 5.0 * 30.0 + 30.0**2))

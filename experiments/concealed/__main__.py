@@ -1,4 +1,4 @@
-"""Command: `python -m experiments.concealed [bank | diagnose | rivals | score | outside | page | interest]`.
+"""Command: `python -m experiments.concealed [bank | diagnose | rivals | score | outside | faults | page | interest]`.
 
 Without a subcommand the first four, one after the other.
 """
@@ -12,7 +12,7 @@ from typing import Any
 import tyro
 from rich import print as show
 
-from experiments.concealed import bank, interest, outside, page
+from experiments.concealed import bank, interest, outside, page, spoilt
 from experiments.concealed.answers import read_answers
 from experiments.concealed.effects import ALL
 from experiments.concealed.errors import BankError
@@ -20,7 +20,7 @@ from experiments.concealed.plan import SHARES
 from experiments.concealed.rates import plain
 from experiments.concealed.required import Check, checks, common
 from experiments.concealed.score import score
-from experiments.concealed.workers import WorkersOption, results
+from experiments.concealed.workers import WorkersOption, results, write_whole
 from wsp_env.executor import Workers
 
 #: Cases of the small version: enough for every class.
@@ -117,6 +117,23 @@ class Outside:
 
 
 @dataclasses.dataclass(frozen=True)
+class Faults:
+    """Spoil one channel of sound campaigns, and see whether it is found; prints the table of docs/suspect_channels.md."""
+
+    folder: tyro.conf.Positional[Path] = Path("out/concealed")  # a bank, or campaigns of others with label.json
+    each: int = 30  # campaigns spoilt by each kind of fault
+    out: Path = Path("out/concealed/faults.json")  # what became of each
+    workers: WorkersOption = Workers()
+
+    def run(self) -> None:
+        """Run."""
+        found = spoilt.run(self.folder, self.each, self.workers.make())
+        write_whole(self.out, found)
+        print(spoilt.table(found))
+        show(f"each by itself: {self.out}")
+
+
+@dataclasses.dataclass(frozen=True)
 class Page:
     """Put the figures of OUT, and of OUT/outside/*, into docs/concealed*.md, and the pictures beside them."""
 
@@ -166,8 +183,8 @@ def _write(file: Path, figures: dict[str, Any]) -> None:
 
 def main() -> int:
     """Run the command line; 1 after an error that the user can repair."""
-    named = {"bank": Bank, "diagnose": Diagnose, "rivals": Rivals, "score": Score, "outside": Outside, "page": Page,
-             "interest": Interest}  # fmt: skip
+    named = {"bank": Bank, "diagnose": Diagnose, "rivals": Rivals, "score": Score, "outside": Outside, "faults": Faults,
+             "page": Page, "interest": Interest}  # fmt: skip
     try:
         if len(sys.argv) > 1 and sys.argv[1] in named:
             tyro.cli(named[sys.argv[1]], args=sys.argv[2:], prog=f"python -m experiments.concealed {sys.argv[1]}").run()

@@ -4,6 +4,7 @@ import dataclasses
 import hashlib
 import itertools
 import json
+import shutil
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from experiments.concealed.campaign import build, label, write
-from experiments.concealed.concealment import passes, worst_error
+from experiments.concealed.concealment import passes, tuned, worst_error
 from experiments.concealed.errors import BankError
 from experiments.concealed.faults import inject
 from experiments.concealed.interest import drive, sizes
+from experiments.concealed.net import net
 from experiments.concealed.plan import Case, plan
 from experiments.concealed.workers import results
 from wsp_env.executor import Executor, pack, unpack
@@ -66,7 +68,12 @@ def _concealed(job: Job, out: Path) -> dict[str, Any]:
                 plain, _ = build(case, job.seed, attempt, table, 0.0)
                 without = {name: distance for name, (_, distance) in drive(plain, np.random.default_rng(0)).items()}
                 truth = label(case, setup, concealed, distances, without if case.effects else distances)
+                write(out / "plain", case, plain, job.seed, attempt)
+                laws = (tuned(folder) for folder in (out / "campaigns" / case.name, out / "plain"))
+                size = net(setup, plain, *laws) if case.effects else 0.0
+                shutil.rmtree(out / "plain")
                 return truth | {
+                    "net": size,
                     "worst_relative_adhesion_error_percent": None if error is None else round(100 * error, 2),
                     "concealed_at_first": first,
                 }

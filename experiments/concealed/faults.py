@@ -13,11 +13,16 @@ Fault = Callable[[np.ndarray, np.ndarray, int, int, int], None]
 UNITS = (1e-3, 0.7376, 0.1020)  # kN m, lbf ft, kgf m
 OFFSETS_NM = (2000.0, 500.0, 5000.0)
 DELAYS_S = (0.3, 0.1, 1.0)
+SPEED_UNITS = (60.0 / (2.0 * np.pi), 1.0 / (2.0 * np.pi), 0.445 * 3.6)  # per rad/s: rev/min, rev/s, km/h of a wheel of 0.89 m
 _SAMPLE_S = 0.01
 
 
 def _unit(torque: np.ndarray, wheel: np.ndarray, axle: int, other: int, turn: int) -> None:
     torque[:, axle] *= UNITS[turn % len(UNITS)]
+
+
+def _speed_unit(torque: np.ndarray, wheel: np.ndarray, axle: int, other: int, turn: int) -> None:
+    wheel[:, axle] *= SPEED_UNITS[turn % len(SPEED_UNITS)]
 
 
 def _copied(torque: np.ndarray, wheel: np.ndarray, axle: int, other: int, turn: int) -> None:
@@ -43,6 +48,7 @@ def _swapped(torque: np.ndarray, wheel: np.ndarray, axle: int, other: int, turn:
 
 FAULTS: dict[str, Fault] = {
     "torque in another unit": _unit,
+    "wheel speed in another unit": _speed_unit,
     "wheel speed copied": _copied,
     "torque halved": _halved,
     "torque offset": _offset,

@@ -9,6 +9,7 @@ all effects. The results stand in smallest.json; `python -m experiments.conceale
 
 import functools
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +54,9 @@ def _mean_slip(columns: dict[str, np.ndarray]) -> np.ndarray:
     speed = columns["vehicle_speed_mps"]
     slip = speed[:, None] - RADIUS_M * wheels
     fast = speed > 0.5 * speed[0]
-    return np.stack([slip[fast].mean(axis=0), slip[~fast & (speed > _LEAST_SPEED_MPS)].mean(axis=0)])
+    halves = fast, ~fast & (speed > _LEAST_SPEED_MPS)
+    # A stop that ends before its lower speeds says nothing of them.
+    return np.stack([slip[half].mean(axis=0) if half.any() else np.zeros(slip.shape[1]) for half in halves])
 
 
 def change(effect: ConcealedEffect, size: float, place: Place = ANYWHERE) -> tuple[float, float]:
@@ -62,11 +65,16 @@ def change(effect: ConcealedEffect, size: float, place: Place = ANYWHERE) -> tup
     The relative change of the distance [-], signed, and the change of an axle's mean slip [m/s]; the sliding stops are
     averaged, as a WSP's cycles make a single one depend on trifles.
     """
-    base, moved = _reference(), outcomes(effect.apply(reference(), size, place))
+    base = _reference()
+    return compared(
+        base, outcomes(effect.apply(reference(), size, place)), [["gentle"], [name for name in base if name != "gentle"]]
+    )
+
+
+def compared(base: Mapping[str, Outcome], moved: Mapping[str, Outcome], kinds: Sequence[Sequence[str]]) -> tuple[float, float]:
+    """Return the mean relative change of the distance [-] and of an axle's slip [m/s], of the kind of stops that moves most."""
     distances = {name: moved[name][0] / base[name][0] - 1.0 for name in base}
     slips = {name: moved[name][1] - base[name][1] for name in base}
-    sliding = [name for name in base if name != "gentle"]
-    kinds = [["gentle"], sliding]
     distance = max((float(np.mean([distances[n] for n in kind])) for kind in kinds), key=abs)
     slip = max(float(np.abs(np.mean([slips[n] for n in kind], axis=0)).max()) for kind in kinds)
     return distance, slip

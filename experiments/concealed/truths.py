@@ -77,7 +77,7 @@ def of_bank(label: Label) -> Truth:
     return Truth(
         kind=kind,
         names=tuple(label["mechanisms"]),
-        matters=kind != "single" or effects[0]["multiple"] >= SEPARABLE,
+        matters=kind != "single" or label["net"] >= 1.0,
         slots=tuple(label.get("slots", ())),
         axles=tuple(label.get("slot_axles", ())),
         fault=label.get("fault", ""),
