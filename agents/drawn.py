@@ -2,7 +2,8 @@
 
 Held-out stops with nominal brakes, and with brakes, radii, sensors and wear drawn. Controllers are told the nominal vehicle.
 Prints each one's figures over those that the lower envelope of the others' fronts (see `agents.rivals`), measured in the same
-world, has at its own slip, the distance with its standard error; by `--json` the means.
+world, has at its own slip, the distance with its standard error; by `--json` the means. Of several trainings (`--runs`) it
+prints mean and range as well.
 """
 
 import dataclasses
@@ -44,6 +45,9 @@ KEPT = (*REPORTED, "mean_slip_mps", "locked_s")
 #: Sets of stops drawn anew from those measured, with replacement, for a standard error (assumption: known to a twentieth).
 RESAMPLED = 200
 
+#: What stands before the name of a training in that of its policy.
+_RUN = "policy of"
+
 World = list[tuple[Vehicle, dict[str, dict[str, float]], list[Stop]]]
 
 #: What is kept of a controller: figure -> its value in every stop (N,).
@@ -82,6 +86,7 @@ class Arguments:
     worlds: tuple[str, ...] = ("nominal", "drawn brakes")  # see `world`
     laws: tuple[str, ...] = ("recovering", "classic")  # "capped": recovering, but not beyond the creepages of the fit
     policies: tuple[Path, ...] = ()  # folders; none: agents/trained/VEHICLE
+    runs: tuple[Path, ...] = ()  # folders of trainings with several seeds, whose policies are braked with too
     only: tuple[str, ...] = ()  # who is braked with, by the beginning of the name; none: all, and without rivals no ratios
     drawn_by: int = HELD_OUT  # seed of the stops and of what is drawn
     keep: Path | None = None  # file of what was measured; an interrupted run goes on with it
@@ -198,7 +203,9 @@ def compare(arguments: Arguments) -> list[dict[str, Any]]:
     vehicle, rows = VEHICLES[arguments.vehicle], list[dict[str, Any]]()
     families = classical(arguments.vehicle)
     shipped = (Path("agents/trained") / arguments.vehicle,)
-    policies = {f"policy {folder.name}": load_policy(folder) for folder in arguments.policies or shipped}
+    folders = {f"policy {folder.name}": folder for folder in arguments.policies or shipped}
+    folders |= {f"{_RUN} {run.name}": run / "policy" for run in arguments.runs}
+    policies = {name: load_policy(folder) for name, folder in folders.items()}
     for name in arguments.worlds:
         for law in arguments.laws:
             yardstick = Drawn(vehicle, world(name, under(vehicle, law), law, arguments.stops, arguments.drawn_by))
@@ -267,10 +274,30 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join(lines)
 
 
+def over_seeds(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return mean and range of the trainings among the rows as a table in Markdown; `beyond` counts those beyond the front."""
+    lines = [
+        "| world | law | trainings | distance | least to most | slip [m/s] | deviation | energy | worst lock [s] | beyond |",
+        "|:--|:--|--:|--:|--:|--:|--:|--:|--:|--:|",
+    ]
+    for name, law in dict.fromkeys((row["world"], row["law"]) for row in rows):
+        own = [row for row in rows if (row["world"], row["law"]) == (name, law) and row["controller"].startswith(_RUN)]
+        found = {key: np.array([row[key] for row in own]) for key in ("distance_m_ratio", "mean_slip_mps", "worst_locked_s")}
+        ratio = found["distance_m_ratio"]
+        cells = [name, law, f"{len(own)}", f"{ratio.mean():.3f}", f"{ratio.min():.3f} to {ratio.max():.3f}"]
+        cells += [f"{found['mean_slip_mps'].mean():.2f}"]
+        cells += [f"{np.mean([row[f'{figure}_ratio'] for row in own]):.2f}" for figure in REPORTED[1:3]]
+        cells += [f"{found['worst_locked_s'].max():.2f}", f"{sum(row['beyond_front'] for row in own)}"]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
 def main(arguments: Arguments) -> None:
     """Compare and print."""
     rows = compare(arguments)
     print(json.dumps(rows, indent=1) if arguments.json else table(rows))
+    if len(arguments.runs) > 1 and not arguments.json:
+        print(f"\n{over_seeds(rows)}")
 
 
 if __name__ == "__main__":

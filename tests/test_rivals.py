@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from agents.drawn import DRAWS, FILL_S, REPORTED, WORN, against, standard_error, world
+from agents.drawn import DRAWS, FILL_S, REPORTED, WORN, against, over_seeds, standard_error, world
 from agents.faults import Broken, longest_lock
 from agents.measure import low_adhesion
 from agents.rivals import at_slip, classical, envelope
@@ -167,6 +167,22 @@ def test_the_error_of_a_ratio_of_distances_is_that_of_its_scatter_over_the_draws
     own, other = (stops(np.repeat(one, 3)) for one in (scattered, rival))
     assert standard_error(own, [other], thrice) == pytest.approx(expected, rel=0.2)
     assert np.isnan(standard_error(stops(rival), [stops(rival) | {"locked_s": np.ones(60)}], alone))
+
+
+def test_of_several_trainings_mean_and_range_are_told_and_nobody_else_counts():
+    ratios = {"distance_m": 0.97, "slip_deviation_mps": 0.8, "contact_energy_mj": 0.9, "air_nl": 2.0}
+    row = {f"{figure}_ratio": value for figure, value in ratios.items()} | {"world": "all", "law": "classic"}
+    row |= {"mean_slip_mps": 0.5, "worst_locked_s": 0.0, "beyond_front": False}
+    others = {"distance_m_ratio": 0.95, "mean_slip_mps": 0.7, "worst_locked_s": 0.3, "beyond_front": True}
+    rows = [
+        row | {"controller": "policy of bogie-1"},
+        row | others | {"controller": "policy of bogie-2"},
+        row | others | {"controller": "policy former", "distance_m_ratio": 2.0},
+        row | others | {"controller": "rules 3", "distance_m_ratio": 2.0},
+    ]
+    assert over_seeds(rows).splitlines()[2:] == [
+        "| all | classic | 2 | 0.960 | 0.950 to 0.970 | 0.60 | 0.80 | 0.90 | 0.30 | 1 |"
+    ]
 
 
 def test_every_classical_family_has_a_front(tmp_path):
