@@ -199,6 +199,18 @@ def test_an_axle_that_is_not_watched_is_braked_less_than_the_watched_ones_where_
     assert stop.command[0, 0] == 1.0  # nothing has slid for long
 
 
+def test_an_axle_that_is_not_watched_is_not_braked_fully_beside_watched_ones_that_are_not():
+    """A controller that holds its axle below the brake asked for does not slide: the rail may carry no more all the same."""
+    stop = Stop()
+    stop.go_on(5.0)
+    stop.go_on(0.2, wanted=-1.0)
+    stop.go_on(3.0 * CALM_S, lambda wheel: np.array([np.nan, wheel[1]]), 0.0)
+    estimate = stop.observer.estimate
+    assert estimate.since_slide[0] == np.inf
+    assert 0.1 < estimate.pressure[0, 1] < 0.7
+    assert 0.05 < estimate.pressure[0, 0] < 0.9 * estimate.pressure[0, 1]
+
+
 def test_at_the_end_of_a_stop_no_wheel_locks_beside_a_faster_one():
     stop = Stop(speed=4.0)
     while stop.speed > 1.9:

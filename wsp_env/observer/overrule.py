@@ -11,8 +11,9 @@ from wsp_env.observer.observation import constants_of, memory_of
 from wsp_env.plant.command import APPLIES, HOLDS, VENTS
 
 #: An axle that is not watched is first vented for so long [s], so that a wheel that has locked turns again; then it is braked
-#: by this share of the least adhesion that a watched axle uses, until nothing has slid for so long [s] (assumptions).
-RELEASE_S, BLIND_SHARE, CALM_S = 0.7, 0.75, 3.0
+#: by this share of the least adhesion that a watched axle uses, until nothing has slid for so long [s] and each watched axle is
+#: braked by so much of the brake asked for: a slide may be small, or the axles held below it (assumptions).
+RELEASE_S, BLIND_SHARE, CALM_S, FULL_SHARE = 0.7, 0.75, 3.0, 0.8
 
 #: An axle whose brake was as good as empty for so long [s] is applied for so long [s], and for so long if it is not watched
 #: (assumptions: EN 15595, venting at most 10 s; too short to lock).
@@ -30,11 +31,11 @@ def overrule(command: np.ndarray, state: Any, given: Any, memory: Any, constants
     e = memory_of(memory).estimate
     brake = constants_of(constants).estimator
     for i in range(command.shape[0]):
-        fastest, used, sound, last, shows = 0.0, 1e9, 0, -1, e.doubtful[i]
+        fastest, used, least, sound, last, shows = 0.0, 1e9, 1.0, 0, -1, e.doubtful[i]
         for k in range(command.shape[1]):
             if not d.failed[i, k]:
                 sound, last = sound + 1, k
-                fastest = max(fastest, e.wheel[i, k])
+                fastest, least = max(fastest, e.wheel[i, k]), min(least, e.pressure_to_come[i, k])
                 used = min(used, min(e.adhesion[i, k], e.usual_adhesion[i, k]))
                 shows = shows or e.rolling_time[i, k] > 0.0
         if not shows:  # else one is released to show the speed: what it uses then says nothing of the rail
@@ -44,7 +45,7 @@ def overrule(command: np.ndarray, state: Any, given: Any, memory: Any, constants
         for k in range(command.shape[1]):
             if d.failed[i, k]:
                 d.blind[i, k] += c.interval
-                command[i, k] = _blind(i, k, sound, d, e, brake)
+                command[i, k] = _blind(i, k, sound, least, d, e, brake)
             elif running - e.wheel[i, k] > END_CREEPAGE * running:
                 command[i, k] = VENTS
             if e.doubtful[i] and k == last and d.failed[i, -1]:  # in place of the last axle this one shows the speed
@@ -69,9 +70,12 @@ def _expired(
 
 
 @inlined
-def _blind(i: int, k: int, sound: int, d: Doubts, e: VehicleEstimate, brake: EstimatorConstants) -> float:
-    """Return the command of an axle that is not watched, beside so many that are."""
-    if e.since_slide[i] > CALM_S or sound == 0:
+def _blind(
+    i: int, k: int, sound: int, least: float, d: Doubts, e: VehicleEstimate, brake: EstimatorConstants
+) -> float:  # fmt: skip
+    """Return the command of an axle that is not watched, beside so many that are, braked by that share of pressure at least."""
+    calm = e.since_slide[i] > CALM_S and least >= FULL_SHARE * e.distributor[i]
+    if calm or sound == 0:
         return APPLIES
     if d.blind[i, k] < RELEASE_S:
         return VENTS
