@@ -7,6 +7,7 @@ import numpy as np
 from wsp_env.diagnosis.balances import Balances, Blocks
 from wsp_env.diagnosis.evaluate import Evaluation, Model
 from wsp_env.diagnosis.replica import Replica
+from wsp_env.plant.card import APPLIED_SHARE
 
 
 class Forces:
@@ -18,9 +19,18 @@ class Forces:
     def __init__(self, balances: Balances | Replica, model: Model) -> None:
         self._balances = balances
         self._parts: list[tuple[Blocks, Evaluation]] = list(zip(balances.parts, balances.evaluate(model), strict=True))
+        self._largest = max(float(np.abs(one.braking).max(initial=0.0)) for _, one in self._parts)
         nominal = [part.joined(brakes=part.wheel_rows(one.braking)) for part, one in self._parts]
         self.nominal = np.concatenate(nominal)
+        # A return spring takes a pressure off, and pressures have a zero: the torque's line does not pass through zero.
+        held = [part.joined(brakes=part.wheel_rows(self._held(one))) for part, one in self._parts]
+        zero = [part.joined(brakes=part.wheel_rows(np.full(one.braking.shape, self._largest))) for part, one in self._parts]
+        self.springs = np.column_stack([np.concatenate(held), np.concatenate(zero)])
         self.gain = self._torque(lambda time: np.ones((len(time), 1)), slow=False)[0]
+
+    def _held(self, one: Evaluation) -> np.ndarray:
+        """Return what return springs hold back of the torques (T, A), over the share of the largest up to which they do."""
+        return np.minimum(one.braking / APPLIED_SHARE, self._largest)
 
     def turning(self) -> np.ndarray:
         """Columns (n, A) by a relative change of each wheelset's inertia."""

@@ -35,6 +35,7 @@ WHEEL_TIME, TORQUE_TIME = "time of a wheel speed", "time of a torque"
 _EXPECTED = {
     "gain": 0.01 * _UNIFORM,  # of an axle's torque, where it comes from the cylinder pressure
     "measured gain": 0.001,  # of a torque that is itself measured
+    "spring": 0.05,  # of what a brake's return spring, and a pressure's zero, take off, over the largest torque
     "zero": 0.001 * _UNIFORM,  # of a torque over the largest: sensors are set to zero before a test
     "inertia": 0.03,  # of a wheelset: wheels wear
     "radius": 0.0005 * _UNIFORM,  # of an axle's wheels
@@ -180,6 +181,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         brake = forces.nominal[:, None]
         groups += [
             Group("nominal gain of the brakes", brake, np.inf, True),
+            Group("return springs of the brakes", forces.springs, _EXPECTED["spring"], True),
             Group("gain of a brake", brake * own, _EXPECTED["gain"], True, "gain of a brake in a run"),
             Group("gain of a brake in a run", each(brake * own), _EXPECTED["gain"]),
         ]
