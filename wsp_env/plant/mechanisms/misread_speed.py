@@ -1,8 +1,8 @@
 """An error of the recorded speed without a name: a coefficient times a feature of the vehicle's motion.
 
-A radar that looks at the track under an angle reads another speed when the body pitches under the brake: the error of the
-cosine is in proportion to the pitch, hence to the deceleration, and to the speed. An integrated acceleration drifts with time,
-a scale with temperature. What is found so, on recordings, by the diagnosis, has the features of
+A radar that looks at the track under an angle reads another speed when what it hangs on pitches under the brake: the error of
+the cosine is in proportion to the pitch, hence to the deceleration, and to the speed. An integrated acceleration drifts with
+time, a scale with temperature. What is found so, on recordings, by the diagnosis, has the features of
 `wsp_env.plant.mechanisms.terms` that depend on the vehicle's motion and on time only.
 """
 
@@ -40,7 +40,7 @@ def recorded(p: Parameters, speed: float, acceleration: float, time: float) -> f
 
 @inlined
 def true(p: Parameters, speed: float, acceleration: float, time: float) -> float:
-    """Return the vehicle speed [m/s] from the recorded one, to first order in the error: that squared is below 1 mm/s."""
+    """Return the vehicle speed [m/s] from the recorded one, to first order in the error."""
     return speed - _error(p, speed, acceleration, time) if p.coefficient != 0.0 else speed
 
 
@@ -57,10 +57,10 @@ CARD = Card(
             "coefficient",
             "m/s / of feature",
             0.0,
-            0.1,
+            0.02,
             -1e3,
             1e3,
-            "assumption: a radar at 40 degrees on a body that pitches by 0.2 degrees per m/s2",
+            "assumption: a radar at 40 degrees on a bogie that pitches by 0.05 degrees per m/s2",
             fitted=False,
         ),
         Parameter(
