@@ -65,13 +65,15 @@ def inspect(file: Path) -> list[InspectedChannel]:
     by_name = {source.column: (channel, source.unit or "") for channel, source in guesses.items()}
     time = guesses.get("time")
     found = []
-    for name, (values, own) in raw.items():
-        shared = _seconds(raw[time.column][0], time) if time and time.column in raw else None
-        rate = _rate(own if own is not None else shared, len(values))
-        missing = int((~np.isfinite(values)).sum())
-        channel, unit = by_name.get(name, ("", ""))
-        described = quality.describe(values) if missing < len(values) else Quality(np.nan, 0.0, np.nan, np.nan)
-        found.append(InspectedChannel(name, opened.units[name], len(values), missing, rate, described, channel, unit))
+    # The bits of a damaged file may be no number, or so large that differences overflow: they are described as they are.
+    with np.errstate(invalid="ignore", over="ignore"):
+        for name, (values, own) in raw.items():
+            shared = _seconds(raw[time.column][0], time) if time and time.column in raw else None
+            rate = _rate(own if own is not None else shared, len(values))
+            missing = int((~np.isfinite(values)).sum())
+            channel, unit = by_name.get(name, ("", ""))
+            described = quality.describe(values) if missing < len(values) else Quality(np.nan, 0.0, np.nan, np.nan)
+            found.append(InspectedChannel(name, opened.units[name], len(values), missing, rate, described, channel, unit))
     return found
 
 
