@@ -9,7 +9,8 @@ from plant_cases import a_stop, plant_of
 from wsp_env.diagnosis import diagnose
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.plant.longitudinal.along import Belief, Trajectory, along, model
-from wsp_env.plant.mechanisms.misread_speed import equation
+from wsp_env.plant.mechanisms.misread_speed import term_of
+from wsp_env.plant.mechanisms.term_words import equation_of
 from wsp_env.plant.mechanisms.terms import REFERENCE_MPS, Feature
 from wsp_env.recordings import demo_campaign, read_campaign
 
@@ -48,7 +49,7 @@ def test_the_plant_records_it_and_the_recording_is_read_without_it(feature):
 
 
 def test_equation_in_words():
-    words = equation({"coefficient": 0.2, "feature": float(Feature.SPEED_DECELERATION)})
+    words = equation_of(term_of({"coefficient": 0.2, "feature": float(Feature.SPEED_DECELERATION)}))
     assert words == "recorded speed too high by 0.2 m/s per m/s2 of deceleration, times running speed over 30 m/s"
 
 

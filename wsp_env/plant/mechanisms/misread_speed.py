@@ -10,9 +10,8 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Parameter, Said, Signature
+from wsp_env.plant.card import Card, Parameter, Said, Signature, itself
 from wsp_env.plant.mechanisms.discovered import no_variants
-from wsp_env.plant.mechanisms.term_words import equation_of
 from wsp_env.plant.mechanisms.terms import UNBOUNDED, Feature, Slot, Term, of_the_vehicle
 
 _RECORDED_SPEED = int(Slot.RECORDED_SPEED)  # as compiled code takes it
@@ -85,7 +84,7 @@ CARD = Card(
             Said(
                 "coefficient",
                 "m/s",
-                lambda size: size,
+                itself,
                 "the recorded speed is too high by {size} times its feature",
                 "the recorded speed is too low by {size} times its feature",
             ),
@@ -95,8 +94,3 @@ CARD = Card(
     ),
     named=False,
 )
-
-
-def equation(parameters: Mapping[str, float]) -> str:
-    """Return the error in words and units."""
-    return equation_of(term_of(parameters))
