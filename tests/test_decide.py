@@ -215,14 +215,49 @@ def test_belief_is_shared_with_what_explains_nearly_as_much():
     assert 0.5 <= beside[1] < 0.7
 
 
-def test_what_makes_another_grow_compensates_it(monkeypatch):
-    accepted = decide.Accepted(trial(GRADIENT, 40.0, multiple=2.0), ("track_gradient",), 1.0)
-    new = dataclasses.replace(trial(GAIN, 30.0), fitted=Fitted(Model(2e-4, (0.06,)), (), (), (), 0.0))
+@pytest.mark.parametrize(("accepted_at", "grown", "compensates"), [(2.0, 1.1, False), (2.0, 10.0, True), (0.1, 1.1, False)])
+def test_what_makes_another_grow_compensates_it(monkeypatch, accepted_at, grown, compensates):
+    """Against the other's size in a fit of the same weights without the one that is tried, not as it was accepted in others."""
+    with_it, without_it = Model(1e-4, (0.06,)), Model(2e-4, (0.06,))
+    accepted = decide.Accepted(trial(GRADIENT, 40.0, multiple=accepted_at), ("track_gradient",), 1.0)
+    new = dataclasses.replace(trial(GAIN, 30.0), fitted=Fitted(with_it, (), (), (), 0.0), beside=without_it)
     screen = type("Seen", (), {"whitening": None})()
-    for multiple, compensates in ((2.2, False), (20.0, True)):
-        monkeypatch.setattr(decide, "net_effect", lambda *_, m=multiple: StopChange(0.01 * m, 0.0))
-        assert decide._compensates(None, new, [accepted], screen) == compensates
+    sizes = {with_it.tau: 2.0 * grown, without_it.tau: 2.0}
+    monkeypatch.setattr(decide, "net_effect", lambda _, model, *__: StopChange(0.01 * sizes[model.tau], 0.0))
+    assert decide._compensates(None, new, [accepted], screen) == compensates
     assert not decide._compensates(None, new, [], screen)
+
+
+@pytest.mark.parametrize(("gained", "holds"), [(30.0, True), (-30.0, True), (30.0, False)])
+def test_an_earlier_name_gives_way_to_a_rival_that_explains_more_beside_a_later_one(monkeypatch, gained, holds):
+    """A drag that came first as it did the work of two; beside the second of them the first explains more than the drag."""
+    drag = Variant("dragging_brake", ("torque_nm",), {"axle": 2.0, "from_start": 0.0})
+    bare = Model(2e-4, (0.06,))
+    both = switched(switched(bare, drag, np.array([300.0])), GRADIENT, np.array([0.003]))
+    costs = {drag.title: 100.0, GAIN.title: 100.0 - 2.0 * gained, None: 200.0}
+
+    def refit(_, model, variants, __):
+        titles = [one.title for one in variants if one is not GRADIENT]
+        values = tuple(values_in(model, one) for one in variants)
+        return Fitted(model, tuple(variants), values, (np.eye(1),) * len(values), costs[titles[0] if titles else None])
+
+    def own(_, __, ___, one):
+        return decide.Held(one, "its own") if holds else None
+
+    monkeypatch.setattr(decide, "refit", refit)
+    monkeypatch.setattr(decide, "weights_of", lambda *_: None)
+    monkeypatch.setattr(decide, "net_effect", lambda *_: StopChange(0.02, 0.0))
+    monkeypatch.setattr(decide, "_about_its_own", own)
+    rival = dataclasses.replace(trial(GAIN, 40.0), fitted=Fitted(switched(bare, GAIN, np.array([0.06])), (GAIN,), (), (), 0.0))
+    first = decide.Accepted(trial(drag, 50.0), (drag.name,), 0.9, (rival,))
+    later = decide.Accepted(trial(GRADIENT, 40.0), (GRADIENT.name,), 1.0)
+    replica, fitted, accepted = decide._exchanged(
+        "before", refit(None, both, [drag, GRADIENT], None), [first, later], SimpleNamespace(whitening=None)
+    )
+    gives_way = gained > 0.0 and holds
+    assert [one.name for one in accepted] == (["track_gradient", GAIN.name] if gives_way else [drag.name, "track_gradient"])
+    assert replica == ("its own" if gives_way else "before")
+    assert (GAIN.name in fitted.model.choice, drag.name in fitted.model.choice) == (gives_way, not gives_way)
 
 
 # --- which trial holds
@@ -312,20 +347,17 @@ def test_what_pulls_nuisances_or_is_not_alike_in_the_runs_does_not_hold(own):
 def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, loss):
     """A fit without the first of two costs so much more."""
     whole = Fitted(Model(2e-4, (0.06,)), (GRADIENT, GAIN), (), (), 50.0)
-    asked = []
 
-    def refit(_, model, variants, weights):
-        asked.append(weights)
+    def refit(_, model, variants, __):
         return Fitted(model, tuple(variants), (), (), 50.0 + loss * (len(variants) < 2))
 
     monkeypatch.setattr(decide, "refit", refit)
-    monkeypatch.setattr(decide, "weights_of", lambda _, __, variant: variant.title)
+    monkeypatch.setattr(decide, "weights_of", lambda *_: None)
     first, last = (decide.Accepted(trial(one, 40.0), (one.name,), 1.0) for one in (GRADIENT, GAIN))
     accepted, fitted = decide._still_sure(None, [first, last], whole, None)
     kept = ["brake_gain_imbalance"] if loss < 10.0 else ["track_gradient", "brake_gain_imbalance"]
     assert [one.name for one in accepted] == kept
     assert fitted.variants == ((GAIN,) if loss < 10.0 else (GRADIENT, GAIN))
-    assert asked == ["track_gradient"] * 2  # both fits without what the form of the one that is asked for may do in its place
 
 
 def test_a_size_at_the_end_of_what_it_may_be_is_no_finding():
@@ -333,6 +365,12 @@ def test_a_size_at_the_end_of_what_it_may_be_is_no_finding():
     for value, expected in ((0.1, False), (high, True)):
         model = switched(Model(2e-4, (0.06,)), GAIN, np.array([value]))
         assert decide.at_bound(GAIN, model) == expected
+
+
+@pytest.mark.parametrize(("edge_m", "expected"), [(20.0, False), (100.0, True), (0.5, False)])
+def test_a_shape_at_its_upper_end_is_no_finding_and_at_its_lower_end_a_simple_one(edge_m, expected):
+    patch = Variant("adhesion_patch", ("change", "edge_m"), {"start_m": 300.0, "length_m": 60.0})
+    assert decide.at_bound(patch, switched(Model(2e-4, (0.06,)), patch, np.array([-0.2, edge_m]))) == expected
 
 
 @pytest.mark.parametrize(("cancels", "expected"), [(False, False), (True, True)])

@@ -8,12 +8,13 @@ from numpy.testing import assert_array_equal
 from synthetic_stops import stop, write_campaign
 
 from wsp_env.diagnosis.balances import Balances
-from wsp_env.diagnosis.candidates import Variant, columns, parameter_of, switched
+from wsp_env.diagnosis.candidates import Variant, columns, parameter_of, switched, without
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import moved_by, refit, weigh
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.stops import prepare
-from wsp_env.diagnosis.variation import MU_CD, Group, law_columns
+from wsp_env.diagnosis.trials import _across
+from wsp_env.diagnosis.variation import MU_CD, Group, Net, law_columns, segment_columns, shapes
 from wsp_env.recordings import read_campaign
 
 LAW = Model(2e-4, (0.06, 0.07))
@@ -45,6 +46,30 @@ def test_the_friction_of_a_stop_that_does_not_slide_is_not_moved(replica, weight
     assert fitted.model.mu_cd[0] != LAW.mu_cd[0]
     assert fitted.model.tau != LAW.tau
     assert refit(replica, LAW, (), weights, free_law=False).model.tau == LAW.tau
+
+
+@pytest.mark.parametrize("factor", [0.05, 0.3, 3.0, 8.0])
+def test_a_refit_finds_the_same_law_from_wherever_it_begins(replica, weights, factor):
+    """In the logarithm of tau the rows bend: a step that is cut parameter by parameter leads uphill, and stops far away."""
+    near = refit(replica, LAW, (), weights)
+    far = refit(replica, dataclasses.replace(LAW, tau=factor * LAW.tau), (), weights)
+    assert far.cost == pytest.approx(near.cost, abs=0.1)
+    assert far.model.tau == pytest.approx(near.model.tau, rel=0.01)
+
+
+@pytest.mark.parametrize("variant", [Variant("vehicle_mass", ("extra",), {}), Variant("falling_friction", ("decrease",), {})])
+def test_the_form_of_a_mechanism_holds_nothing_of_its_size(replica, variant):
+    """Bent over what was measured, less the effect itself: both at right angles as seen beside the law."""
+    size = parameter_of(variant.name, variant.sizes[0])
+    model = switched(LAW, variant, np.array([size.null + 0.5 * (size.typical - size.null)]))
+    whitening, base = replica.whitening(LAW), replica.raw(model)
+    net = Net(whitening, np.column_stack([segment_columns(replica), law_columns(replica, model, base)]))
+    effect = replica.raw(without(model, variant)) - base
+    form = _across(net, whitening, effect, shapes(replica))
+    seen = whitening(net(np.column_stack([effect, form]))[0])
+    cosines = seen[:, 0] @ seen[:, 1:] / np.maximum(np.linalg.norm(seen[:, 0]) * np.linalg.norm(seen[:, 1:], axis=0), 1e-12)
+    assert np.abs(cosines).max() < 1e-6
+    assert np.linalg.norm(seen[:, 1:]) > 0.1 * np.linalg.norm(seen[:, 0])
 
 
 def test_what_a_refit_does_not_move_varies_in_its_weights_as_much_as_it_is_believed_to(replica, weights):

@@ -10,12 +10,10 @@ from trial_cases import GAIN, GRADIENT, TERM, found
 
 from wsp_env.diagnosis import settle, trials
 from wsp_env.diagnosis.candidates import Variant, switched, values_in
-from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.trials import FORM
-from wsp_env.diagnosis.variation import Group
 
 
 @pytest.mark.parametrize(("own", "expected"), [(0.0, 0.0), (12.0, 12.0)])
@@ -58,14 +56,6 @@ def test_a_refit_begins_where_the_way_to_the_linear_step_leaves_least(monkeypatc
     with ThreadPoolExecutor(1) as pool:
         trials.trials_of(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None, pool)
     assert begun[1] == pytest.approx(best)
-
-
-def test_the_form_of_a_mechanism_that_is_asked_for_does_not_stand_in_for_it(monkeypatch):
-    groups = tuple(Group(name, np.zeros((3, 1)), 1.0) for name in ("track", "form of track_gradient", "form of vehicle_mass"))
-    seen = SimpleNamespace(groups=groups, sizes=Sizes(np.array([1.0, 2.0, 3.0]), np.ones(5)), whitening=None, small=groups[0])
-    monkeypatch.setattr(trials, "weigh", lambda _, __, groups, sizes: ([one.name for one in groups], list(sizes.groups)))
-    assert trials.weights_of(None, seen) == (["track", "form of track_gradient", "form of vehicle_mass", "track"], [1, 2, 3, 1])
-    assert trials.weights_of(None, seen, GRADIENT) == (["track", "form of vehicle_mass", "track"], [1, 3, 1])
 
 
 def test_a_term_s_form_may_miss_more_than_a_name_s():
@@ -117,18 +107,24 @@ def test_a_share_of_a_size_leaves_where_it_acts():
 
 @pytest.mark.parametrize("alike", [0.0, 0.6, 1.0])
 def test_the_form_of_what_was_accepted_lends_evidence_to_what_looks_like_it(monkeypatch, alike):
-    """A gain of 1000 nats whose form may miss 20 % lends 40 to its own like, and nothing to what is at right angles to it."""
+    """A gain of 1000 nats whose form may miss 20 % lends 108 to what looks like it bent, nothing to what is at right angles."""
     rng = np.random.default_rng(1)
-    gain, apart, law = np.linalg.qr(rng.standard_normal((300, 3)))[0].T
-    further = alike * gain + np.sqrt(1.0 - alike**2) * apart + 5.0 * law  # mu_cd takes the last part
-    rows = {"off": further, "on": np.zeros(300)}
+    bend, further, law, weak = np.linalg.qr(rng.standard_normal((300, 4)))[0].T
+    effect = np.full(300, 1.0)
+    for one in (bend, further, law, weak):  # as seen beside the law, the forms are at right angles to the effect
+        one -= one.mean()
+    bend, further, law, weak = np.linalg.qr(np.column_stack([bend, further, law, weak]))[0].T
+    another = alike * bend + np.sqrt(1.0 - alike**2) * further + 5.0 * law  # mu_cd takes the last part
+    rows = {"off": another, "on": np.zeros(300), "accepted": np.zeros(300), "without": effect}
     monkeypatch.setattr(trials, "law_columns", lambda *_: law[:, None])
     monkeypatch.setattr(trials, "segment_columns", lambda *_: np.zeros((300, 0)))
-    monkeypatch.setattr(trials, "forms", lambda *_: [Group("form", 7.0 * gain[:, None], FORM, True)])
-    monkeypatch.setattr(trials, "without", lambda *_: "off")
+    monkeypatch.setattr(trials, "shapes", lambda _: np.column_stack([7.0 * bend + 0.5, 0.007 * weak]))
+    monkeypatch.setattr(trials, "without", lambda model, _: "off" if model == "on" else "without")
     replica = SimpleNamespace(raw=rows.get)
     screen = SimpleNamespace(whitening=lambda columns: columns)
     trial = SimpleNamespace(fitted=SimpleNamespace(model="on"), variant=GRADIENT)
-    least = trials.FormsLeft(replica, "on", [(GAIN, 1000.0)], screen)
-    assert least(trial) == pytest.approx(max(trials.SURE, FORM**2 * 1000.0 * alike**2))
-    assert trials.FormsLeft(replica, "on", [], screen)(trial) == trials.SURE
+    least = trials.FormsLeft(replica, "accepted", [(GAIN, 1000.0)], screen)
+    assert least(trial) == pytest.approx(max(trials.SURE, (1.645 * FORM) ** 2 * 1000.0 * alike**2), rel=1e-6)
+    rows["off"] = weak  # where the form hardly acts it leaves little
+    assert least(trial) == trials.SURE
+    assert trials.FormsLeft(replica, "accepted", [], screen)(trial) == trials.SURE

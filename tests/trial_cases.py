@@ -3,6 +3,7 @@
 import numpy as np
 
 from wsp_env.diagnosis.candidates import Candidate, Variant
+from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.search import Found
 from wsp_env.diagnosis.trials import Trial
@@ -22,4 +23,5 @@ def found(variant: Variant, evidence: float) -> Found:
 
 def trial(variant: Variant, evidence: float, multiple: float = 2.0) -> Trial:
     size = StopChange(0.01 * multiple, 0.0)
-    return Trial(found(variant, evidence), variant, variant, None, evidence, 2.0 * evidence, size, price=0.0)
+    beside = Model(2e-4, (0.06,))
+    return Trial(found(variant, evidence), variant, variant, None, evidence, beside, 2.0 * evidence, size, price=0.0)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.diagnosis.agreement import agreement
-from wsp_env.diagnosis.candidates import Variant, parameter_of, values_in, without
+from wsp_env.diagnosis.candidates import Variant, parameter_of, switched, values_in, without
 from wsp_env.diagnosis.discovered import terms
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
@@ -22,7 +22,7 @@ from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
 from wsp_env.diagnosis.settle import settle, settle_anew
-from wsp_env.diagnosis.trials import FORM, SURE, FormsLeft, Trial, form_of, forms, odds, trials_of, weights_of
+from wsp_env.diagnosis.trials import FORM, SURE, FormsLeft, Trial, form_of, odds, trials_of, weights_of
 
 #: Mechanisms that are accepted at most.
 MOST = 3
@@ -46,6 +46,7 @@ class Accepted:
     trial: Trial
     alternatives: tuple[str, ...]  # its own name first
     confidence: float
+    rivals: tuple[Trial, ...] = ()  # what was sure as well when it was accepted
 
     @property
     def name(self) -> str:
@@ -100,12 +101,12 @@ def select(
         others = [one for one in trials if one.listed.title not in {*refused, best.trial.listed.title}]
         sure = [one for one in others if odds(one.listed, one.evidence) > forms_left(one)]
         searched = [one for one in seen.found if one.name not in refused]
-        named = Accepted(best.trial, *belief(best.trial, others, searched))
+        named = Accepted(best.trial, *belief(best.trial, others, searched), tuple(sure))
         replica, fitted, accepted = _beside([*accepted, named], best, weights, seen)
+        replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen)
         left = [one for one in tried if one.name not in fitted.model.choice]
         left += terms(replica, [one.trial.listed for one in accepted])
-        bent = forms(replica, fitted.model, fitted.variants)
-        seen = screen(replica, fitted.model, left, pool, fitted.variants, bent)
+        seen = screen(replica, fitted.model, left, pool, fitted.variants)
         if all(one.size.multiple < MATTERS for one in (best.trial, *sure)):
             break  # told as too small; nothing that matters could be taken for it
     return Outcome(replica, fitted, tuple(accepted), first, seen)
@@ -119,13 +120,54 @@ def _beside(
     kept, fitted = _still_sure(replica, accepted, last.trial.fitted, seen)
     if len(kept) < len(accepted):
         replica, fitted = settle(replica.recorded, fitted, weights)
-    return replica, fitted, [one.sized(net_effect(replica, fitted.model, one.trial.variant, seen.whitening)) for one in kept]
+    return _sized(replica, fitted, kept, seen)
+
+
+def _exchanged(
+    replica: Replica, fitted: Fitted, accepted: list[Accepted], seen: Screen
+) -> tuple[Replica, Fitted, list[Accepted]]:  # fmt: skip
+    """Exchange an earlier mechanism for a rival that explains more beside what was accepted later."""
+    weights = weights_of(replica, seen)
+    for one in accepted[:-1]:
+        now = refit(replica, fitted.model, fitted.variants, weights)
+        others = [variant for variant in fitted.variants if variant is not one.trial.variant]
+        rest = refit(replica, without(fitted.model, one.trial.variant), others, weights)
+        taken = {variant.title for variant in others}
+        tried = []
+        for rival in one.rivals:
+            if rival.listed.title not in taken:
+                begin = switched(rest.model, rival.variant, values_in(rival.fitted.model, rival.variant))
+                again = refit(replica, begin, [*others, rival.variant], weights)
+                reduction = rest.cost - again.cost
+                tried.append(dataclasses.replace(
+                    rival, fitted=again, beside=rest.model, reduction=reduction, evidence=0.5 * reduction - rival.price
+                ))  # fmt: skip
+        before = 0.5 * (rest.cost - now.cost) - one.trial.price
+        for better in sorted(tried, key=lambda rival: -rival.evidence):
+            if better.evidence <= before or bool(better.listed.family) > bool(one.trial.listed.family):
+                break
+            held = None if at_bound(better.variant, better.fitted.model) else _about_its_own(replica, seen, weights, better)
+            if held is not None:
+                kept = [other for other in accepted if other is not one]
+                listed = [rival.found for rival in one.rivals]
+                others_tried = [*tried, dataclasses.replace(one.trial, evidence=before)]
+                named = Accepted(held.trial, *belief(held.trial, others_tried, listed))
+                return _sized(held.replica, held.trial.fitted, [*kept, named], seen)
+    return replica, fitted, accepted
+
+
+def _sized(
+    replica: Replica, fitted: Fitted, accepted: list[Accepted], seen: Screen
+) -> tuple[Replica, Fitted, list[Accepted]]:  # fmt: skip
+    """Return the same, with the sizes that mechanisms have in the whole of the extended model."""
+    sizes = [net_effect(replica, fitted.model, one.trial.variant, seen.whitening) for one in accepted]
+    return replica, fitted, [one.sized(size) for one, size in zip(accepted, sizes, strict=True)]
 
 
 def _still_sure(replica: Replica, accepted: list[Accepted], fitted: Fitted, seen: Screen) -> tuple[list[Accepted], Fitted]:
     """Take back what is no longer sure beside the last one: of two names for one effect the better may come second."""
+    weights = weights_of(replica, seen)
     for one in accepted[:-1]:
-        weights = weights_of(replica, seen, one.trial.variant)
         beside = refit(replica, fitted.model, fitted.variants, weights)
         others = [variant for variant in fitted.variants if variant is not one.trial.variant]
         again = refit(replica, without(fitted.model, one.trial.variant), others, weights)
@@ -177,7 +219,7 @@ def _best(
 ) -> tuple[Held | None, set[str]]:  # fmt: skip
     """Return the best trial that holds, and the names of those found not to: they are no alternatives either.
 
-    Its log odds must be above the `least`, as it was found and as it `stands`.
+    Its log odds must be above the `least`, and nothing may refuse it, as it was found and as it `stands`.
     """
     best: Held | None = None
     refused: set[str] = set()
@@ -185,7 +227,7 @@ def _best(
         if best is not None and _preferred([best.trial, one])[0] is best.trial:
             continue
         held = None if refuses(one) else stands(one)
-        if held is None or odds(held.trial.listed, held.trial.evidence) <= least(held.trial):
+        if held is None or odds(held.trial.listed, held.trial.evidence) <= least(held.trial) or refuses(held.trial):
             refused.add(one.listed.title)
         elif best is None or _preferred([best.trial, held.trial])[0] is held.trial:
             best = held
@@ -194,25 +236,29 @@ def _best(
 
 def _refused(replica: Replica, accepted: Sequence[Accepted], seen: Screen, trial: Trial) -> bool:
     """Whether a mechanism contradicts itself, whatever its evidence."""
-    return at_bound(trial.listed, trial.fitted.model) or _compensates(replica, trial, accepted, seen)
+    return at_bound(trial.variant, trial.fitted.model) or _compensates(replica, trial, accepted, seen)
 
 
-def at_bound(listed: Variant, model: Model) -> bool:
-    """Whether a size was fitted to the end of what it may be: the recordings ask for something else."""
-    for name, value in zip(listed.sizes, values_in(model, listed), strict=True):
-        size = parameter_of(listed.name, name)
-        if value != size.null and not size.low < value < size.high:
+def at_bound(free: Variant, model: Model) -> bool:
+    """Whether what was fitted ended where it may not go on, a size at either end or a shape at its upper one.
+
+    The recordings ask for something else. A shape at its lower end is a simpler one: no delay, no least speed.
+    """
+    for name, value in zip(free.sizes, values_in(model, free), strict=True):
+        parameter = parameter_of(free.name, name)
+        low = parameter.low if parameter.kind == "size" else -np.inf
+        if value != parameter.null and not low < value < parameter.high:
             return True
     return False
 
 
 def _compensates(replica: Replica, trial: Trial, accepted: Sequence[Accepted], seen: Screen) -> bool:
     """Whether a mechanism makes one of those before grow: what is missing beside another leaves the other as it is."""
-    for one in accepted:
-        now = net_effect(replica, trial.fitted.model, one.trial.variant, seen.whitening).multiple
-        if now > GROWN * one.trial.size.multiple:
-            return True
-    return False
+
+    def size(model: Model, one: Accepted) -> float:
+        return net_effect(replica, model, one.trial.variant, seen.whitening).multiple
+
+    return any(size(trial.fitted.model, one) > GROWN * size(trial.beside, one) for one in accepted)
 
 
 def _pulls(replica: Replica, beside: Model, before: Model, weights: Weights) -> bool:

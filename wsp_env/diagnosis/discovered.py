@@ -39,7 +39,7 @@ _ONE = ((1.0, 1.0),)
 _TOGETHER: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
     Slot.BRAKE_TORQUE: {
         Feature.SLIP: _ONE, Feature.BRAKING_TIME: _ONE, Feature.WHEEL_DIFFERENCE: _ONE, Feature.WORK: _ONE,
-        Feature.WHEEL_SINE: _ONE,
+        Feature.TORQUE_SINE: _ONE,
     },
     Slot.FRICTION: {
         Feature.BRAKING_TIME: _ONE, Feature.WORK: _ONE, Feature.WHEEL_DIFFERENCE: _ONE,
@@ -124,8 +124,8 @@ def _variant(n: int, slot: Slot, axles: tuple[int, ...], feature: Feature, scale
     if slot is Slot.RECORDED_SPEED:
         return Variant(MISREAD, ("coefficient",), {"feature": float(feature)}, steps, family)
     parts = [(n, feature)]
-    if feature is Feature.WHEEL_SINE and n < TERMS:  # with its cosine: where the wheel stood at the start is not known
-        parts.append((n + 1, Feature.WHEEL_COSINE))
+    if feature is Feature.TORQUE_SINE and n < TERMS:  # with its cosine: where the wheel stood at the start is not known
+        parts.append((n + 1, Feature.TORQUE_COSINE))
     fixed: dict[str, float] = {}
     for k, one in parts:
         fixed |= {

@@ -10,14 +10,14 @@ from wsp_env.diagnosis.balances import Balances, Whitening
 from wsp_env.diagnosis.candidates import Variant
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.gls import LeastSquares, Projector, fit
+from wsp_env.diagnosis.gls import Projector, fit
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, Group, law_columns, nuisances, whitened
 
 TAU = 2e-4  # [m/J] believed, within a factor e^LOG_TAU; the seed paper's measured rails have 1.9e-4
-_ITERATIONS = 8
+_ITERATIONS = 10
 _LARGEST_STEP = 0.7  # [-] change of log tau or log mu_cd in one iteration
-_HALVINGS = 4
+_DAMPINGS = 0.0, 0.01, 0.1, 1.0, 10.0, 100.0  # shares of a parameter's own square that hold it back
 _LEAST_ROWS = 20  # blocks of sliding that say something on a run's friction
 
 
@@ -105,7 +105,7 @@ def refit(
     keep: np.ndarray | None = None,
     free_law: bool = True,
 ) -> Fitted:
-    """Fit tau, mu_cd and the free parameters of the variants from where `model` is, by Gauss and Newton.
+    """Fit tau, mu_cd and the free parameters of the variants from where `model` is (Levenberg and Marquardt).
 
     Parameters
     ----------
@@ -117,15 +117,16 @@ def refit(
     moves = moved_by(balances)
     moves[0] &= free_law
     state = _State(balances, model, tuple(variants), weights, keep, moves)
+    least = 0
     for _ in range(_ITERATIONS):
-        move = state.newton()
-        for halving in range(_HALVINGS):
-            tried = state.at(move(0.5**halving))
+        move = state.damped()
+        for held in range(least, len(_DAMPINGS)):
+            tried = state.at(move(_DAMPINGS[held]))
             if tried.cost <= state.cost:
                 break
         else:
             break
-        better, state = state.cost - tried.cost, tried
+        better, state, least = state.cost - tried.cost, tried, max(held - 1, 0)
         if better < 0.05:
             break
     return state.fitted()
@@ -160,8 +161,8 @@ class _State:
         """Return the fit at another model."""
         return dataclasses.replace(self, model=model)
 
-    def _solve(self) -> tuple[LeastSquares, np.ndarray]:
-        """Fit the variants' columns and those of the law's parameters that move; returns the variants' steps too."""
+    def _system(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the Gram matrix (k, k) of the variants' and the law's columns, (k,) against the rows, the variants' steps."""
         columns, steps = [np.zeros((len(self.base), 0))], [np.zeros(0)]
         for one in self.variants:
             columns.append(candidates.columns(self.balances, self.model, self.base, one))
@@ -176,18 +177,20 @@ class _State:
         gram[np.diag_indices_from(gram)] += np.where(np.arange(len(gram)) < own, 0.0, 1.0)  # the law's priors
         if self.moves[0]:
             against[own] += self.tau
-        return fit(gram, against), np.concatenate(steps)
+        return gram, against, np.concatenate(steps)
 
-    def newton(self) -> Callable[[float], Model]:
-        """Return the function that moves a share of the step."""
-        found, steps = self._solve()
-        change = -found.amplitude[: len(steps)] * steps
-        step = np.zeros(len(self.moves))
-        step[self.moves] = -found.amplitude[len(steps) :]
-        step = np.clip(step * [LOG_TAU, *[MU_CD] * (len(step) - 1)], -_LARGEST_STEP, _LARGEST_STEP)
+    def damped(self) -> Callable[[float], Model]:
+        """Return the function that moves a step, held back by a damping; along a straight line, however long the step."""
+        gram, against, steps = self._system()
+        squares = np.diag(gram).copy()
         highest = 0.9 * self.balances.campaign.contact.kinetic_friction_r
 
-        def moved(share: float) -> Model:
+        def moved(damping: float) -> Model:
+            amplitude = fit(gram + damping * np.diag(squares), against).amplitude
+            change, step = -amplitude[: len(steps)] * steps, np.zeros(len(self.moves))
+            step[self.moves] = -amplitude[len(steps) :]
+            step *= [LOG_TAU, *[MU_CD] * (len(step) - 1)]
+            share = min(1.0, _LARGEST_STEP / max(float(np.abs(step).max()), 1e-12))
             mu = tuple(float(min(m * np.exp(share * x), highest)) for m, x in zip(self.model.mu_cd, step[1:], strict=True))
             found = dataclasses.replace(self.model, tau=self.model.tau * float(np.exp(share * step[0])), mu_cd=mu)
             first = 0
@@ -202,8 +205,8 @@ class _State:
     def fitted(self) -> Fitted:
         covariances = []
         if self.variants:
-            found, steps = self._solve()
-            whole = found.covariance[: len(steps), : len(steps)] * np.outer(steps, steps)
+            gram, against, steps = self._system()
+            whole = fit(gram, against).covariance[: len(steps), : len(steps)] * np.outer(steps, steps)
             first = 0
             for one in self.variants:
                 part = slice(first, first + len(one.sizes))

@@ -35,13 +35,12 @@ class StopChange:
 
     distance: float  # relative change of the stopping distance [-], mean of the stops that it changes most, gentle or sliding
     slip: float  # largest change of an axle's slip, upper or lower half of speeds, mean of stops [m/s]
-    most: float = np.inf  # multiple that the samples of a time allow
     push: float = 0.0  # of a force that pushes and pulls: its amplitude over what retards the vehicle, mean of stops [-]
 
     @property
     def multiple(self) -> float:
         """Size as multiple of the smallest effect of interest [-]."""
-        return min(max(abs(self.distance) / DISTANCE, abs(self.slip) / SLIP_MPS, self.push / PUSH, _LEAST), self.most)
+        return max(abs(self.distance) / DISTANCE, abs(self.slip) / SLIP_MPS, self.push / PUSH, _LEAST)
 
 
 def only_sensors(choice: Choice) -> bool:

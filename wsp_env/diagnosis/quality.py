@@ -80,7 +80,7 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
             # Alone they show what nuisances take over once it is learned, predicted what these take over in a few runs.
             gains += (float(np.max(held_out(off) - whole)),)
     repeated = tuple(
-        0.5 * gain > SURE and not at_bound(one.trial.listed, outcome.fitted.model)
+        0.5 * gain > SURE and not at_bound(one.trial.variant, outcome.fitted.model)
         for gain, one in zip(gains or (np.inf,) * len(outcome.accepted), outcome.accepted, strict=True)
     )
     kept = [one.trial.variant for one, sure in zip(outcome.accepted, repeated, strict=True) if sure]

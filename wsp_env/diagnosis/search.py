@@ -15,7 +15,7 @@ from scipy import linalg
 
 from wsp_env.diagnosis.arrow import inverse_of
 from wsp_env.diagnosis.balances import Rows, Whitening
-from wsp_env.diagnosis.candidates import Candidate, Variant, columns, parameter_of, switched, values_in, without
+from wsp_env.diagnosis.candidates import Candidate, Variant, columns, parameter_of, switched, without
 from wsp_env.diagnosis.colour import colour
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Evaluation, Model
@@ -140,8 +140,7 @@ def _samples(replica: Replica, name: str, size: str, move: float) -> float:
 
 
 def screen(
-    replica: Replica, model: Model, tried: Sequence[Variant], pool: Executor, accepted: Sequence[Variant] = (),
-    forms: Sequence[Group] = (),
+    replica: Replica, model: Model, tried: Sequence[Variant], pool: Executor, accepted: Sequence[Variant] = ()
 ) -> Screen:  # fmt: skip
     """Say of every candidate what the recordings say about a model.
 
@@ -149,14 +148,13 @@ def screen(
     ----------
     tried : mechanisms that are off
     accepted : those that are on
-    forms : what the mechanisms that are on may leave of nature's form
 
     """
     base, plain = replica.raw(model), replica.whitening(replica.baseline)
     nothing = np.zeros((len(base), 0))
     on = [columns(replica, model, base, one) for one in accepted]
     free = Group("accepted mechanisms", np.column_stack([nothing, *on]), np.inf, True)
-    groups = (*nuisances(replica, model, base, plain), *forms)
+    groups = nuisances(replica, model, base, plain)
     alone = Evidence(replica, plain, [*groups, free], base, nothing)
     begin = alone.solve()
     whitening = dataclasses.replace(plain, colour=colour(replica.rows, alone, begin))
@@ -181,12 +179,7 @@ def screen(
 def net_effect(replica: Replica, model: Model, variant: Variant, whitening: Whitening) -> StopChange:
     """Return what a mechanism that is on changes against the law tuned anew without it."""
     sensor, swings = only_sensors({variant.name: {}}), ALL[variant.name].signature.swings
-    found = net_change(replica, model, without(model, variant), whitening, sensor, swings)
-    samples = [
-        _samples(replica, variant.name, name, value - null)
-        for name, value, null in zip(variant.sizes, values_in(model, variant), variant.null(), strict=True)
-    ]
-    return dataclasses.replace(found, most=max(samples) / _SAMPLES)
+    return net_change(replica, model, without(model, variant), whitening, sensor, swings)
 
 
 def net_change(

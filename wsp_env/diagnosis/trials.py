@@ -7,6 +7,7 @@ from concurrent.futures import Executor
 import numpy as np
 from scipy import linalg
 
+from wsp_env.diagnosis.balances import Whitening
 from wsp_env.diagnosis.candidates import Variant, near, refined, switched, without
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.evaluate import Model
@@ -14,7 +15,7 @@ from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect
-from wsp_env.diagnosis.variation import Group, Net, law_columns, segment_columns, shapes
+from wsp_env.diagnosis.variation import Net, law_columns, segment_columns, shapes
 from wsp_env.plant.mechanisms import ALL
 
 #: Mechanisms that are refitted in every round.
@@ -31,8 +32,8 @@ SURE = float(np.log(19.0))
 FORM = 0.2
 #: The same of a term without a name, which is one of few forms that were tried: assumption.
 FORM_TERM = 0.4
-#: Share of the largest singular value from which on directions of a bent effect are different ones.
-_SAME = 1e-6
+#: Deviations within which a form is at 95 %, on one side.
+_Z95 = 1.645
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,6 +45,7 @@ class Trial:
     variant: Variant  # with what the refit moves free
     fitted: Fitted
     evidence: float  # with what the refit explains more than the linear search
+    beside: Model  # the same without it, fitted alike
     reduction: float  # of chi-square, by the refit
     size: StopChange  # net
     price: float  # what its sizes and variants take from half of the reduction
@@ -95,19 +97,20 @@ def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, 
                 break
         # Those before may fit better now for a reason of their own: no merit of the one that was tried.
         alone = refit(replica, without(best.model, free), start.variants, weights)
-        reduction, about = min(start.cost, alone.cost) - best.cost, replica
+        before = min(start, alone, key=lambda one: one.cost)
+        reduction, about = before.cost - best.cost, replica
         if _on_a_sensor(listed):
             # Where wheels slide the sensor itself says: asked again about a replica in which it says so. Without it that one
             # fits nothing, so that it is compared with the replica in which sensors say nothing.
             about = Replica(replica.recorded, switched(start.model, there, there.null() + change))
             again = refit(about, switched(start.model, there, there.null() + change), (*start.variants, there), weights)
             if start.cost - again.cost > reduction:
-                best, free, reduction = again, there, start.cost - again.cost
+                best, free, before, reduction = again, there, start, start.cost - again.cost
             else:
                 about = replica
         price = 0.5 * one.reduction - one.evidence
         size = net_effect(about, best.model, free, seen.whitening)
-        return Trial(one, listed, free, best, 0.5 * reduction - price, reduction, size, price)
+        return Trial(one, listed, free, best, 0.5 * reduction - price, before.model, reduction, size, price)
 
     best: dict[str, Trial] = {}
     for one in sorted(pool.map(trial, promising), key=lambda one: -odds(one.listed, one.evidence)):
@@ -115,33 +118,36 @@ def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, 
     return list(best.values())
 
 
-def weights_of(replica: Replica, seen: Screen, asked: Variant | None = None) -> Weights:
-    """Return the weights of a screen; not those of the form of a mechanism that is asked for, which would stand in for it."""
-    kept = [i for i, group in enumerate(seen.groups) if asked is None or group.name != _form_name(asked)]
-    sizes = Sizes(np.append(seen.sizes.groups[kept], 1.0), seen.sizes.noise)
-    return weigh(replica, seen.whitening, [*(seen.groups[i] for i in kept), seen.small], sizes)
+def weights_of(replica: Replica, seen: Screen) -> Weights:
+    """Return the weights of a screen, mechanisms at sizes too small to matter among them."""
+    sizes = Sizes(np.append(seen.sizes.groups, 1.0), seen.sizes.noise)
+    return weigh(replica, seen.whitening, [*seen.groups, seen.small], sizes)
 
 
-def _form_name(variant: Variant) -> str:
-    return f"form of {variant.title}"
+def _net(replica: Replica, model: Model, whitening: Whitening) -> Net:
+    """Return what takes away what the law does as well."""
+    return Net(whitening, np.column_stack([segment_columns(replica), law_columns(replica, model, replica.raw(model))]))
 
 
-def forms(replica: Replica, model: Model, variants: Sequence[Variant]) -> list[Group]:
-    """Return for every mechanism that is on what it may leave of nature's form: its own effect, bent over what was measured."""
-    base, bent = replica.raw(model), shapes(replica)
-    return [
-        Group(_form_name(one), (replica.raw(without(model, one)) - base)[:, None] * bent, form_of(one), True)
-        for one in variants
-        if form_of(one) > 0.0
-    ]
+def _across(net: Net, whitening: Whitening, effect: np.ndarray, bent: np.ndarray) -> np.ndarray:
+    """Return an effect (n,) bent by weights (n, k), less the share of the effect itself that is in it."""
+    columns = effect[:, None] * bent
+    seen = whitening(net(np.column_stack([columns, effect]))[0])
+    shares = seen[:, -1] @ seen[:, :-1] / max(float(seen[:, -1] @ seen[:, -1]), np.finfo(float).tiny)
+    result: np.ndarray = columns - effect[:, None] * shares
+    return result
 
 
 class FormsLeft:
     """What a further mechanism needs: log odds of 95 %, and more than the forms of those before may leave.
 
-    Nature's form differs from that of what was accepted by a share of its effect (`form_of`). That share squared of its
-    evidence is lent to a further mechanism as far as its effect looks like the other's, bent over what was measured:
-    by the squared cosine between both, the law tuned anew. A drag that grows with the speed is no coupler that swings.
+    Nature's form differs from that of what was accepted by a share of its effect (`form_of`): it is the effect bent over what
+    was measured, less the effect itself, whose size is fitted (M. Plumlee, Journal of the American Statistical Association 112,
+    2017, on calibration with a discrepancy). That share, at 95 %, squared of the other's evidence is lent to a further
+    mechanism as far as its effect looks like such a form, the law tuned anew: by the squared cosine between both, over the
+    directions of the form by how strongly it acts along them. A drag that grows with the speed is no coupler that swings.
+
+    The forms are not among what varies anyway: free to bend, a false mechanism bends to whatever another false one leaves.
 
     Parameters
     ----------
@@ -151,14 +157,15 @@ class FormsLeft:
 
     def __init__(self, replica: Replica, model: Model, accepted: Sequence[tuple[Variant, float]], seen: Screen) -> None:
         self._replica, self._whitening = replica, seen.whitening
-        law = law_columns(replica, model, replica.raw(model))
-        self._net = Net(seen.whitening, np.column_stack([segment_columns(replica), law]))
+        self._net = _net(replica, model, seen.whitening)
         self._lent: list[tuple[np.ndarray, float]] = []
+        base, bent = replica.raw(model), shapes(replica)
         for variant, evidence in accepted:
-            for bent in forms(replica, model, [variant]):
-                values, vectors = linalg.svd(self._seen(bent.columns), full_matrices=False)[1::-1]
-                basis = vectors[:, values > _SAME * values.max(initial=0.0)]
-                self._lent.append((basis, bent.expected**2 * evidence))
+            effect = replica.raw(without(model, variant)) - base
+            form = self._seen(_across(self._net, seen.whitening, effect, bent))
+            vectors, values = linalg.svd(form, full_matrices=False)[:2]
+            strength = values / max(float(values.max(initial=0.0)), np.finfo(float).tiny)
+            self._lent.append((vectors * strength, (_Z95 * form_of(variant)) ** 2 * evidence))
 
     def _seen(self, columns: np.ndarray) -> np.ndarray:
         return self._whitening(self._net(columns)[0])

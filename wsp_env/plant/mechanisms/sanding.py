@@ -23,6 +23,8 @@ BEHIND = 0.7
 #: Thresholds of slip [m/s] and the delay [s] that are tried in recordings (assumption); a refit moves them.
 _THRESHOLDS_MPS = (0.7, 1.5, 3.0)
 _DELAY_S = 0.8
+#: Time constants from which a refit begins [s], see `CARD`.
+_BUILD_UP_S, _DECAY_S = 0.5, 1.5
 
 
 class Parameters(NamedTuple):
@@ -88,7 +90,8 @@ def work(p: Parameters, bogies: Bogies, sand: Sand, i: int, k: int, passage: Pas
 def sanders(recorded: Recorded) -> list[dict[str, float]]:
     """Return the sanders that are tried: one for every bogie, or on one axle, each with its threshold of slip."""
     axles = range(recorded.axles + 1) if recorded.axles > 1 else (0,)
-    return [{"axle": float(axle), "threshold_mps": slip, "delay_s": _DELAY_S} for axle in axles for slip in _THRESHOLDS_MPS]
+    times = {"delay_s": _DELAY_S, "build_up_s": _BUILD_UP_S, "decay_s": _DECAY_S}
+    return [{"axle": float(axle), "threshold_mps": slip} | times for axle in axles for slip in _THRESHOLDS_MPS]
 
 
 def where(values: Mapping[str, float]) -> dict[str, str]:
@@ -108,8 +111,28 @@ CARD = Card(
         Parameter(
             "delay_s", "s", _DELAY_S, _DELAY_S, 0.0, 10.0, "assumption: logic, valve, way to the rail", "shape", refit_step=0.05
         ),
-        Parameter("build_up_s", "s", 0.5, 0.5, 0.01, 10.0, "assumption: time constant of the rate of sand", "shape"),
-        Parameter("decay_s", "s", 1.5, 1.5, 0.01, 60.0, "assumption: time constant of what clings to the wheel", "shape"),
+        Parameter(
+            "build_up_s",
+            "s",
+            _BUILD_UP_S,
+            _BUILD_UP_S,
+            0.01,
+            10.0,
+            "assumption: time constant of the rate of sand",
+            "shape",
+            refit_step=0.05,
+        ),
+        Parameter(
+            "decay_s",
+            "s",
+            1.5,
+            1.5,
+            0.01,
+            60.0,
+            "assumption: time constant of what clings to the wheel",
+            "shape",
+            refit_step=0.15,
+        ),
     ),
     record=Parameters,
     acts={"layer": layer_left, "after_passage": work},

@@ -50,11 +50,13 @@ FEATURES: dict[Feature, Described] = {
     Feature.SLIP_TENT: Described("a tent {second_scale:g} m/s about a slip of {scale:g} m/s", "-", ("m/s", "m/s")),
     Feature.TIME_TENT: Described("a tent {second_scale:g} s about {scale:g} s", "-", ("s", "s")),
     Feature.SPEED_DECELERATION: Described("deceleration, times running speed over 30 m/s", "m/s2"),
+    Feature.TORQUE_SINE: Described("share of the full torque, times sin({scale:g} x wheel angle)", "-", ("1/turn", "")),
+    Feature.TORQUE_COSINE: Described("share of the full torque, times cos({scale:g} x wheel angle)", "-", ("1/turn", "")),
     Feature.SPEED_TIME: Described("time since the start, times running speed over 30 m/s", "s"),
 }
 
 _SWING = dict.fromkeys((Feature.SINE, Feature.COSINE), ("coupler force", "pitching of the coach"))
-_TURN = (Feature.WHEEL_SINE, Feature.WHEEL_COSINE)
+_TURN = (Feature.WHEEL_SINE, Feature.WHEEL_COSINE, Feature.TORQUE_SINE, Feature.TORQUE_COSINE)
 
 #: Known physics of the form of a slot with a feature.
 LOOKS_LIKE: dict[Slot, dict[Feature, tuple[str, ...]]] = {

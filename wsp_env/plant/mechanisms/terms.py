@@ -52,6 +52,8 @@ class Feature(IntEnum):
     TIME_TENT = 22  # the same over time [-] (s; s)
     SPEED_DECELERATION = 23  # running speed over 30 m/s, times deceleration [m/s2]
     SPEED_TIME = 24  # running speed over 30 m/s, times the time since the start of the stop [s]
+    TORQUE_SINE = 25  # believed torque over full torque, times sin(scale x wheel angle) [-] (per turn of the wheel)
+    TORQUE_COSINE = 26  # the same with the cosine [-] (per turn of the wheel)
 
 
 #: Share of the full torque from which on an axle brakes (assumption: above the noise of a recorded pressure).
@@ -74,7 +76,7 @@ _LEAST = 1e-9
 (
     _BRAKING, _ALWAYS, _SPEED, _SPEED_SQUARED, _SLIP, _SLIP_SIGN, _TORQUE, _WHEEL_RATE, _TORQUE_MEMORY, _SLIP_RATE, _TIME,
     _BRAKING_TIME, _SINE, _COSINE, _WHEEL_SINE, _WHEEL_COSINE, _PLACE_BUMP, _WHEEL_DIFFERENCE, _WORK, _BUILT_UP, _SPEED_TENT,
-    _SLIP_TENT, _TIME_TENT, _SPEED_DECELERATION, _SPEED_TIME,
+    _SLIP_TENT, _TIME_TENT, _SPEED_DECELERATION, _SPEED_TIME, _TORQUE_SINE, _TORQUE_COSINE,
 ) = map(int, Feature)  # fmt: skip
 
 
@@ -168,6 +170,10 @@ def _feature(code: int, scale: float, second: float, past: Past, doing: Doing) -
         return math.sin(scale * doing.angle_rad)
     if code == _WHEEL_COSINE:
         return math.cos(scale * doing.angle_rad)
+    if code == _TORQUE_SINE:
+        return share * math.sin(scale * doing.angle_rad)
+    if code == _TORQUE_COSINE:
+        return share * math.cos(scale * doing.angle_rad)
     if code == _PLACE_BUMP:
         return _bump(doing.place_m, scale, second)
     if code == _WHEEL_DIFFERENCE:
