@@ -331,6 +331,29 @@ def test_a_trial_has_the_evidence_and_size_that_it_has_about_its_own_replica(own
     assert held.trial.size == StopChange(0.04, 0.0)
 
 
+@pytest.mark.parametrize(("plain", "bent", "expected"), [(60.0, 60.0, 40.0), (60.0, 95.0, 5.0), (95.0, 60.0, 5.0)])
+def test_beside_others_it_must_be_missing_whether_their_forms_bend_or_not(monkeypatch, plain, bent, expected):
+    """Without the gradient each costs 100; with it so much, the forms of the gain before it at rest and bent."""
+    both = switched(switched(Model(2e-4, (0.06,)), GAIN, np.array([0.1])), GRADIENT, np.array([0.002]))
+    whole = Fitted(both, (GAIN, GRADIENT), (), (), plain)
+
+    def refit(_, model, variants, weights):
+        cost = 100.0 if GRADIENT not in variants else bent if weights == "bent" else plain
+        return Fitted(model, tuple(variants), (), (), cost)
+
+    monkeypatch.setattr(decide, "refit", refit)
+    monkeypatch.setattr(decide, "settle", lambda *_: ("own replica", whole))
+    monkeypatch.setattr(decide, "forms", lambda _, __, variants, ___: variants)
+    monkeypatch.setattr(decide, "weights_of", lambda _, __, forms: "bent" if list(forms) == [GAIN] else "wrong forms")
+    monkeypatch.setattr(decide, "net_effect", lambda *_: StopChange(0.04, 0.0))
+    monkeypatch.setattr(decide, "_pulls", lambda *_: False)
+    monkeypatch.setattr(decide, "agreement", lambda *_: SimpleNamespace(left_of=lambda evidence: 20.0))
+    one = dataclasses.replace(trial(GRADIENT, 30.0), fitted=whole)
+    held = decide._about_its_own(SimpleNamespace(recorded=None), SimpleNamespace(whitening=None), None, one)
+    assert held.trial.reduction == expected
+    assert held.trial.evidence == 0.5 * expected
+
+
 def test_what_runs_away_about_its_own_replica_does_not_hold(own):
     assert own(150.0).replica == "own replica"
     assert own(250.0) is None

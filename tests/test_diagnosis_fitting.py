@@ -13,8 +13,8 @@ from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import moved_by, refit, weigh
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.stops import prepare
-from wsp_env.diagnosis.trials import _across
-from wsp_env.diagnosis.variation import MU_CD, Group, Net, law_columns, segment_columns, shapes
+from wsp_env.diagnosis.trials import forms
+from wsp_env.diagnosis.variation import MU_CD, Group, Net, law_columns, segment_columns
 from wsp_env.recordings import read_campaign
 
 LAW = Model(2e-4, (0.06, 0.07))
@@ -65,8 +65,8 @@ def test_the_form_of_a_mechanism_holds_nothing_of_its_size(replica, variant):
     whitening, base = replica.whitening(LAW), replica.raw(model)
     net = Net(whitening, np.column_stack([segment_columns(replica), law_columns(replica, model, base)]))
     effect = replica.raw(without(model, variant)) - base
-    form = _across(net, whitening, effect, shapes(replica))
-    seen = whitening(net(np.column_stack([effect, form]))[0])
+    (form,) = forms(replica, model, [variant], whitening)
+    seen = whitening(net(np.column_stack([effect, form.columns]))[0])
     cosines = seen[:, 0] @ seen[:, 1:] / np.maximum(np.linalg.norm(seen[:, 0]) * np.linalg.norm(seen[:, 1:], axis=0), 1e-12)
     assert np.abs(cosines).max() < 1e-6
     assert np.linalg.norm(seen[:, 1:]) > 0.1 * np.linalg.norm(seen[:, 0])

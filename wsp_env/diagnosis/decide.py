@@ -22,7 +22,7 @@ from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
 from wsp_env.diagnosis.settle import settle, settle_anew
-from wsp_env.diagnosis.trials import FORM, SURE, FormsLeft, Trial, form_of, odds, trials_of, weights_of
+from wsp_env.diagnosis.trials import FORM, SURE, FormsLeft, Trial, form_of, forms, odds, trials_of, weights_of
 
 #: Mechanisms that are accepted at most.
 MOST = 3
@@ -101,7 +101,8 @@ def select(
         others = [one for one in trials if one.listed.title not in {*refused, best.trial.listed.title}]
         sure = [one for one in others if odds(one.listed, one.evidence) > forms_left(one)]
         searched = [one for one in seen.found if one.name not in refused]
-        named = Accepted(best.trial, *belief(best.trial, others, searched), tuple(sure))
+        first_tried = next(one for one in trials if one.listed.title == best.trial.listed.title)
+        named = Accepted(best.trial, *belief(_more_sure(best.trial, first_tried), others, searched), tuple(sure))
         replica, fitted, accepted = _beside([*accepted, named], best, weights, seen)
         replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen)
         left = [one for one in tried if one.name not in fitted.model.choice]
@@ -149,11 +150,15 @@ def _exchanged(
             held = None if at_bound(better.variant, better.fitted.model) else _about_its_own(replica, seen, weights, better)
             if held is not None:
                 kept = [other for other in accepted if other is not one]
-                listed = [rival.found for rival in one.rivals]
                 others_tried = [*tried, dataclasses.replace(one.trial, evidence=before)]
-                named = Accepted(held.trial, *belief(held.trial, others_tried, listed))
+                named = Accepted(held.trial, *belief(_more_sure(held.trial, better), others_tried, ()))
                 return _sized(held.replica, held.trial.fitted, [*kept, named], seen)
     return replica, fitted, accepted
+
+
+def _more_sure(held: Trial, tried: Trial) -> Trial:
+    """Return the one of both with more evidence: what competes was tried about the last replica too, and nothing was bent."""
+    return max(held, tried, key=lambda one: one.evidence)
 
 
 def _sized(
@@ -206,6 +211,12 @@ def _about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Tria
     if _pulls(own, fitted.model, gone.model, weights):
         return None
     reduction = gone.cost - fitted.cost
+    if others:
+        # It must be missing whether the forms of the others bend or not: bent, they do what it does; and free to bend, a false
+        # one bends to what another false one leaves.
+        bent = weights_of(own, seen, forms(own, fitted.model, others, seen.whitening))
+        beside = [refit(own, one.model, one.variants, bent).cost for one in (gone, fitted)]
+        reduction = min(reduction, beside[0] - beside[1])
     evidence, size = 0.5 * reduction - trial.price, net_effect(own, fitted.model, trial.variant, seen.whitening)
     runs = agreement(own, fitted.model, trial.variant, weights, form_of(trial.listed))
     if odds(trial.listed, runs.left_of(evidence)) <= SURE:

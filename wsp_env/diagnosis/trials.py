@@ -15,7 +15,7 @@ from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect
-from wsp_env.diagnosis.variation import Net, law_columns, segment_columns, shapes
+from wsp_env.diagnosis.variation import Group, Net, law_columns, segment_columns, shapes
 from wsp_env.plant.mechanisms import ALL
 
 #: Mechanisms that are refitted in every round.
@@ -118,10 +118,21 @@ def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, 
     return list(best.values())
 
 
-def weights_of(replica: Replica, seen: Screen) -> Weights:
-    """Return the weights of a screen, mechanisms at sizes too small to matter among them."""
-    sizes = Sizes(np.append(seen.sizes.groups, 1.0), seen.sizes.noise)
-    return weigh(replica, seen.whitening, [*seen.groups, seen.small], sizes)
+def weights_of(replica: Replica, seen: Screen, forms: Sequence[Group] = ()) -> Weights:
+    """Return the weights of a screen, mechanisms at sizes too small to matter among them, and `forms` if there are any."""
+    sizes = Sizes(np.concatenate([seen.sizes.groups, np.ones(1 + len(forms))]), seen.sizes.noise)
+    return weigh(replica, seen.whitening, [*seen.groups, seen.small, *forms], sizes)
+
+
+def forms(replica: Replica, model: Model, variants: Sequence[Variant], whitening: Whitening) -> list[Group]:
+    """Return for every mechanism that is on what it may leave of nature's form.
+
+    That is its effect bent over what was measured, less the effect itself, whose size is fitted (M. Plumlee, Journal of the
+    American Statistical Association 112, 2017, on calibration with a discrepancy).
+    """
+    base, bent, net = replica.raw(model), shapes(replica), _net(replica, model, whitening)
+    effects = [(one, replica.raw(without(model, one)) - base) for one in variants if form_of(one) > 0.0]
+    return [Group(f"form of {one.title}", _across(net, whitening, effect, bent), form_of(one), True) for one, effect in effects]
 
 
 def _net(replica: Replica, model: Model, whitening: Whitening) -> Net:
@@ -141,13 +152,10 @@ def _across(net: Net, whitening: Whitening, effect: np.ndarray, bent: np.ndarray
 class FormsLeft:
     """What a further mechanism needs: log odds of 95 %, and more than the forms of those before may leave.
 
-    Nature's form differs from that of what was accepted by a share of its effect (`form_of`): it is the effect bent over what
-    was measured, less the effect itself, whose size is fitted (M. Plumlee, Journal of the American Statistical Association 112,
-    2017, on calibration with a discrepancy). That share, at 95 %, squared of the other's evidence is lent to a further
-    mechanism as far as its effect looks like such a form, the law tuned anew: by the squared cosine between both, over the
-    directions of the form by how strongly it acts along them. A drag that grows with the speed is no coupler that swings.
-
-    The forms are not among what varies anyway: free to bend, a false mechanism bends to whatever another false one leaves.
+    Nature's form differs from that of what was accepted by a share of its effect (`form_of`). That share, at 95 %, squared of
+    the other's evidence is lent to a further mechanism as far as its effect looks like such a form, the law tuned anew: by the
+    squared cosine between both, over the directions of the form by how strongly it acts along them. A drag that grows with the
+    speed is no coupler that swings.
 
     Parameters
     ----------
@@ -159,13 +167,11 @@ class FormsLeft:
         self._replica, self._whitening = replica, seen.whitening
         self._net = _net(replica, model, seen.whitening)
         self._lent: list[tuple[np.ndarray, float]] = []
-        base, bent = replica.raw(model), shapes(replica)
         for variant, evidence in accepted:
-            effect = replica.raw(without(model, variant)) - base
-            form = self._seen(_across(self._net, seen.whitening, effect, bent))
-            vectors, values = linalg.svd(form, full_matrices=False)[:2]
-            strength = values / max(float(values.max(initial=0.0)), np.finfo(float).tiny)
-            self._lent.append((vectors * strength, (_Z95 * form_of(variant)) ** 2 * evidence))
+            for form in forms(replica, model, [variant], seen.whitening):
+                vectors, values = linalg.svd(self._seen(form.columns), full_matrices=False)[:2]
+                strength = values / max(float(values.max(initial=0.0)), np.finfo(float).tiny)
+                self._lent.append((vectors * strength, (_Z95 * form.expected) ** 2 * evidence))
 
     def _seen(self, columns: np.ndarray) -> np.ndarray:
         return self._whitening(self._net(columns)[0])
