@@ -14,6 +14,7 @@ from wsp_env.contact.port import adhesion_under
 from wsp_env.evaluation.reference import nearest, wanted_pressure
 from wsp_env.evaluation.runner import Conduct, StopRecords, record, start_plant
 from wsp_env.observer.estimator import VehicleEstimate, full_brake
+from wsp_env.observer.overrule import RELEASED_SHARE
 from wsp_env.parameters.resistance import running_resistance
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.port import TRACK_STEP_M, Plant, Stop
@@ -21,10 +22,6 @@ from wsp_env.plant.port import TRACK_STEP_M, Plant, Stop
 #: Slips tried, as shares of the running speed and with a lowest one [m/s].
 _SHARES = np.geomspace(0.002, 0.25, 24)
 _LEAST_MPS = 0.05
-
-#: When the running speed is in doubt the last wheelset is asked for this share of the adhesion below which it rolls, see
-#: `wsp_env.observer.estimator` (assumption).
-RELEASED_SHARE = 0.5
 
 #: Step by which an ideal stop is integrated [s]: short against the rise of the demand.
 _IDEAL_STEP_S = 0.1

@@ -26,10 +26,6 @@ _TUNED = "assumption: chosen by the search of agents.rules, bogie, price 3, --ai
 #: Time between two looks at which slip is worth its price [s]: the belief changes more slowly (assumption).
 PLAN_S = 0.1
 
-#: When the running speed is in doubt the last wheelset is asked for this share of the adhesion below which it rolls, see
-#: `wsp_env.observer.estimator` (assumption).
-RELEASED_SHARE = 0.5
-
 #: A wheelset does not slide while its recent and its slow slip are below this speed [m/s] or this creepage [-]: so much has a
 #: wheel that rolls under brake (assumption).
 ROLLS_MPS, ROLLS_CREEPAGE = 0.05, 0.003
@@ -129,8 +125,6 @@ def _control(settings: np.ndarray, plan: Any, state: Any, given: Any) -> None:
         _think(i, s, own, memory, c)
         for k in range(own.command.shape[1]):
             wanted = _wanted(i, k, s, own, memory, c)
-            if memory.estimate.doubtful[i] and k == own.command.shape[1] - 1:
-                wanted = min(wanted, RELEASED_SHARE * memory.estimate.rolling_adhesion[i, k])
             command = _towards(wanted, i, k, s, own, memory, c)
             own.command[i, k] = APPLIES if _rolls(i, k, memory) else command
 

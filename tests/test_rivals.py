@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from agents.drawn import DRAWS, FILL_S, REPORTED, WORN, against, over_seeds, standard_error, world
-from agents.faults import Broken, longest_lock
+from agents.faults import DRY, Arguments, Broken, longest_lock, parts_of
 from agents.measure import low_adhesion
 from agents.rivals import at_slip, classical, envelope
 from agents.rules import KINDS, RANGES
@@ -215,3 +215,14 @@ def test_adaptive_control_asks_for_the_pressures_that_it_is_to_use():
     controller.act(seen)
     with pytest.raises(ValueError, match="needs cylinder pressures"):
         controller.act(seen._replace(time=np.array([0.02])))
+
+
+@pytest.mark.parametrize(("name", "vehicles", "dry"), [("nominal", 1, DRY), ("drawn brakes", DRAWS, DRAWS)])
+def test_each_stop_is_braked_once_for_each_axle_whose_sensor_fails(name, vehicles, dry):
+    parts = parts_of(Arguments("bogie", DRAWS, world=name, demand=0.5))
+    for ground, count, stops in (("recovering", vehicles, DRAWS), ("classic", vehicles, DRAWS), ("dry", vehicles, dry)):
+        own = [part for part in parts if part.rail == ground]
+        assert len(own) == count
+        assert sum(len(part.stops) for part in own) == BOGIE.axles * stops
+        assert all(part.axle.tolist() == [0, 1] * (len(part.stops) // 2) for part in own)
+        assert all(stop.demand == 0.5 and stop.coverage.any() == (ground != "dry") for part in own for stop in part.stops)

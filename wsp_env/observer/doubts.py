@@ -62,10 +62,11 @@ class Doubts(NamedTuple):
     rate: np.ndarray  # (N, A) its change in an interval [rad/s]
     ratio: np.ndarray  # (N, A) radius over the nominal one [-]
     learned: np.ndarray  # (N,) readings of the radii
-    blind: np.ndarray  # (N, A) for how long without a believed sensor [s]
+    blind: np.ndarray  # (N, A) for how long braked as an axle that is not watched, see `overrule` [s]
     unbraked: np.ndarray  # (N, A) for how long the brake was as good as empty [s]
     rest: np.ndarray  # (N, A) for how long the safety timer still applies it [s]
     used: np.ndarray  # (N,) least adhesion of a watched axle, while none is released to show the speed [-]
+    full: np.ndarray  # (N,) for how long each watched axle has had the brake asked for [s]
     clean: np.ndarray  # (N, A) what the observer is given [rad/s]
 
 
@@ -81,8 +82,8 @@ class GuardConstants(NamedTuple):
 
 def allocate(n: int, axles: int) -> Doubts:
     """Return the doubts at the start of n stops: none."""
-    arrays = {name: np.zeros(n if name in ("learned", "used") else (n, axles)) for name in Doubts._fields}
-    arrays["ratio"][:] = 1.0
+    arrays = {name: np.zeros(n if name in ("learned", "used", "full") else (n, axles)) for name in Doubts._fields}
+    arrays["ratio"][:], arrays["full"][:] = 1.0, np.inf
     for name in ("failed", "standing"):
         arrays[name] = np.zeros((n, axles), dtype=bool)
     return Doubts(**arrays)

@@ -10,10 +10,14 @@ from wsp_env.observer.estimator import ROLLING_ADHESION, EstimatorConstants, Veh
 from wsp_env.observer.observation import constants_of, memory_of
 from wsp_env.plant.command import APPLIES, HOLDS, VENTS
 
-#: An axle that is not watched is first vented for so long [s], so that a wheel that has locked turns again; then it is braked
-#: by this share of the least adhesion that a watched axle uses, until nothing has slid for so long [s] and each watched axle is
-#: braked by so much of the brake asked for: a slide may be small, or the axles held below it (assumptions).
-RELEASE_S, BLIND_SHARE, CALM_S, FULL_SHARE = 0.7, 0.75, 3.0, 0.8
+#: An axle that is not watched is braked fully while each watched axle has been applied, or has had so much of the brake asked
+#: for, for so long [s]: what the rail carries there, it carries here. Otherwise it is vented for so long [s], so that a wheel
+#: that has locked turns again, and then braked by this share of the least adhesion that a watched axle uses. The share is what
+#: brakes of one vehicle may differ by: at 0.9 wheels lock where brakes are drawn (assumptions).
+FULL_SHARE, CALM_S, RELEASE_S, BLIND_SHARE = 0.95, 3.0, 0.7, 0.75
+
+#: An axle that is let roll to show the running speed is held below this share of the adhesion that says so (assumption).
+RELEASED_SHARE = 0.5
 
 #: An axle whose brake was as good as empty for so long [s] is applied for so long [s], and for so long if it is not watched
 #: (assumptions: EN 15595, venting at most 10 s; too short to lock).
@@ -31,25 +35,28 @@ def overrule(command: np.ndarray, state: Any, given: Any, memory: Any, constants
     e = memory_of(memory).estimate
     brake = constants_of(constants).estimator
     for i in range(command.shape[0]):
-        fastest, used, least, sound, last, shows = 0.0, 1e9, 1.0, 0, -1, e.doubtful[i]
+        fastest, used, full, sound, last, shows = 0.0, 1e9, True, 0, -1, e.doubtful[i]
         for k in range(command.shape[1]):
             if not d.failed[i, k]:
                 sound, last = sound + 1, k
-                fastest, least = max(fastest, e.wheel[i, k]), min(least, e.pressure_to_come[i, k])
+                fastest = max(fastest, e.wheel[i, k])
+                full = full and (command[i, k] > 0.5 or e.pressure_to_come[i, k] >= FULL_SHARE * e.distributor[i])
                 used = min(used, min(e.adhesion[i, k], e.usual_adhesion[i, k]))
                 shows = shows or e.rolling_time[i, k] > 0.0
         if not shows:  # else one is released to show the speed: what it uses then says nothing of the rail
             d.used[i] = used
+            d.full[i] = d.full[i] + c.interval if full else 0.0
         running = max(e.speed[i], fastest)
         ends = running + e.uncertainty[i] < END_MPS
         for k in range(command.shape[1]):
             if d.failed[i, k]:
-                d.blind[i, k] += c.interval
-                command[i, k] = _blind(i, k, sound, least, d, e, brake)
+                calm = d.full[i] > CALM_S or sound == 0
+                d.blind[i, k] = 0.0 if calm else d.blind[i, k] + c.interval
+                command[i, k] = APPLIES if calm else _blind(i, k, d, e, brake)
             elif running - e.wheel[i, k] > END_CREEPAGE * running:
                 command[i, k] = VENTS
-            if e.doubtful[i] and k == last and d.failed[i, -1]:  # in place of the last axle this one shows the speed
-                released = 0.5 * e.rolling_adhesion[i, k]
+            if e.doubtful[i] and k == last:  # the last watched axle shows the speed
+                released = RELEASED_SHARE * e.rolling_adhesion[i, k]
                 command[i, k] = VENTS if brake.full_brake * e.pressure_to_come[i, k] > released else HOLDS
             if ends or _expired(i, k, command[i, k], d, c, e, brake):
                 command[i, k] = APPLIES
@@ -70,14 +77,9 @@ def _expired(
 
 
 @inlined
-def _blind(
-    i: int, k: int, sound: int, least: float, d: Doubts, e: VehicleEstimate, brake: EstimatorConstants
-) -> float:  # fmt: skip
-    """Return the command of an axle that is not watched, beside so many that are, braked by that share of pressure at least."""
-    calm = e.since_slide[i] > CALM_S and least >= FULL_SHARE * e.distributor[i]
-    if calm or sound == 0:
-        return APPLIES
-    if d.blind[i, k] < RELEASE_S:
+def _blind(i: int, k: int, d: Doubts, e: VehicleEstimate, brake: EstimatorConstants) -> float:
+    """Return the command of an axle that is not watched, beside watched ones that do not all hold the brake asked for."""
+    if d.blind[i, k] <= RELEASE_S:
         return VENTS
     wanted, held = BLIND_SHARE * max(d.used[i], 0.0), brake.full_brake * e.pressure_to_come[i, k]
     offered = brake.full_brake * e.distributor[i]
