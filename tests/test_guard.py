@@ -16,7 +16,7 @@ from wsp_env.observer.doubts import DEAD_S, DISOBEYS_S, FROZEN_S, USUAL_NOISE
 from wsp_env.observer.guard import Guard
 from wsp_env.observer.observation import Observer
 from wsp_env.observer.overrule import CALM_S, END_CREEPAGE
-from wsp_env.parameters.uic_z1 import BOGIE, COACH
+from wsp_env.parameters.uic_z1 import BOGIE, COACH, WHEELSET
 from wsp_env.plant.port import Measurement
 
 INTERVAL_S = 0.02
@@ -192,6 +192,7 @@ def test_an_axle_that_is_not_watched_is_braked_fully_where_nothing_slides():
 def test_an_axle_that_is_not_watched_is_braked_less_than_the_watched_ones_where_these_slide():
     stop = Stop()
     stop.go_on(5.0)
+    stop.go_on(0.2, slide(0.03), -1.0)
     stop.go_on(3.0, slide(0.03), 0.0)
     estimate = stop.observer.estimate
     assert 0.0 < estimate.pressure[0, 0] < 0.8 * estimate.pressure[0, 1]
@@ -209,6 +210,44 @@ def test_an_axle_that_is_not_watched_is_not_braked_fully_beside_watched_ones_tha
     assert estimate.since_slide[0] == np.inf
     assert 0.1 < estimate.pressure[0, 1] < 0.7
     assert 0.05 < estimate.pressure[0, 0] < 0.9 * estimate.pressure[0, 1]
+
+
+def test_an_axle_that_is_not_watched_is_braked_fully_beside_one_that_holds_the_full_brake_while_it_slides():
+    """Rail that sliding cleans: what carries the full brake there carries it here."""
+    stop = Stop()
+    stop.go_on(5.0)
+    stop.go_on(2.0 * CALM_S, slide(0.03), 1.0)
+    assert stop.observer.estimate.since_slide[0] == 0.0
+    assert stop.command[0, 0] == 1.0
+    stop.go_on(0.3, slide(0.03), -1.0)
+    assert stop.command[0, 0] == -1.0
+    stop.go_on(0.3, slide(0.03), 0.0)
+    assert stop.command[0, 0] == -1.0  # vented first: it may have locked
+
+
+@pytest.mark.parametrize("failed", [0, 1])
+def test_the_last_watched_axle_shows_the_running_speed_that_is_in_doubt_whatever_is_wanted(failed):
+    stop = Stop()
+    stop.go_on(5.0)
+    stop.guard.doubts.failed[0, failed] = True
+    stop.observer.estimate.doubtful[0] = True
+    stop.guard.overrule(command := np.ones((1, 2)))
+    assert command[0, 1 - failed] == -1.0
+
+
+def test_a_noisy_wheel_that_catches_up_with_the_vehicle_is_not_taken_for_one_that_rolls():
+    """Let go from a slide of 4 m/s it needs a second; the running speed followed it down meanwhile."""
+    stop = Stop(WHEELSET, 20.0, noise=0.0)
+    stop.go_on(4.0)
+    estimate, noise, wheel = stop.observer.estimate, 0.27 / np.sqrt(2.0), stop.speed - 4.0
+    estimate.usual_adhesion[:] = estimate.adhesion[:] = 0.04
+    estimate.rolling_adhesion[:], estimate.pressure[:], estimate.wheel[:] = 0.02, 0.1, wheel
+    estimate.speed_variance[0], estimate.since_slide[0] = 0.1, 0.0
+    for step in range(40):  # 0.04 of its load less the brake's 0.01 turns it faster
+        wheel += 0.03 * stop.nominal.axle_weight / stop.nominal.rotating * INTERVAL_S
+        seen = wheel / stop.radius + noise * stop.rng.normal(size=1)
+        estimator.update(0, seen[None], -np.ones((1, 1)), 1.0, np.empty((0, 0)), estimate, stop.nominal)
+        assert wheel > stop.speed or estimate.speed[0] > stop.speed - 1.0, step
 
 
 def test_at_the_end_of_a_stop_no_wheel_locks_beside_a_faster_one():

@@ -17,7 +17,8 @@ from wsp_env.parameters.vehicle import Vehicle
 
 #: A wheelset that the estimated brake asks for less adhesion than this [-] for `ROLLING_S` [s] rolls (assumption: half the
 #: adhesion of rail that the standard's tests call extremely low); so does one that is asked for less than this share of what it
-#: has used of late, low-passed with a time constant [s] (assumption).
+#: has used of late, low-passed with a time constant [s] (assumption). The adhesion that it uses, smoothed, is below that too: a
+#: wheel that was let go from a slide is still catching up with the vehicle, and the noise of its sensor may hide that.
 ROLLING_ADHESION = 0.015
 ROLLING_SHARE = 0.5
 ROLLING_S = 0.04
@@ -203,7 +204,7 @@ def update(
         e.adhesion[i, k] += c.smooth * (used - e.adhesion[i, k])
         slowed += impulse
         below = e.rolling_adhesion[i, k]
-        rolls = c.full_brake * e.pressure[i, k] < below and used < below and e.trusted[i, k]
+        rolls = c.full_brake * e.pressure[i, k] < below and e.adhesion[i, k] < below and e.trusted[i, k]
         e.rolling_time[i, k] = e.rolling_time[i, k] + c.interval if rolls else 0.0
         e.usual_adhesion[i, k] += c.usual * (e.adhesion[i, k] - e.usual_adhesion[i, k])
         e.rolling_adhesion[i, k] = max(ROLLING_ADHESION, ROLLING_SHARE * e.usual_adhesion[i, k])
