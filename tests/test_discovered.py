@@ -27,7 +27,8 @@ BELIEF = Belief(MU_CD, TAU, COACH.mass_kg, COACH.wheel_radius_m)
 SCALES = {
     Feature.SLIP_SIGN: (3.0, 1.0), Feature.TORQUE_MEMORY: (0.4, 1.0), Feature.SLIP_RATE: (2.0, 1.0), Feature.SINE: (0.3, 1.0),
     Feature.COSINE: (0.3, 1.0), Feature.WHEEL_SINE: (0.1, 1.0), Feature.WHEEL_COSINE: (0.1, 1.0),
-    Feature.TORQUE_SINE: (0.1, 1.0), Feature.TORQUE_COSINE: (0.1, 1.0),
+    Feature.TORQUE_SINE: (0.1, 1.0), Feature.TORQUE_COSINE: (0.1, 1.0), Feature.TORQUE_PLAY: (0.05, 1.0),
+    Feature.SETTLING: (4.0, 1.0), Feature.TORQUE_SETTLING: (4.0, 1.0),
     Feature.PLACE_BUMP: (150.0, 200.0), Feature.BUILT_UP: (1.5, 2.0), Feature.SPEED_TENT: (37.0, 2.0),
     Feature.SLIP_TENT: (3.0, 2.0), Feature.TIME_TENT: (4.0, 3.0),
 }  # fmt: skip

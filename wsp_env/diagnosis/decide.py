@@ -15,13 +15,14 @@ import numpy as np
 
 from wsp_env.diagnosis.agreement import agreement
 from wsp_env.diagnosis.candidates import Variant, parameter_of, switched, values_in, without
-from wsp_env.diagnosis.discovered import terms
+from wsp_env.diagnosis.discovered import curves, terms
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
 from wsp_env.diagnosis.settle import settle, settle_anew
+from wsp_env.diagnosis.structure import structured
 from wsp_env.diagnosis.trials import FORM, SURE, FormsLeft, Trial, form_of, forms, odds, trials_of, weights_of
 
 #: Mechanisms that are accepted at most.
@@ -84,6 +85,7 @@ def select(
 ) -> Outcome:
     """Accept mechanisms one after the other; what competes is refitted side by side."""
     first = seen = screen(replica, replica.baseline, [*tried, *terms(replica)], pool)
+    by_curves = False
     fitted = Fitted(replica.baseline, (), (), (), 0.0)
     accepted: list[Accepted] = []
     for _ in range(2 * MOST):  # rounds: one may be taken back
@@ -97,7 +99,11 @@ def select(
         trials = trials_of(replica, seen, fitted, weights, pool)
         best, refused = _best(trials, refuses, stands, forms_left)
         if best is None:
-            break
+            if by_curves or not structured(replica, seen).unexplained:
+                break
+            by_curves = True  # nothing that has a form holds
+            seen = _screened(replica, fitted, tried, curves(replica, [one.trial.listed for one in accepted]), pool)
+            continue
         others = [one for one in trials if one.listed.title not in {*refused, best.trial.listed.title}]
         sure = [one for one in others if odds(one.listed, one.evidence) > forms_left(one)]
         searched = [one for one in seen.found if one.name not in refused]
@@ -105,12 +111,18 @@ def select(
         named = Accepted(best.trial, *belief(_more_sure(best.trial, first_tried), others, searched), tuple(sure))
         replica, fitted, accepted = _beside([*accepted, named], best, weights, seen)
         replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen)
-        left = [one for one in tried if one.name not in fitted.model.choice]
-        left += terms(replica, [one.trial.listed for one in accepted])
-        seen = screen(replica, fitted.model, left, pool, fitted.variants)
+        seen = _screened(replica, fitted, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
         if all(one.size.multiple < MATTERS for one in (best.trial, *sure)):
             break  # told as too small; nothing that matters could be taken for it
     return Outcome(replica, fitted, tuple(accepted), first, seen)
+
+
+def _screened(
+    replica: Replica, fitted: Fitted, tried: Sequence[Variant], unnamed: Sequence[Variant], pool: Executor
+) -> Screen:  # fmt: skip
+    """Return the names that are left, and what has none, about what was accepted."""
+    left = [one for one in tried if one.name not in fitted.model.choice]
+    return screen(replica, fitted.model, [*left, *unnamed], pool, fitted.variants)
 
 
 def _beside(

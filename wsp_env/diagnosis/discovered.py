@@ -34,39 +34,87 @@ _USUAL = {
 _BUMPS_M, _APART_M = (150.0, 300.0), 75.0
 
 _ONE = ((1.0, 1.0),)
+#: Share of the torque by which a rigging holds it back, as large as it acts (assumption: a few per cent).
+_PLAY = ((0.03, 1.0), (0.045, 1.0), (0.065, 1.0), (0.09, 1.0))
+#: Times within which something settles [s]: short and long against a stop, half as long again lies between.
+_SETTLING = ((3.0, 1.0), (8.0, 1.0))
 #: Features tried in each slot with their scales: on all axles together, and on each axle alone; those that have a name in the
 #: library are left to it, and what wheels' treads differ by, an axle's friction or recovery as a whole, to normal variation.
 _TOGETHER: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
     Slot.BRAKE_TORQUE: {
         Feature.SLIP: _ONE, Feature.BRAKING_TIME: _ONE, Feature.WHEEL_DIFFERENCE: _ONE, Feature.WORK: _ONE,
-        Feature.TORQUE_SINE: _ONE,
+        Feature.TORQUE_SINE: _ONE, Feature.TORQUE_PLAY: _PLAY, Feature.TORQUE_SETTLING: _SETTLING,
     },
     Slot.FRICTION: {
         Feature.BRAKING_TIME: _ONE, Feature.WORK: _ONE, Feature.WHEEL_DIFFERENCE: _ONE,
         Feature.BUILT_UP: ((0.5, 0.6), (0.5, 1.2), (1.5, 0.6), (1.5, 1.2)), Feature.SLIP_RATE: ((3.0, 1.0),),
+        Feature.SETTLING: _SETTLING,
     },
     Slot.RECOVERY: {Feature.SPEED: _ONE, Feature.BRAKING_TIME: _ONE, Feature.WORK: _ONE},
-    Slot.VEHICLE_FORCE: {Feature.TIME: _ONE, Feature.BRAKING_TIME: _ONE},
+    Slot.VEHICLE_FORCE: {Feature.TIME: _ONE, Feature.BRAKING_TIME: _ONE, Feature.SETTLING: _SETTLING},
     Slot.RECORDED_SPEED: {
         Feature.SPEED_DECELERATION: _ONE, Feature.TIME: _ONE, Feature.SPEED_TIME: _ONE, Feature.SPEED_SQUARED: _ONE,
     },
 }  # fmt: skip
 #: Whatever lifts the friction speeds up the wheel, so that in a closed loop noise of friction looks like friction that falls
 #: with the rate of the slip: of that feature only the other side says anything.
-_ABOVE = {(Slot.FRICTION, Feature.SLIP_RATE)}
+_ABOVE = {(Slot.FRICTION, Feature.SLIP_RATE), (Slot.BRAKE_TORQUE, Feature.TORQUE_PLAY)}
 _SOME: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
     Slot.BRAKE_TORQUE: {
         Feature.SPEED: _ONE,
         Feature.BRAKING_TIME: _ONE,
         Feature.WHEEL_DIFFERENCE: _ONE,
+        Feature.TORQUE_PLAY: _PLAY,
+        Feature.TORQUE_SETTLING: _SETTLING,
     },
     Slot.FRICTION: {Feature.SPEED: _ONE, Feature.BRAKING_TIME: _ONE},
 }
 
+#: Features over which a curve is tried where no term holds, by slot.
+_CURVES: dict[Slot, tuple[Feature, ...]] = {
+    Slot.BRAKE_TORQUE: (Feature.SPEED_TENT, Feature.TIME_TENT),
+    Slot.FRICTION: (Feature.SLIP_TENT, Feature.SPEED_TENT, Feature.TIME_TENT),
+    Slot.VEHICLE_FORCE: (Feature.SPEED_TENT, Feature.TIME_TENT),
+}
+_FEWEST_KNOTS = 2  # of a curve: a line
+_TAIL = 0.02  # share of the rows beyond its first knot, and beyond its last
+
 
 def terms(replica: Replica, accepted: Sequence[Variant] = ()) -> list[Variant]:
     """Return the terms that are tried beside what was accepted; none beyond the most that a model may hold."""
-    n = 1 + sum(len(one.sizes) for one in accepted if one.name == NAME)
+    n = _next(accepted)
+    return list(_all(replica, n, _closed(replica, n, accepted)))
+
+
+def curves(replica: Replica, accepted: Sequence[Variant] = ()) -> list[Variant]:
+    """Return what is tried where no term holds: in every slot a curve over one feature, of as many tents as terms are left."""
+    n = _next(accepted)
+    knots = TERMS + 1 - n
+    if knots < _FEWEST_KNOTS:
+        return []
+    rows, found = replica.rows, []
+    seen = {Feature.SPEED_TENT: rows.speed, Feature.SLIP_TENT: rows.slip[rows.slides], Feature.TIME_TENT: rows.time}
+    axles = [(), *axle_groups(replica.vehicle.running_gear)]
+    for slot, features in _CURVES.items():
+        if slot in _closed(replica, n, accepted):
+            continue
+        for feature in features:
+            low, high = np.quantile(seen[feature], (_TAIL, 1.0 - _TAIL))
+            apart = (high - low) / (knots - 1)
+            tents = [(feature, (float(low + k * apart), float(apart))) for k in range(knots)]
+            name = f"a curve over {feature.name.removesuffix('_TENT').lower()}"
+            groups = axles if slot is not Slot.VEHICLE_FORCE else axles[:1]
+            found += [_of(n, slot, group, tents, name, _STEPS[slot]) for group in groups]
+    return found
+
+
+def _next(accepted: Sequence[Variant]) -> int:
+    """Return the number of the next term of the plant."""
+    return 1 + sum(len(one.sizes) for one in accepted if one.name == NAME)
+
+
+def _closed(replica: Replica, n: int, accepted: Sequence[Variant]) -> set[Slot]:
+    """Return the slots in which nothing is tried: recordings say nothing of them, or the model holds no more."""
     closed = {Slot.BRAKE_TORQUE} if replica.campaign.vehicle.torque_is_measured else set()
     if not (replica.rows.balance == ADHESION).any():
         closed |= {Slot.FRICTION, Slot.RECOVERY}
@@ -74,7 +122,7 @@ def terms(replica: Replica, accepted: Sequence[Variant] = ()) -> list[Variant]:
         closed |= set(Slot) - {Slot.RECORDED_SPEED}
     if any(one.name == MISREAD for one in accepted):
         closed.add(Slot.RECORDED_SPEED)
-    return list(_all(replica, n, closed))
+    return closed
 
 
 def _all(replica: Replica, n: int, closed: Set[Slot]) -> Iterator[Variant]:
@@ -118,23 +166,33 @@ def axle_groups(running_gear: Sequence[Sequence[int]]) -> list[tuple[int, ...]]:
 
 
 def _variant(n: int, slot: Slot, axles: tuple[int, ...], feature: Feature, scale: tuple[float, float]) -> Variant:
-    where = f" of axle {' '.join(map(str, axles))}" if axles else ""
-    family = f"{slot.name.lower()}{where} by {feature.name.lower()}".replace("_", " ")
-    steps = (_STEPS[slot] / _USUAL.get(feature, 1.0),)
+    step, name = _STEPS[slot] / _USUAL.get(feature, 1.0), feature.name.lower()
     if slot is Slot.RECORDED_SPEED:
-        return Variant(MISREAD, ("coefficient",), {"feature": float(feature)}, steps, family)
-    parts = [(n, feature)]
+        return Variant(MISREAD, ("coefficient",), {"feature": float(feature)}, (step,), _family(slot, axles, name))
+    parts = [(feature, scale)]
     if feature is Feature.TORQUE_SINE and n < TERMS:  # with its cosine: where the wheel stood at the start is not known
-        parts.append((n + 1, Feature.TORQUE_COSINE))
+        parts.append((Feature.TORQUE_COSINE, scale))
+    return _of(n, slot, axles, parts, name, step, (slot, feature) in _ABOVE)
+
+
+def _family(slot: Slot, axles: tuple[int, ...], name: str) -> str:
+    where = f" of axle {' '.join(map(str, axles))}" if axles else ""
+    return f"{slot.name.lower()}{where} by {name}".replace("_", " ")
+
+
+def _of(
+    n: int, slot: Slot, axles: tuple[int, ...], parts: Sequence[tuple[Feature, tuple[float, float]]], name: str, step: float,
+    above: bool = False,
+) -> Variant:  # fmt: skip
+    """Return the variant whose terms, from number n on, are some features with their scales in one slot."""
     fixed: dict[str, float] = {}
-    for k, one in parts:
+    for k, (feature, scale) in enumerate(parts, n):
         fixed |= {
-            f"slot_{k}": float(slot), f"axles_{k}": mask_of(axles), f"feature_{k}": float(one), f"scale_{k}": scale[0],
+            f"slot_{k}": float(slot), f"axles_{k}": mask_of(axles), f"feature_{k}": float(feature), f"scale_{k}": scale[0],
             f"second_scale_{k}": scale[1], f"low_{k}": -UNBOUNDED, f"high_{k}": UNBOUNDED,
         }  # fmt: skip
-    return Variant(
-        NAME, tuple(f"coefficient_{k}" for k, _ in parts), fixed, steps * len(parts), family, (slot, feature) in _ABOVE
-    )
+    sizes = tuple(f"coefficient_{k}" for k in range(n, n + len(parts)))
+    return Variant(NAME, sizes, fixed, (step,) * len(parts), _family(slot, axles, name), above)
 
 
 class Words(NamedTuple):

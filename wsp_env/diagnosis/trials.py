@@ -24,8 +24,9 @@ TRIED = 4
 _SHARES = (2.0, 1.0, 0.5, 0.25, 0.1)
 #: Log odds that a name of the library is missing in a campaign before it is seen: one in fifty (assumption).
 PRIOR = -float(np.log(50.0))
-#: The same of a term without a name: the library holds what practice meets (assumption: three in four).
-PRIOR_TERM = PRIOR - float(np.log(3.0))
+#: The same of a term without a name: the library holds what practice meets (assumption: three in four), and there are three
+#: times as many terms (some eighty on four axles).
+PRIOR_TERM = PRIOR - float(np.log(3.0 * 3.0))
 #: Log odds from which on a mechanism is accepted: 95 %.
 SURE = float(np.log(19.0))
 #: Share of a mechanism's effect that nature's form may differ by, over slip, speed, work, axles and runs: assumption.

@@ -52,6 +52,13 @@ FEATURES: dict[Feature, Described] = {
     Feature.SPEED_DECELERATION: Described("deceleration, times running speed over 30 m/s", "m/s2"),
     Feature.TORQUE_SINE: Described("share of the full torque, times sin({scale:g} x wheel angle)", "-", ("1/turn", "")),
     Feature.TORQUE_COSINE: Described("share of the full torque, times cos({scale:g} x wheel angle)", "-", ("1/turn", "")),
+    Feature.TORQUE_PLAY: Described(
+        "share of the full torque, minus it while it rises (by more than {scale:.0%})", "-", ("-", "")
+    ),
+    Feature.SETTLING: Described("a share that dies away within {scale:g} s of braking", "-", ("s", "")),
+    Feature.TORQUE_SETTLING: Described(
+        "share of the full torque, times a share that dies away within {scale:g} s of braking", "-", ("s", "")
+    ),
     Feature.SPEED_TIME: Described("time since the start, times running speed over 30 m/s", "s"),
 }
 
@@ -75,6 +82,9 @@ LOOKS_LIKE: dict[Slot, dict[Feature, tuple[str, ...]]] = {
         Feature.WHEEL_DIFFERENCE: ("coupled axles",),
         Feature.WORK: ("fading of the pads",),
         Feature.BUILT_UP: ("fading of the pads",),
+        Feature.TORQUE_PLAY: ("hysteresis of the brake rigging",),
+        Feature.SETTLING: ("wet or icy brake discs", "cold pads"),
+        Feature.TORQUE_SETTLING: ("wet or icy brake discs", "cold pads"),
     }
     | dict.fromkeys(_TURN, ("torque ripple of an eccentric disc",)),
     Slot.FRICTION: {
@@ -92,6 +102,7 @@ LOOKS_LIKE: dict[Slot, dict[Feature, tuple[str, ...]]] = {
         Feature.TIME: ("rail that dries or gets wet",),
         Feature.TIME_TENT: ("rail that dries or gets wet",),
         Feature.BRAKING_TIME: ("sanding",),
+        Feature.SETTLING: ("wheel tread or rail that dries or is cleaned",),
         Feature.ALWAYS: ("another friction of the wheel tread",),
     }
     | dict.fromkeys(_TURN, ("out-of-round wheel",)),
@@ -110,6 +121,7 @@ LOOKS_LIKE: dict[Slot, dict[Feature, tuple[str, ...]]] = {
         Feature.TORQUE: ("another mass", "coupler force"),
         Feature.PLACE_BUMP: ("curve drag", "change of gradient"),
         Feature.TIME: ("coupler force",),
+        Feature.SETTLING: ("coupler force", "brake of another vehicle that applies later"),
         Feature.TIME_TENT: ("coupler force",),
     }
     | _SWING,

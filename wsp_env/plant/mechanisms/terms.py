@@ -54,6 +54,9 @@ class Feature(IntEnum):
     SPEED_TIME = 24  # running speed over 30 m/s, times the time since the start of the stop [s]
     TORQUE_SINE = 25  # believed torque over full torque, times sin(scale x wheel angle) [-] (per turn of the wheel)
     TORQUE_COSINE = 26  # the same with the cosine [-] (per turn of the wheel)
+    TORQUE_PLAY = 27  # believed torque over full torque, - while it rises, + while it falls [-] (share of it, play)
+    SETTLING = 28  # exp(-time since braking began / scale) [-] (s)
+    TORQUE_SETTLING = 29  # believed torque over full torque, times the same [-] (s)
 
 
 #: Share of the full torque from which on an axle brakes (assumption: above the noise of a recorded pressure).
@@ -77,6 +80,7 @@ _LEAST = 1e-9
     _BRAKING, _ALWAYS, _SPEED, _SPEED_SQUARED, _SLIP, _SLIP_SIGN, _TORQUE, _WHEEL_RATE, _TORQUE_MEMORY, _SLIP_RATE, _TIME,
     _BRAKING_TIME, _SINE, _COSINE, _WHEEL_SINE, _WHEEL_COSINE, _PLACE_BUMP, _WHEEL_DIFFERENCE, _WORK, _BUILT_UP, _SPEED_TENT,
     _SLIP_TENT, _TIME_TENT, _SPEED_DECELERATION, _SPEED_TIME, _TORQUE_SINE, _TORQUE_COSINE,
+    _TORQUE_PLAY, _SETTLING, _TORQUE_SETTLING,
 ) = map(int, Feature)  # fmt: skip
 
 
@@ -96,7 +100,7 @@ class Term(NamedTuple):
 class Past(NamedTuple):
     """What a term remembers of an axle."""
 
-    lagged: float = 0.0  # believed torque over full torque, low-passed [-]
+    lagged: float = 0.0  # believed torque over full torque, low-passed, or with play [-]
     built: float = 0.0  # latent state [-]
     braked_s: float = 0.0  # since braking began
     slip_rate: float = 0.0  # low-passed [m/s2]
@@ -121,6 +125,8 @@ def brought_up_to_date(term: Term, past: Past, doing: Doing) -> Past:
         follows = 1.0 - math.exp(-doing.duration_s / max(term.scale, _LEAST))
         lagged += follows * (share - lagged)
         built += follows * ((1.0 if abs(doing.slip) > term.second_scale else 0.0) - built)
+    elif code == _TORQUE_PLAY:
+        lagged = min(max(lagged, (1.0 - term.scale) * share), (1.0 + term.scale) * share)
     elif code == _SLIP_RATE:
         rate += (1.0 - math.exp(-doing.duration_s / RATE_LAG_S)) * (doing.slip_rate - rate)
     return Past(lagged, built, braked, rate)
@@ -174,6 +180,12 @@ def _feature(code: int, scale: float, second: float, past: Past, doing: Doing) -
         return share * math.sin(scale * doing.angle_rad)
     if code == _TORQUE_COSINE:
         return share * math.cos(scale * doing.angle_rad)
+    if code == _SETTLING:
+        return math.exp(-past.braked_s / max(scale, _LEAST))
+    if code == _TORQUE_SETTLING:
+        return share * math.exp(-past.braked_s / max(scale, _LEAST))
+    if code == _TORQUE_PLAY:
+        return (past.lagged - share) / max(scale, _LEAST)
     if code == _PLACE_BUMP:
         return _bump(doing.place_m, scale, second)
     if code == _WHEEL_DIFFERENCE:
