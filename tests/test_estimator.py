@@ -403,7 +403,7 @@ def test_a_speed_that_contradicts_makes_the_forces_less_certain():
         e = estimator.allocate(1, BOGIE, 0.02)
         e.speed[:], e.mass_ratio[:], e.speed_variance[:] = 20.0, 1.0, 0.2**2
         e.covariance[:], e.mass_variance[:] = -0.5 * 0.2 * 0.04, 0.04**2
-        estimator._correct(0, 20.0 - missing, deviation, e)
+        estimator._correct(0, 20.0 - missing, deviation, True, e)
         assert 20.0 - missing <= e.speed[0] < 20.0
         found.append((float(e.mass_variance[0]), float(e.mass_ratio[0]), float(e.speed[0])))
     usual = 0.2**2 / (0.2**2 + deviation**2)

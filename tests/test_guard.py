@@ -250,6 +250,49 @@ def test_a_noisy_wheel_that_catches_up_with_the_vehicle_is_not_taken_for_one_tha
         assert wheel > stop.speed or estimate.speed[0] > stop.speed - 1.0, step
 
 
+def test_a_wheel_that_slides_on_steadily_is_not_taken_for_one_that_rolls_before_its_brake_is_empty():
+    """A brake that holds more than it is believed to does so; what it would say is 5 m/s off."""
+    stop = Stop(WHEELSET, 20.0, noise=0.0)
+    stop.go_on(4.0)
+    estimate, wheel = stop.observer.estimate, stop.speed - 5.0
+    estimate.usual_adhesion[:], estimate.adhesion[:], estimate.wheel[:] = 0.02, 0.013, wheel
+    estimate.commands[:], estimate.since_slide[0], estimate.speed_variance[0] = 0.0, 0.0, 0.05
+    for share, believed in ((0.9, stop.speed), (0.4, wheel)):
+        estimate.pressure[:] = share * estimator.ROLLING_ADHESION / stop.nominal.full_brake
+        for _ in range(5):
+            seen = np.full((1, 1), wheel / stop.radius[0])
+            estimator.update(0, seen, np.zeros((1, 1)), 1.0, np.empty((0, 0)), estimate, stop.nominal)
+        assert abs(estimate.speed[0] - believed) < 0.5, share
+        assert estimate.doubtful[0] == (share > 0.5)
+
+
+@pytest.mark.parametrize(("speed", "vented"), [(2.0, True), (20.0, False)])
+def test_a_wheel_that_would_lock_before_its_brake_is_empty_is_vented_in_time(speed, vented):
+    """At a creepage of a tenth: the dead time and the emptying of the cylinder are left."""
+    stop = Stop(speed=speed + 3.0, noise=0.0)
+    while stop.speed > speed:
+        stop.go_on(INTERVAL_S)
+    fall, slower = falling(stop, 8.0), 0.0
+    while slower < 0.1 * 2.0:
+        stop.go_on(INTERVAL_S, fall)
+        slower = stop.speed - stop.observer.estimate.wheel[0, 0]
+    assert slower < END_CREEPAGE * stop.speed
+    assert stop.command.tolist() == [[-1.0 if vented else 1.0, 1.0]]
+
+
+def test_the_safety_timer_ends_where_the_wheel_that_it_brakes_slides():
+    stop = Stop(speed=6.0, noise=0.0)
+    while stop.speed > 4.0:
+        stop.go_on(INTERVAL_S)
+    stop.guard.doubts.rest[:] = 1.0
+    stop.go_on(0.2, falling(stop, 8.0), 0.0)
+    assert stop.command.tolist() == [[-1.0, 1.0]]
+    assert stop.guard.doubts.rest[0, 0] == 0.0
+    stop.observer.estimate.speed[0] *= 2.0  # if it is wrong, wheels that do not slow must be braked all the same
+    stop.guard.overrule(command := np.zeros((1, 2)))
+    assert command[0, 1] == 1.0
+
+
 def test_at_the_end_of_a_stop_no_wheel_locks_beside_a_faster_one():
     stop = Stop(speed=4.0)
     while stop.speed > 1.9:

@@ -213,9 +213,10 @@ def update(
     slowest = fastest * (1.0 - SLIDING_CREEPAGE_SEEN) - 3.0 * ROLLING_DEVIATION_MPS
     for k in range(axles):
         if e.rolling_time[i, k] >= ROLLING_S and e.wheel[i, k] > slowest:
-            _correct(i, e.wheel[i, k] + ROLLING_CREEP_MPS, ROLLING_DEVIATION_MPS, e)
+            empty = c.full_brake * e.pressure[i, k] < ROLLING_SHARE * e.rolling_adhesion[i, k]
+            _correct(i, e.wheel[i, k] + ROLLING_CREEP_MPS, ROLLING_DEVIATION_MPS, empty, e)
     if e.since_slide[i] == math.inf and fastest >= 0.0:
-        _correct(i, fastest + ROLLING_CREEP_MPS, BRAKED_DEVIATION_MPS, e)
+        _correct(i, fastest + ROLLING_CREEP_MPS, BRAKED_DEVIATION_MPS, True, e)
     _raise(i, e, c)
     speed = max(e.speed[i], 0.0)
     slides = False
@@ -270,13 +271,18 @@ def _predict(i: int, slowed: float, e: VehicleEstimate, c: EstimatorConstants) -
 
 
 @inlined
-def _correct(i: int, seen: float, deviation: float, e: VehicleEstimate) -> None:
+def _correct(i: int, seen: float, deviation: float, sure: bool, e: VehicleEstimate) -> None:
     """Take a speed that was seen, with its standard deviation, both [m/s], for the running speed.
 
     One that is further off than three standard deviations says that the forces are less certain than believed, as those of a
-    brake with other times are: so much less certain is all, but q no less than its bounds allow.
+    brake with other times are: so much less certain is all, but q no less than its bounds allow. Where the vehicle would run
+    slower by more than what is doubtful, the brake may also be fuller than believed, and the wheel slide on steadily: unless it
+    rolls for `sure`, it only makes the speed as uncertain as it is off, so that a wheelset is released further.
     """
     missing = seen - e.speed[i]
+    if missing < -DOUBTFUL_MPS and not sure:
+        e.speed_variance[i] = max(e.speed_variance[i], missing * missing)
+        return
     more = missing * missing / (9.0 * (e.speed_variance[i] + deviation * deviation))
     if more > 1.0:
         more = min(more, max((MASS_RANGE[1] - 1.0) * (MASS_RANGE[1] - 1.0) / e.mass_variance[i], 1.0))

@@ -1,12 +1,13 @@
 """What is done with an axle that cannot be watched, with a wheel that would lock, and with one that is not braked for long."""
 
+import math
 from typing import Any
 
 import numpy as np
 
 from wsp_env.compiled import inlined, loop
 from wsp_env.observer.doubts import Doubts, GuardConstants, doubts_of, guard_of
-from wsp_env.observer.estimator import ROLLING_ADHESION, EstimatorConstants, VehicleEstimate
+from wsp_env.observer.estimator import MASS_RANGE, ROLLING_ADHESION, EstimatorConstants, VehicleEstimate
 from wsp_env.observer.observation import constants_of, memory_of
 from wsp_env.plant.command import APPLIES, HOLDS, VENTS
 
@@ -32,7 +33,8 @@ END_CREEPAGE, END_MPS = 0.3, 0.83
 def overrule(command: np.ndarray, state: Any, given: Any, memory: Any, constants: Any) -> None:
     """See `Guard.overrule`."""
     d, c = doubts_of(state), guard_of(given)
-    e = memory_of(memory).estimate
+    seen = memory_of(memory)
+    e, acceleration = seen.estimate, seen.filtered.acceleration
     brake = constants_of(constants).estimator
     for i in range(command.shape[0]):
         fastest, used, full, sound, last, shows = 0.0, 1e9, True, 0, -1, e.doubtful[i]
@@ -47,19 +49,38 @@ def overrule(command: np.ndarray, state: Any, given: Any, memory: Any, constants
             d.used[i] = used
             d.full[i] = d.full[i] + c.interval if full else 0.0
         running = max(e.speed[i], fastest)
+        hardest = MASS_RANGE[1] * brake.full_force * command.shape[1] / brake.mass  # no vehicle slows by more [m/s2]
         ends = running + e.uncertainty[i] < END_MPS
         for k in range(command.shape[1]):
             if d.failed[i, k]:
                 calm = d.full[i] > CALM_S or sound == 0
                 d.blind[i, k] = 0.0 if calm else d.blind[i, k] + c.interval
                 command[i, k] = APPLIES if calm else _blind(i, k, d, e, brake)
-            elif running - e.wheel[i, k] > END_CREEPAGE * running:
+            elif e.wheel[i, k] - _lost(i, k, acceleration[i, k], e, brake) < (1.0 - END_CREEPAGE) * running:
                 command[i, k] = VENTS
+                if acceleration[i, k] < -hardest:
+                    d.rest[i, k] = 0.0  # it is braked, and slides
             if e.doubtful[i] and k == last:  # the last watched axle shows the speed
                 released = RELEASED_SHARE * e.rolling_adhesion[i, k]
                 command[i, k] = VENTS if brake.full_brake * e.pressure_to_come[i, k] > released else HOLDS
             if ends or _expired(i, k, command[i, k], d, c, e, brake):
                 command[i, k] = APPLIES
+
+
+@inlined
+def _lost(i: int, k: int, acceleration: float, e: VehicleEstimate, brake: EstimatorConstants) -> float:
+    """Return the speed [m/s] that the wheel of axle k, vented now, still loses until its brake asks for what the rail carries.
+
+    The valve acts after its dead time, the cylinder empties with its time constant, and the rail carries what it does now.
+    """
+    per_adhesion = brake.axle_weight / brake.rotating  # of the wheel's acceleration [m/s2]
+    dead, emptying = brake.interval * e.commands.shape[1], brake.interval / brake.vent
+    now, asked = brake.full_brake * e.pressure[i, k], brake.full_brake * e.pressure_to_come[i, k]
+    carried = max(now + acceleration / per_adhesion, ROLLING_ADHESION)
+    lost = max(0.5 * (now + asked) - carried, 0.0) * dead
+    if asked > carried:
+        lost += emptying * (asked - carried - carried * math.log(asked / carried))
+    return lost * per_adhesion
 
 
 @inlined
