@@ -427,3 +427,28 @@ def test_only_what_matters_is_missing():
 def test_there_is_a_noise_for_every_balance():
     evidence = evidence_of(np.zeros((10, 0)), np.ones(10), [Group("g", np.ones((10, 1)), 1.0)])
     assert len(evidence.solve(1).noise) == len(NOISES)
+
+
+# --- curves
+
+
+@pytest.mark.parametrize("unexplained", [True, False])
+def test_curves_are_tried_once_and_only_where_what_is_left_matters(unexplained, monkeypatch):
+    searched: list[list[str]] = []
+
+    def screened(replica, model, tried, pool, accepted=()):
+        searched.append([one.title for one in tried])
+        return SimpleNamespace(found=(), second={})
+
+    monkeypatch.setattr(decide, "screen", screened)
+    monkeypatch.setattr(decide, "terms", lambda replica, accepted=(): [TERM])
+    monkeypatch.setattr(decide, "curves", lambda replica, accepted=(): [dataclasses.replace(TERM, family="a curve")])
+    monkeypatch.setattr(decide, "structured", lambda replica, seen: SimpleNamespace(unexplained=unexplained))
+    monkeypatch.setattr(decide, "weights_of", lambda replica, seen: None)
+    monkeypatch.setattr(decide, "FormsLeft", lambda *said: None)
+    monkeypatch.setattr(decide, "trials_of", lambda *said: [])
+    replica = SimpleNamespace(baseline=Model(2e-4, (0.06,)))
+    outcome = decide.select(replica, [GRADIENT], None)
+    with_curves = [["track_gradient", "a curve"]] if unexplained else []
+    assert searched == [["track_gradient", TERM.family], *with_curves]
+    assert not outcome.accepted

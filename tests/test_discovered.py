@@ -212,6 +212,32 @@ def test_features_along_are_those_that_act():
         assert_allclose(added[enough], values[enough], rtol=work, atol=1e-5, err_msg=feature.name)
 
 
+def test_play_holds_a_torque_back_both_ways():
+    """A rigging of 4 % play, filled, vented and filled again: the torque follows at the far edge of its play."""
+    share = np.array([0.2, 0.5, 1.0, 0.98, 0.8, 0.4, 0.41, 0.6])
+    doings = np.zeros((len(Doing._fields), len(share), 1))
+    fields = {"time_s": 0.01 * np.arange(1, len(share) + 1), "duration_s": 0.01, "full_torque": 1.0, "believed_torque": share}
+    for name, values in fields.items():
+        doings[Doing._fields.index(name), :, 0] = values
+    said = features_along(doings, Term(1.0, 0, 0, Feature.TORQUE_PLAY, 0.04))[:, 0]
+    delivered = share + 0.04 * said
+    assert_allclose(delivered[:3], 0.96 * share[:3])  # rising
+    assert delivered[3] == pytest.approx(0.96)  # falls by less than the play: held
+    assert_allclose(delivered[4:6], 1.04 * share[4:6])  # falling
+    assert delivered[6] == pytest.approx(1.04 * 0.4)
+    assert delivered[7] == pytest.approx(0.96 * 0.6)
+
+
+def test_what_settles_is_whole_before_braking_and_dies_away_with_its_time():
+    _, doings = doings_of(braked({}, 300), {})
+    time, bare, torque = (
+        features_along(doings, Term(1.0, 0, 0, feature, 2.0))
+        for feature in (Feature.BRAKING_TIME, Feature.SETTLING, Feature.TORQUE_SETTLING)
+    )
+    assert_allclose(bare, np.exp(-time / 2.0))
+    assert_allclose(torque, bare * features_along(doings, Term(1.0, 0, 0, Feature.TORQUE)))
+
+
 def test_a_feature_is_held_at_the_edges_of_its_range():
     _, doings = doings_of(braked({}, 300), {})
     free, held = (

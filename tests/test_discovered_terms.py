@@ -7,10 +7,10 @@ import pytest
 
 from wsp_env.diagnosis.balances import ADHESION, VEHICLE
 from wsp_env.diagnosis.candidates import Candidate
-from wsp_env.diagnosis.discovered import MISREAD, NAME, axle_groups, equation, slot_of, terms
+from wsp_env.diagnosis.discovered import MISREAD, NAME, axle_groups, curves, equation, slot_of, terms
 from wsp_env.diagnosis.search import can_be
 from wsp_env.plant.mechanisms.term_words import SLOTS
-from wsp_env.plant.mechanisms.terms import Slot
+from wsp_env.plant.mechanisms.terms import Feature, Slot
 
 
 @pytest.mark.parametrize(
@@ -27,12 +27,16 @@ def test_groups_are_axles_bogies_and_places_within_them_but_never_all(gear, grou
     assert axle_groups(gear) == groups
 
 
-def tried(accepted=(), measured=False, slides=True):
-    """The terms that are tried on a coach."""
-    rows = SimpleNamespace(balance=np.array([ADHESION if slides else VEHICLE]), place=np.array([0.0, 900.0]))
+def tried(accepted=(), measured=False, slides=True, search=terms):
+    """The terms, or the curves, that are tried on a coach."""
+    n = 500
+    rows = SimpleNamespace(
+        balance=np.full(n, ADHESION if slides else VEHICLE), place=np.linspace(0.0, 900.0, n), time=np.linspace(0.0, 40.0, n),
+        speed=np.linspace(40.0, 2.0, n), slip=np.linspace(0.0, 5.0, n), slides=np.full(n, slides),
+    )  # fmt: skip
     vehicle = SimpleNamespace(running_gear=((2, 2),))
     campaign = SimpleNamespace(vehicle=SimpleNamespace(torque_is_measured=measured))
-    return terms(SimpleNamespace(rows=rows, vehicle=vehicle, campaign=campaign), accepted)
+    return search(SimpleNamespace(rows=rows, vehicle=vehicle, campaign=campaign), accepted)
 
 
 def slots(variants):
@@ -63,6 +67,33 @@ def test_friction_by_the_rate_of_the_slip_can_only_rise():
     assert not can_be(candidate, np.array([1.0]))
     either = next(one for one in tried() if one.family == "friction by work")
     assert can_be(Candidate(either, np.zeros((0, 1)), np.ones(1)), np.array([1.0]))
+
+
+def test_a_rigging_can_only_hold_the_torque_back():
+    play = next(one for one in tried() if one.family == "brake torque of axle 3 4 by torque play")
+    candidate = Candidate(play, np.zeros((0, 1)), np.ones(1))
+    assert can_be(candidate, np.array([-1.0]))
+    assert not can_be(candidate, np.array([1.0]))
+
+
+def test_a_curve_is_a_partition_of_one_over_what_was_recorded():
+    """Its tents with equal coefficients are a constant between the first knot and the last."""
+    curve = next(one for one in tried(search=curves) if one.family == "friction by a curve over slip")
+    tents = [(curve.fixed[f"scale_{k}"], curve.fixed[f"second_scale_{k}"]) for k in (1, 2, 3)]
+    assert {curve.fixed[f"feature_{k}"] for k in (1, 2, 3)} == {float(Feature.SLIP_TENT)}
+    slip = np.linspace(tents[0][0], tents[-1][0], 50)
+    sums = sum(np.clip(1.0 - np.abs(slip - middle) / half, 0.0, None) for middle, half in tents)
+    np.testing.assert_allclose(sums, 1.0)
+    assert 0.0 < tents[0][0] < 0.2 < 4.8 < tents[-1][0] < 5.0
+
+
+def test_curves_take_the_terms_that_are_left():
+    of_plant = next(one for one in tried() if one.name == NAME and len(one.sizes) == 1)
+    assert {len(one.sizes) for one in tried(search=curves)} == {3}
+    assert {one.sizes for one in tried([of_plant], search=curves)} == {("coefficient_2", "coefficient_3")}
+    assert not tried([of_plant] * 2, search=curves)  # one tent is no curve
+    assert slots(tried(measured=True, search=curves)) == {"friction", "vehicle force"}
+    assert slots(tried(slides=False, search=curves)) == {"brake torque", "vehicle force"}
 
 
 def test_a_group_of_axles_is_said():

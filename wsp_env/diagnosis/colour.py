@@ -19,6 +19,7 @@ from scipy import linalg, sparse
 
 from wsp_env.diagnosis.balances import Rows
 from wsp_env.diagnosis.covariance import Evidence, Sizes
+from wsp_env.diagnosis.loop import stretches
 from wsp_env.diagnosis.stops import BLOCK_S
 
 #: Time that the noise is remembered for [s]: what is slower is friction's own course in time, a nuisance, or a finding
@@ -31,19 +32,6 @@ class Moments(NamedTuple):
 
     covariance: np.ndarray  # (lags + 1,)
     rows: int
-
-
-def stretches(rows: Rows) -> list[np.ndarray]:
-    """Return the rows (m,) of every wheel's slides without a gap, in the order of time."""
-    found = []
-    for run in np.unique(rows.run):
-        for axle in range(int(rows.axle.max(initial=-1)) + 1):
-            mine = np.flatnonzero((rows.run == run) & (rows.axle == axle) & rows.wheels)
-            slides, apart = rows.slides[mine], np.diff(rows.time[mine])
-            ends = (apart > 1.5 * apart.min(initial=np.inf)) | (slides[1:] != slides[:-1])
-            parts = np.split(mine, np.flatnonzero(ends) + 1) if len(mine) else []
-            found += [part for part in parts if rows.slides[part[0]]]
-    return found
 
 
 def moments(evidence: Evidence, sizes: Sizes, parts: Sequence[np.ndarray]) -> Moments:

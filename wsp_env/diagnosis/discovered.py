@@ -93,13 +93,13 @@ def curves(replica: Replica, accepted: Sequence[Variant] = ()) -> list[Variant]:
     if knots < _FEWEST_KNOTS:
         return []
     rows, found = replica.rows, []
-    seen = {Feature.SPEED_TENT: rows.speed, Feature.SLIP_TENT: rows.slip[rows.slides], Feature.TIME_TENT: rows.time}
+    seen = {Feature.SPEED_TENT: rows.speed, Feature.SLIP_TENT: rows.slip, Feature.TIME_TENT: rows.time}
     axles = [(), *axle_groups(replica.vehicle.running_gear)]
     for slot, features in _CURVES.items():
         if slot in _closed(replica, n, accepted):
             continue
         for feature in features:
-            low, high = np.quantile(seen[feature], (_TAIL, 1.0 - _TAIL))
+            low, high = np.quantile(seen[feature][rows.slides | (slot != Slot.FRICTION)], (_TAIL, 1.0 - _TAIL))
             apart = (high - low) / (knots - 1)
             tents = [(feature, (float(low + k * apart), float(apart))) for k in range(knots)]
             name = f"a curve over {feature.name.removesuffix('_TENT').lower()}"

@@ -15,6 +15,7 @@ import numpy as np
 from wsp_env.diagnosis.balances import ACTUATOR, Balances, Rows, Whitening
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.forces import Forces
+from wsp_env.diagnosis.loop import turns
 from wsp_env.diagnosis.replica import Replica
 
 #: Lengths over which mu_cd is alike along the track [m]. The short one is, of those tried, the likeliest on a campaign of 2 %
@@ -171,6 +172,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("form of an axle's friction", np.column_stack([slides * differs * line[:, None] for line in lines]),
               0.5 * _EXPECTED["friction"], True),
         Group("friction of an axle in a run", each(slides * own), _EXPECTED["friction"]),
+        Group("friction that turns the wheel", slides * turns(rows), np.inf, True),
         Group("friction in time", _in_time(slides, by_run, own, clock), _EXPECTED["friction"]),
         # Net: what tau and mu_cd do is no discrepancy of the law.
         Group("law", Net(whitening, np.column_stack([segments, law]))(np.column_stack([slides * s for s in shapes]))[0],
