@@ -27,12 +27,12 @@ def test_groups_are_axles_bogies_and_places_within_them_but_never_all(gear, grou
     assert axle_groups(gear) == groups
 
 
-def tried(accepted=(), measured=False, slides=True, search=terms):
-    """The terms, or the curves, that are tried on a coach."""
+def tried(accepted=(), measured=False, slides=True, search=terms, rolls=False):
+    """The terms, or the curves, that are tried on a coach; `rolls`: under the brake, but without a slide."""
     n = 500
     rows = SimpleNamespace(
         balance=np.full(n, ADHESION if slides else VEHICLE), place=np.linspace(0.0, 900.0, n), time=np.linspace(0.0, 40.0, n),
-        speed=np.linspace(40.0, 2.0, n), slip=np.linspace(0.0, 5.0, n), slides=np.full(n, slides),
+        speed=np.linspace(40.0, 2.0, n), slip=np.linspace(0.0, 5.0, n), slides=np.full(n, slides and not rolls),
     )  # fmt: skip
     vehicle = SimpleNamespace(running_gear=((2, 2),))
     campaign = SimpleNamespace(vehicle=SimpleNamespace(torque_is_measured=measured))
@@ -94,6 +94,7 @@ def test_curves_take_the_terms_that_are_left():
     assert not tried([of_plant] * 2, search=curves)  # one tent is no curve
     assert slots(tried(measured=True, search=curves)) == {"friction", "vehicle force"}
     assert slots(tried(slides=False, search=curves)) == {"brake torque", "vehicle force"}
+    assert slots(tried(rolls=True, search=curves)) == {"brake torque", "vehicle force"}
 
 
 def test_a_group_of_axles_is_said():

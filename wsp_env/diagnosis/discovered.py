@@ -36,7 +36,7 @@ _BUMPS_M, _APART_M = (150.0, 300.0), 75.0
 _ONE = ((1.0, 1.0),)
 #: Share of the torque by which a rigging holds it back, as large as it acts (assumption: a few per cent).
 _PLAY = ((0.03, 1.0), (0.045, 1.0), (0.065, 1.0), (0.09, 1.0))
-#: Times within which something settles [s]: short and long against a stop, half as long again lies between.
+#: Times within which something settles [s]: a short and a long one against a stop (assumption).
 _SETTLING = ((3.0, 1.0), (8.0, 1.0))
 #: Features tried in each slot with their scales: on all axles together, and on each axle alone; those that have a name in the
 #: library are left to it, and what wheels' treads differ by, an axle's friction or recovery as a whole, to normal variation.
@@ -99,7 +99,10 @@ def curves(replica: Replica, accepted: Sequence[Variant] = ()) -> list[Variant]:
         if slot in _closed(replica, n, accepted):
             continue
         for feature in features:
-            low, high = np.quantile(seen[feature][rows.slides | (slot != Slot.FRICTION)], (_TAIL, 1.0 - _TAIL))
+            values = seen[feature][rows.slides | (slot is not Slot.FRICTION)]
+            if not len(values):  # friction shows where wheels slide
+                continue
+            low, high = np.quantile(values, (_TAIL, 1.0 - _TAIL))
             apart = (high - low) / (knots - 1)
             tents = [(feature, (float(low + k * apart), float(apart))) for k in range(knots)]
             name = f"a curve over {feature.name.removesuffix('_TENT').lower()}"

@@ -180,10 +180,8 @@ def _feature(code: int, scale: float, second: float, past: Past, doing: Doing) -
         return share * math.sin(scale * doing.angle_rad)
     if code == _TORQUE_COSINE:
         return share * math.cos(scale * doing.angle_rad)
-    if code == _SETTLING:
-        return math.exp(-past.braked_s / max(scale, _LEAST))
-    if code == _TORQUE_SETTLING:
-        return share * math.exp(-past.braked_s / max(scale, _LEAST))
+    if code in (_SETTLING, _TORQUE_SETTLING):
+        return (share if code == _TORQUE_SETTLING else 1.0) * math.exp(-past.braked_s / max(scale, _LEAST))
     if code == _TORQUE_PLAY:
         return (past.lagged - share) / max(scale, _LEAST)
     if code == _PLACE_BUMP:
