@@ -40,9 +40,13 @@ def judge():
 
 
 @pytest.mark.slow
-def test_a_few_seconds_of_learning_bring_a_good_part_of_the_way(judge):
-    """The beginning of the page's training: shorter stops, also with what they slide."""
-    _, rows = train(Arguments(ends=150_000, every=10**9), judge)
+def test_a_quarter_of_a_minute_of_learning_brings_a_good_part_of_the_way(judge):
+    """The first five eighths of the page's training: shorter stops, also with what they slide.
+
+    Before, what rounding decides goes far: seed 1 was at 440, 792 or 899 m after 150 thousand decisions, and at 430 m after
+    250 thousand; it began with 692 m.
+    """
+    _, rows = train(Arguments(ends=250_000, every=10**9), judge)
     for name in ("distance_m", "paid_m"):
         assert rows[-1][name] < rows[0][name]
     assert rows[-1]["locked_s"] == 0.0
