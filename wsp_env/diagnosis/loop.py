@@ -2,18 +2,19 @@
 
 A sliding wheel hardly holds itself: where the load bounces or the rail is better for a moment, the wheel speeds up, and the
 anti-slide device answers. So high friction and small slip go together without any law that says so (the bias of simultaneous
-equations, Haavelmo, Econometrica 11, 1943). It is over within half a second: how a wheel's slip differs from its own mean over
-a second says nothing of the law, and those directions are free.
+equations, Haavelmo, Econometrica 11, 1943). The slip that a law is asked at must therefore not know the friction that it is to
+explain. What one knows before a block of time begins is the slip until then, and the torque; from these the wheel's own
+equation foresees the slip within the block (the prediction error method, L. Ljung, System identification, 1999, chapters 7 and
+13: in closed loop it has no such bias where the noise's colour is known, see `wsp_env.diagnosis.colour`). It begins one block
+earlier, as a slip that was smoothed knows a little of what follows.
 """
+
+import dataclasses
 
 import numpy as np
 
 from wsp_env.diagnosis.balances import Rows
-from wsp_env.diagnosis.stops import BLOCK_S
-
-#: Time before and after within which a loop answers [s]: what a device's valves and a wheel take (assumption).
-_ANSWER_S = 0.5
-_ROWS = round(_ANSWER_S / BLOCK_S)
+from wsp_env.diagnosis.stops import PreparedStop, least_slip
 
 
 def stretches(rows: Rows) -> list[np.ndarray]:
@@ -29,12 +30,40 @@ def stretches(rows: Rows) -> list[np.ndarray]:
     return found
 
 
-def turns(rows: Rows) -> np.ndarray:
-    """Return the slips (n, m) [m/s] of the rows before and after each row of a slide, less their mean; 0 elsewhere."""
-    window = 2 * _ROWS + 1
-    found = np.zeros((len(rows), window - 1))  # their sum is 0: one is left out
-    for part in stretches(rows):
-        if len(part) >= window:
-            around = np.lib.stride_tricks.sliding_window_view(np.pad(rows.slip[part], _ROWS, "edge"), window)
-            found[part] = (around - around.mean(axis=1, keepdims=True))[:, :-1]
-    return found
+def foreseen(
+    stop: PreparedStop, torque: np.ndarray, holds: np.ndarray, block: int, radius: float, inertia: float
+) -> PreparedStop:
+    """Return a stop whose sliding wheels have in each block the speeds that are foreseen at the beginning of the one before.
+
+    Rates and torques stay as they are; so does a wheel that does not slide throughout both.
+
+    Parameters
+    ----------
+    stop : with the torques at which a law's friction gives its wheels' rates
+    torque : (T, A) recorded [N m]: where it is less, friction was less than the law's, and the wheel slower for it
+    holds : (T, A) the law's torque on a wheel by its slip [N m s/m]: what brings a wheel back on the creep curve's steep part
+    block : samples of a block
+    radius, inertia : of a wheelset [m], [kg m2]
+
+    """
+    slip, least = stop.speed[:, None] - radius * stop.wheel, least_slip(stop.speed)[:, None]
+    pushes, slides = (_blocks(values, block) for values in (torque - stop.torque, slip > least))
+    pushes, keeps = pushes * (radius * stop.step_s / inertia), np.exp(-_blocks(holds, block) * (radius * stop.step_s / inertia))
+    more = np.zeros((len(pushes), block + 1, slip.shape[1]))  # slip that friction would have left to the wheel [m/s]
+    for _ in range(2):  # from the beginning of the block; then from that of the block before
+        more[1:, 0] = more[:-1, block]
+        for i in range(block):
+            more[:, i + 1] = keeps[:, i] * more[:, i] + pushes[:, i]
+    throughout = np.asarray(slides.all(axis=1, keepdims=True))
+    both = np.concatenate([np.zeros_like(throughout[:1]), throughout[1:] & throughout[:-1]])
+    more = more[:, :block] * both
+    wheel = stop.wheel - more.reshape(-1, slip.shape[1])[: len(slip)] / radius
+    slid_on = np.clip(wheel, 0.0, (stop.speed[:, None] - least) / radius)
+    return dataclasses.replace(stop, wheel=np.where(slip > least, slid_on, stop.wheel))
+
+
+def _blocks(values: np.ndarray, block: int) -> np.ndarray:
+    """Return values (T, A) by blocks (B, block, A); the last one is filled up by its last sample."""
+    blocks = -(-len(values) // block)
+    filled = np.pad(values, ((0, blocks * block - len(values)), (0, 0)), "edge")
+    return filled.reshape(blocks, block, values.shape[1])

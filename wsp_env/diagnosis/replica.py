@@ -8,6 +8,9 @@ variables).
 The replica keeps the estimated speed and, where a wheel slides, its creepage. Below that, on the steep part of the creep curve,
 its slip is the one at which the baseline gives the recorded force: the measured one is noise there. For the same reason the
 residual is taken linear in the measured less the replica's slip.
+
+And as friction turns the wheel, changes of the model are evaluated at the slip that was foreseen before each block of time
+(`wsp_env.diagnosis.loop`); the residuals of the recordings at the slip that was.
 """
 
 import dataclasses
@@ -22,6 +25,7 @@ from wsp_env.contact.degraded import adhesion_slope, degraded_adhesion
 from wsp_env.diagnosis.balances import Balances, Rows
 from wsp_env.diagnosis.denoise import denoised
 from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
+from wsp_env.diagnosis.loop import foreseen
 from wsp_env.diagnosis.stops import (
     BLOCK_S,
     ROLLING_SHARE,
@@ -58,7 +62,8 @@ class Replica:
         needed = [_needed(recorded, one, baseline, i, true[i]) for i, one in enumerate(found)]
         made = [_rolling(recorded, one, i, *needed[i], true[i], larger) for i, one in enumerate(found)]
         forces = Evaluator(recorded.campaign, made)(baseline)
-        self._copy = recorded.like([_braked(recorded, stop, one) for stop, one in zip(made, forces, strict=True)])
+        braked = [_braked(recorded, stop, one) for stop, one in zip(made, forces, strict=True)]
+        self._copy = recorded.like(braked)
         self.rows = _rows_of_true_slips(recorded.rows, self._copy.rows, larger)
         self._kept = threading.local()  # every thread keeps its last evaluation
         # A wheel of another radius is in the replica as it slides, and what its sensor shows is linear in that radius.
@@ -68,7 +73,10 @@ class Replica:
         if model is not baseline:  # the curve is as steep as where the wheels slide, whatever the sensors show
             self._slopes = [one.slope for one in self._slid(model)[-1]]
         smoothing = self._changed(baseline)  # what smoothing leaves of an exact balance
-        self._offset = self._residuals() - smoothing * (1.0 + recorded.rows.wheels)
+        residuals = self._residuals() - smoothing * recorded.rows.wheels
+        self._copy = recorded.like(self._foreseen(braked, forces))
+        self._kept = threading.local()
+        self._offset = residuals - self._changed(baseline)
 
     def __getattr__(self, name: str) -> Any:
         """Return what the replica's balances have."""
@@ -115,6 +123,15 @@ class Replica:
     def raw(self, model: Model) -> np.ndarray:
         """Residuals (n,) of a model: those of the recordings at the baseline and what the model changes."""
         return self._changed(model) + self._offset
+
+    def _foreseen(self, braked: Sequence[PreparedStop], said: Sequence[Evaluation]) -> list[PreparedStop]:
+        """Return the replica's stops with the slips that are foreseen before each block, by what the baseline says of them."""
+        recorded, found = self.recorded, []
+        for mine, stop, part, one in zip(braked, recorded.sources, recorded.parts, said, strict=True):
+            block = part.length * round(part.stop.step_s / stop.step_s)
+            holds = 2.0 * recorded.radius * one.load * one.slope
+            found.append(foreseen(mine, stop.torque, holds, block, recorded.radius, recorded.inertia))
+        return found
 
     def _changed(self, model: Model) -> np.ndarray:
         parts = zip(self._copy.parts, self.evaluate(model), strict=True)

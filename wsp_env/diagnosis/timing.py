@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from wsp_env.diagnosis.covariance import Evidence
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.variation import TORQUE_TIME, TURNS, WHEEL_TIME, contrasts, nuisances
+from wsp_env.diagnosis.variation import TORQUE_TIME, WHEEL_TIME, contrasts, nuisances
 from wsp_env.recordings import Campaign
 
 #: Share of a sample below which moving the channels changes nothing that is seen.
@@ -36,8 +36,7 @@ def times(replica: Replica) -> Times:
     """Estimate when each axle's wheel speed and torque were read, at most a sample from the axles' mean."""
     whitening = replica.whitening(replica.baseline)
     base = replica.raw(replica.baseline)
-    # A wheel speed that is read late looks as if friction turned the wheel, and is asked first.
-    groups = [group for group in nuisances(replica, replica.baseline, base, whitening) if group.name != TURNS]
+    groups = nuisances(replica, replica.baseline, base, whitening)
     evidence = Evidence(replica, whitening, groups, base, np.zeros((len(base), 0)))
     amplitude = evidence.amplitudes(evidence.solve(_ITERATIONS))
     sample = max(stop.step_s for stop in replica.sources)

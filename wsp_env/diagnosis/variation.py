@@ -15,7 +15,6 @@ import numpy as np
 from wsp_env.diagnosis.balances import ACTUATOR, Balances, Rows, Whitening
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.forces import Forces
-from wsp_env.diagnosis.loop import turns
 from wsp_env.diagnosis.replica import Replica
 
 #: Lengths over which mu_cd is alike along the track [m]. The short one is, of those tried, the likeliest on a campaign of 2 %
@@ -31,7 +30,6 @@ LOG_TAU = 1.0  # [-] about where the search starts: says next to nothing
 _FREE = 1e3  # deviation of a free column, in its own unit of whitened rows of length 1
 _UNIFORM = 1.0 / np.sqrt(3.0)
 WHEEL_TIME, TORQUE_TIME = "time of a wheel speed", "time of a torque"
-TURNS = "friction that turns the wheel"
 
 #: Deviation expected of sound vehicles and tracks [-]: assumptions, from tolerances of brakes, wheels and test tracks.
 _EXPECTED = {
@@ -173,7 +171,6 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("form of an axle's friction", np.column_stack([slides * differs * line[:, None] for line in lines]),
               0.5 * _EXPECTED["friction"], True),
         Group("friction of an axle in a run", each(slides * own), _EXPECTED["friction"]),
-        Group(TURNS, slides * turns(rows), np.inf, True),
         Group("friction in time", _in_time(slides, by_run, own, clock), _EXPECTED["friction"]),
         # Net: what tau and mu_cd do is no discrepancy of the law.
         Group("law", Net(whitening, np.column_stack([segments, law]))(np.column_stack([slides * s for s in shapes]))[0],
