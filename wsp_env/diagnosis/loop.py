@@ -50,11 +50,13 @@ def foreseen(
     pushes, slides = (_blocks(values, block) for values in (torque - stop.torque, slip > least))
     pushes, keeps = pushes * (radius * stop.step_s / inertia), np.exp(-_blocks(holds, block) * (radius * stop.step_s / inertia))
     more = np.zeros((len(pushes), block + 1, slip.shape[1]))  # slip that friction would have left to the wheel [m/s]
+    throughout = np.asarray(slides.all(axis=1, keepdims=True))
+    known = pushes.mean(axis=1) * throughout[:, 0]  # what friction was beside the law goes on
     for _ in range(2):  # from the beginning of the block; then from that of the block before
         more[1:, 0] = more[:-1, block]
+        known = np.vstack([np.zeros_like(known[:1]), known[:-1]])
         for i in range(block):
-            more[:, i + 1] = keeps[:, i] * more[:, i] + pushes[:, i]
-    throughout = np.asarray(slides.all(axis=1, keepdims=True))
+            more[:, i + 1] = keeps[:, i] * more[:, i] + pushes[:, i] - known
     both = np.concatenate([np.zeros_like(throughout[:1]), throughout[1:] & throughout[:-1]])
     more = more[:, :block] * both
     wheel = stop.wheel - more.reshape(-1, slip.shape[1])[: len(slip)] / radius
