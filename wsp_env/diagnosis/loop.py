@@ -6,8 +6,8 @@ equations, Haavelmo, Econometrica 11, 1943). The slip that a law is asked at mus
 explain. What one knows before a block of time begins is the slip until then, and the torque; from these the wheel's own
 equation foresees the slip within the block (the prediction error method, L. Ljung, System identification, 1999, chapters 7 and
 13: in closed loop it has no such bias where the noise's colour is known, see `wsp_env.diagnosis.colour`). It begins one block
-earlier, as a slip that was smoothed knows a little of what follows. What friction was beside the law in the block before that is
-taken to go on, so that a large effect that is missing does not mislead.
+earlier, as a slip that was smoothed knows a little of what follows. What friction was beside the law in the block before that
+is taken to go on, so that a large effect that is missing does not mislead.
 """
 
 import dataclasses
