@@ -1,7 +1,7 @@
 """Limits on code that is not ours: time for one call, and processes that do not outlive their parent.
 
-Time is the processor's, so that a busy machine fails nobody, beside a much longer one by the clock for what only waits. POSIX
-alone has both; elsewhere nothing is limited.
+Time is the processor's, so that a busy machine fails nobody, beside a much longer one by the clock for what only waits. What
+numba compiles meanwhile does not count. POSIX alone has both; elsewhere nothing is limited.
 """
 
 import contextlib
@@ -14,6 +14,8 @@ import threading
 from collections.abc import Callable, Iterator
 from multiprocessing import connection, parent_process, resource_tracker
 from types import FrameType
+
+from numba.core import event
 
 try:
     import resource
@@ -109,12 +111,33 @@ def limited(cpu_s: float) -> Iterator[None]:
     before = [signal.setitimer(timer, seconds) for timer, _, seconds in timers]
     _limit_processor(2.0 * cpu_s + _GRACE_S)
     try:
-        yield
+        with event.install_listener("numba:compile", _Compiling(cpu_s)):
+            yield
     finally:
         _limit_processor(math.inf)
         for (timer, number, _), handler, (left, interval) in zip(timers, handlers, before, strict=True):
             signal.setitimer(timer, left, interval)
             signal.signal(number, handler)
+
+
+class _Compiling(event.Listener):
+    """Stops the clocks of `limited` while numba compiles."""
+
+    def __init__(self, cpu_s: float) -> None:
+        self._cpu_s, self._depth, self._left = cpu_s, 0, (0.0, 0.0)
+
+    def on_start(self, event: event.Event) -> None:
+        self._depth += 1
+        if self._depth == 1:
+            self._left = (signal.setitimer(signal.ITIMER_PROF, 0.0)[0], signal.setitimer(signal.ITIMER_REAL, 0.0)[0])
+            _limit_processor(math.inf)
+
+    def on_end(self, event: event.Event) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            for timer, left in zip((signal.ITIMER_PROF, signal.ITIMER_REAL), self._left, strict=True):
+                signal.setitimer(timer, left)
+            _limit_processor(2.0 * self._cpu_s + _GRACE_S)
 
 
 def _over(number: int, frame: FrameType | None) -> None:

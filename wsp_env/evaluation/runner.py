@@ -19,8 +19,8 @@ from wsp_env.plant.port import Measurement, Plant, Setup, Stop, given_up
 #: Time between two commands [s], as in the environments; a WSP decides some 50 times a second (assumption).
 CONTROL_INTERVAL_S = 0.02
 
-#: Time that a controller may take for one decision [s] of the processor: it may compile or load a lot at its first one
-#: (assumption); see `wsp_env.child.limited`.
+#: Time that a controller may take for one decision [s] of the processor: it may load a lot at its first one (assumption);
+#: what numba compiles does not count, see `wsp_env.child.limited`.
 DECISION_LIMIT_S = 30.0
 
 #: A stop that has not ended after so long is given up [s]: a locked coach on soap needs some 250 s from 200 km/h.
