@@ -432,23 +432,30 @@ def test_there_is_a_noise_for_every_balance():
 # --- curves
 
 
-@pytest.mark.parametrize("unexplained", [True, False])
-def test_curves_are_tried_once_and_only_where_what_is_left_matters(unexplained, monkeypatch):
+@pytest.mark.parametrize(
+    ("unexplained", "size", "holds_not"),
+    [(True, 0.0, []), (False, 0.0, []), (False, 0.5, []), (False, 2.0, ["track_gradient"])],
+)
+def test_curves_are_tried_once_and_only_where_what_is_left_matters(unexplained, size, holds_not, monkeypatch):
+    """Or where something has evidence and matters, but does not hold: with curves it is asked again, and told."""
     searched: list[list[str]] = []
 
     def screened(replica, model, tried, pool, accepted=()):
         searched.append([one.title for one in tried])
         return SimpleNamespace(found=(), second={})
 
+    refused = [dataclasses.replace(trial(GRADIENT, 40.0), size=StopChange(0.01 * size, 0.0))] if size else []
     monkeypatch.setattr(decide, "screen", screened)
     monkeypatch.setattr(decide, "terms", lambda replica, accepted=(): [TERM])
     monkeypatch.setattr(decide, "curves", lambda replica, accepted=(): [dataclasses.replace(TERM, family="a curve")])
     monkeypatch.setattr(decide, "structured", lambda replica, seen: SimpleNamespace(unexplained=unexplained))
     monkeypatch.setattr(decide, "weights_of", lambda replica, seen: None)
-    monkeypatch.setattr(decide, "FormsLeft", lambda *said: None)
-    monkeypatch.setattr(decide, "trials_of", lambda *said: [])
+    monkeypatch.setattr(decide, "FormsLeft", lambda *said: lambda one: SURE)
+    monkeypatch.setattr(decide, "trials_of", lambda *said: refused)
+    monkeypatch.setattr(decide, "_refused", lambda *said: True)
     replica = SimpleNamespace(baseline=Model(2e-4, (0.06,)))
     outcome = decide.select(replica, [GRADIENT], None)
-    with_curves = [["track_gradient", "a curve"]] if unexplained else []
+    with_curves = [["track_gradient", "a curve"]] if unexplained or holds_not else []
     assert searched == [["track_gradient", TERM.family], *with_curves]
     assert not outcome.accepted
+    assert [one.listed.title for one in outcome.refused] == holds_not

@@ -52,7 +52,8 @@ def test_what_is_removed_is_what_the_size_gets_right(share, alike):
     for seed in range(12):
         made = Linear(seed, alike)
         model = switched(Model(2e-4, (0.9, 0.9)), GRADIENT, np.array([share * TRUE]))
-        found = left(made, model, [GRADIENT], made.weights(), {"all": np.ones(RUNS * EACH, dtype=bool)})["all"]
+        every = {"all": np.ones(RUNS * EACH, dtype=bool)}
+        found = left(made, model, [GRADIENT], made.weights(), every, Model(2e-4, (0.9, 0.9)))["all"]
         assert found.best <= found.after + 1e-9
         removed.append(_removed(found, RUNS * EACH))
     assert np.median(removed) == pytest.approx(1.0 - (1.0 - share) ** 2, abs=0.15)
@@ -60,7 +61,8 @@ def test_what_is_removed_is_what_the_size_gets_right(share, alike):
 
 def test_nothing_can_be_removed_of_noise():
     made = Linear(3, 0.0)
-    found = left(made, Model(2e-4, (0.9, 0.9)), [], made.weights(), {"last": made.rows.run == RUNS - 1})["last"]
+    bare = Model(2e-4, (0.9, 0.9))
+    found = left(made, bare, [], made.weights(), {"last": made.rows.run == RUNS - 1}, bare)["last"]
     without = SimpleNamespace(before=1.02, after=1.02, best=1.0)
     assert found.before == pytest.approx(found.after)
     assert _removed(without, 800) is None
@@ -86,7 +88,8 @@ def test_an_extension_is_asked_about_its_own_replica_and_the_baseline_about_its_
         cost = 100.0 - 90.0 * ("track_gradient" in model.choice) + 5.0 * ("brake_gain_imbalance" in model.choice)
         return Fitted(model, tuple(variants), (), (), cost if replica.name != "b" else 1000.0)
 
-    def stub_left(replica, model, kept, weights, parts):
+    def stub_left(replica, model, kept, weights, parts, baseline):
+        assert not baseline.choice
         assert tuple(model.choice) == ("track_gradient",)
         return dict.fromkeys(parts, Left(30.0, 80.0, 1.0) if replica.name == "b" else Left(90.0, 1.0, 1.0))
 

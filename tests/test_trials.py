@@ -128,3 +128,19 @@ def test_the_form_of_what_was_accepted_lends_evidence_to_what_looks_like_it(monk
     rows["off"] = weak  # where the form hardly acts it leaves little
     assert least(trial) == trials.SURE
     assert trials.FormsLeft(replica, "accepted", [], screen)(trial) == trials.SURE
+
+
+@pytest.mark.parametrize(("shrinks", "rests"), [(0.2, True), (0.7, True), (0.95, False), (1.0, False)])
+def test_a_size_that_moves_on_from_replica_to_replica_does_not_hold(shrinks, rests, monkeypatch):
+    """Each replica moves it by so much of the move before: where the moves hardly shrink it has no end."""
+    at = {"size": 0.0, "move": 30.0}
+
+    def refit(replica, model, variants, weights):
+        at["size"], at["move"] = at["size"] + at["move"], shrinks * at["move"]
+        return Fitted(model, tuple(variants), (np.array([at["size"]]),), (np.eye(1),), 100.0)
+
+    monkeypatch.setattr(settle, "Replica", lambda *_: None)
+    monkeypatch.setattr(settle, "refit", refit)
+    begin = Fitted(Model(2e-4, (0.06,)), (GAIN,), (np.zeros(1),), (np.eye(1),), 100.0)
+    _, fitted = settle.settle(None, begin, None)
+    assert np.isfinite(fitted.cost) == rests

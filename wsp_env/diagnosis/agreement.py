@@ -34,6 +34,8 @@ class Agreement(NamedTuple):
     @property
     def missed(self) -> float:
         """Sum of squares by which they miss their common size: one less than there are runs is expected."""
+        if not len(self.multiples):
+            return 0.0
         precision = np.linalg.inv(self.covariance)
         rest = self.multiples - float(precision.sum(axis=0) @ self.multiples) / float(precision.sum())
         return float(rest @ precision @ rest)

@@ -73,6 +73,7 @@ class Outcome:
     accepted: tuple[Accepted, ...]
     first: Screen  # about the baseline
     last: Screen  # about the extended model
+    refused: tuple[Trial, ...] = ()  # where nothing was accepted: what has evidence and matters, but does not hold
 
     @property
     def missing(self) -> tuple[Accepted, ...]:
@@ -88,6 +89,7 @@ def select(
     by_curves = False
     fitted = Fitted(replica.baseline, (), (), (), 0.0)
     accepted: list[Accepted] = []
+    left: list[Trial] = []
     for _ in range(2 * MOST):  # rounds: one may be taken back
         if len(accepted) == MOST:
             break
@@ -99,7 +101,10 @@ def select(
         trials = trials_of(replica, seen, fitted, weights, pool)
         best, refused = _best(trials, refuses, stands, forms_left)
         if best is None:
-            if by_curves or not structured(replica, seen).unexplained:
+            left = left or [
+                one for one in trials if not accepted and one.listed.title in refused and one.size.multiple >= MATTERS
+            ]
+            if by_curves or not (left or structured(replica, seen).unexplained):
                 break
             by_curves = True  # nothing that has a form holds
             seen = _screened(replica, fitted, tried, curves(replica, [one.trial.listed for one in accepted]), pool)
@@ -114,7 +119,7 @@ def select(
         seen = _screened(replica, fitted, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
         if all(one.size.multiple < MATTERS for one in (best.trial, *sure)):
             break  # told as too small; nothing that matters could be taken for it
-    return Outcome(replica, fitted, tuple(accepted), first, seen)
+    return Outcome(replica, fitted, tuple(accepted), first, seen, () if accepted else tuple(left))
 
 
 def _screened(

@@ -115,9 +115,9 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     unexplained = left.unexplained and (removed or 0.0) < _MOST_REMOVED
     part = _describes_a_part(missing, left, found.removed_of)
     unexplained |= part
-    holds = not worthless and not unexplained
-    if worthless:
-        unexplained = structured(replica, outcome.first).unexplained
+    # What has evidence and matters, but does not hold, is something that no model here says.
+    unexplained |= worthless or (not missing and bool(outcome.missing or outcome.refused))
+    holds = not unexplained
     named = tuple(_named(replica, outcome, one, found) for one in missing if not one.trial.listed.family) if holds else ()
     terms = tuple(_discovered(replica, outcome, one, found) for one in missing if one.trial.listed.family) if holds else ()
     verdict = _verdict(named, terms, bool(named or terms) or unexplained, bool(sliding(replica).any()))
@@ -140,6 +140,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     ]
     if worthless:
         small += [f"seen in the runs to tune on, but worth nothing on those held out: {one.words}" for one in missing]
+    small += [f"seen, but in no form that holds: {one.listed.title.replace('_', ' ')}" for one in outcome.refused]
     if part and not worthless:
         small += [f"seen, but most of what goes on in the {left.balance} balance is left by it: {one.words}" for one in missing]
     if holds and missing and left.unexplained:
@@ -150,7 +151,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         sentence=sentence(verdict, named, where, terms),
         mechanisms=named,
         location=() if verdict in ("adequate", "insufficient") else where,
-        fit=_nothing_removed(found.fit) if verdict == "adequate" else found.fit,
+        fit=_nothing_removed(found.fit) if verdict == "adequate" or not holds else found.fit,
         detectable=detectable(outcome.first),
         next_test=next_test(verdict, named, reasons, where, terms),
         evidence=_evidence(outcome.first.found),
@@ -165,7 +166,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
 
 
 def _nothing_removed(fit: FitQuality) -> FitQuality:
-    """Return how well the baseline fits: what was accepted, but is too small to matter, is no part of an adequate answer."""
+    """Return how well the baseline fits: what is too small to matter, or does not hold, is no part of an answer."""
     return dataclasses.replace(fit, extended=fit.baseline, removed_validate=None)
 
 

@@ -92,9 +92,9 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
     parts = {"tune": ~held} | ({"validate": held} if held.any() else {})
     each = {name: held & (replica.rows.balance == balance) for balance, name in enumerate(BALANCES)}
     parts_and_balances = parts | {name: rows for name, rows in each.items() if rows.any()}
-    figures = left(own, after, kept, every, parts_and_balances)
+    figures = left(own, after, kept, every, parts_and_balances, before)
     if kept:  # the baseline about its own replica
-        bare = left(replica, after, kept, every, parts_and_balances)
+        bare = left(replica, after, kept, every, parts_and_balances, before)
         figures = {name: one._replace(before=bare[name].before) for name, one in figures.items()}
     base, extended = ({name: figures[name][i] for name in parts} for i in (0, 1))
     return Quality(
@@ -110,38 +110,37 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
 
 
 def left(
-    replica: Replica, model: Model, variants: Sequence[Variant], weights: Weights, parts: Mapping[str, np.ndarray]
+    replica: Replica,
+    model: Model,
+    variants: Sequence[Variant],
+    weights: Weights,
+    parts: Mapping[str, np.ndarray],
+    baseline: Model,
 ) -> dict[str, Left]:
-    """Return what parts of the rows (n,) bool leave of a model without and with its mechanisms.
+    """Return what parts of the rows (n,) bool leave of the baseline and of a model with mechanisms.
 
-    The friction of the runs is fitted anew in both. All other nuisances stay as they are found beside mechanisms of any size,
-    so that neither is favoured: were they fitted to either, they would take over what is missing.
+    The law of each is the one fitted with it, but for the friction of the runs, which is fitted anew. All other nuisances stay
+    as they are found beside mechanisms of any size, so that neither is favoured: were they fitted to either, they would take
+    over what is missing.
     """
-    base = replica.raw(model)
+    base, bare = replica.raw(model), replica.raw(baseline)
     y = weights(base)
-    off = model
-    for one in variants:
-        off = without(off, one)
-    effect = weights(replica.raw(off) - base)
     moves = np.column_stack([np.zeros((len(base), 0)), *(columns(replica, model, base, one) for one in variants)])
-    friction = weights(law_columns(replica, model, base)[:, 1:])
-    free = np.column_stack([weights(moves), friction])
+    law, own = (weights(law_columns(replica, *one)) for one in ((model, base), (baseline, bare)))
+    free = np.column_stack([weights(moves), law])
     projector = weights.projector
     fitted = free @ fit(projector.inner(free, free), projector.inner(free, y[:, None])[:, 0]).amplitude
     amplitudes = projector.amplitudes(y - fitted)
     sound = (y - fitted) - projector.rest(y - fitted)
     unlikely = float(amplitudes @ amplitudes) / len(y)  # in the nuisances' own deviations: the same beside any model
 
-    def mean(rows: np.ndarray, keep: np.ndarray) -> float:
-        mine, level = rows[keep], friction[keep]
+    def mean(rows: np.ndarray, level: np.ndarray, keep: np.ndarray) -> float:
+        mine, level = rows[keep], level[keep, 1:]
         rest = mine - level @ np.linalg.lstsq(level, mine, rcond=1e-9)[0]
         return float(rest @ rest) / len(mine) + unlikely
 
-    without_sound, best = y - sound, y - fitted - sound
-    return {
-        name: Left(mean(without_sound + effect, keep), mean(without_sound, keep), mean(best, keep))
-        for name, keep in parts.items()
-    }
+    before, after, best = weights(bare) - sound, y - sound, y - fitted - sound
+    return {name: Left(mean(before, own, keep), mean(after, law, keep), mean(best, law, keep)) for name, keep in parts.items()}
 
 
 def _removed(held: Left | None, rows: int) -> float | None:

@@ -3,6 +3,8 @@
 What a mechanism does bends: about the baseline it is linear over a part of its size only.
 """
 
+import dataclasses
+
 import numpy as np
 
 from wsp_env.diagnosis.balances import Balances
@@ -15,24 +17,29 @@ from wsp_env.diagnosis.replica import Replica
 _REPLICAS = 2, 6
 #: Deviations by which a size still moves from replica to replica, below which it has settled.
 _SETTLED = 0.5
+#: Share of the first move that the last one is at most where it comes to rest: a move that is not halved in so many has none
+#: (assumption).
+_COMES_TO_REST = 0.5
 #: Shares of a mechanism's size from which a fit that has run away begins anew: where it bends, the straight line about the
 #: baseline ends short of its size or beyond it.
 _SHARES = (0.5, 0.75, 1.25, 1.5)
 
 
 def settle(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Replica, Fitted]:
-    """Return the replica about an extended model, and the model fitted to it."""
+    """Return the replica about an extended model, and the model fitted to it: of infinite cost if it does not come to rest."""
+    moves = []
     for made in range(1, _REPLICAS[1] + 1):
         replica = Replica(recorded, fitted.model)
         again = refit(replica, fitted.model, fitted.variants, weights)
-        moved = max(
+        moves.append(max(
             float(np.max(np.abs(new - old) / np.sqrt(np.maximum(np.diag(spread), 1e-300))))
             for new, old, spread in zip(again.values, fitted.values, again.covariance, strict=True)
-        )
+        ))  # fmt: skip
         fitted = again
-        if made >= _REPLICAS[0] and moved < _SETTLED:
-            break
-    return replica, fitted
+        if made >= _REPLICAS[0] and moves[-1] < _SETTLED:
+            return replica, fitted
+    rests = moves[-1] < _COMES_TO_REST * moves[0]
+    return replica, fitted if rests else dataclasses.replace(fitted, cost=np.inf)
 
 
 def settle_anew(recorded: Balances, fitted: Fitted, variant: Variant, weights: Weights) -> tuple[Replica, Fitted]:
