@@ -7,7 +7,7 @@ import numpy as np
 
 from wsp_env.compiled import inlined, loop
 from wsp_env.observer.doubts import Doubts, GuardConstants, doubts_of, guard_of
-from wsp_env.observer.estimator import MASS_RANGE, ROLLING_ADHESION, EstimatorConstants, VehicleEstimate
+from wsp_env.observer.estimator import MASS_RANGE, ROLLING_ADHESION, EstimatorConstants, VehicleEstimate, surely_empty
 from wsp_env.observer.observation import constants_of, memory_of
 from wsp_env.plant.command import APPLIES, HOLDS, VENTS
 
@@ -62,7 +62,8 @@ def overrule(command: np.ndarray, state: Any, given: Any, memory: Any, constants
                     d.rest[i, k] = 0.0  # it is braked, and slides
             if e.doubtful[i] and k == last:  # the last watched axle shows the speed
                 released = RELEASED_SHARE * e.rolling_adhesion[i, k]
-                command[i, k] = VENTS if brake.full_brake * e.pressure_to_come[i, k] > released else HOLDS
+                full = brake.full_brake * e.pressure_to_come[i, k] > released or not surely_empty(i, k, e, brake)
+                command[i, k] = VENTS if full else HOLDS
             if ends or _expired(i, k, command[i, k], d, c, e, brake):
                 command[i, k] = APPLIES
 
