@@ -12,13 +12,13 @@ The names here are none of the estimator's: what a policy sees does not depend o
 from wsp_env.compiled import inlined
 
 #: Tolerances of a brake: it may fill in so much less time than the nominal one and empty in so much more, be vented by so much
-#: more than the nominal dead time too late [s] (half of it, and the lag of one axle's valve), and brake by so much more; and the
-#: distributor may rise in so much less time (assumptions: those of valves and pads that `agents.drawn` draws are 1.4, 1.5, 0.05 s,
-#: mostly less than 1.3, and 1.33).
+#: more than the nominal dead time too late [s] (half of it, and the lag of one axle's valve), and brake by so much more; and
+#: the distributor may rise in so much less time (assumptions; `agents.drawn` draws up to 1.4, 1.5, 0.05 s, mostly less than
+#: 1.3, and 1.33).
 FILLS_FASTER, EMPTIES_SLOWER, LATE_S, BRAKES_MORE, RISES_FASTER = 1.5, 1.5, 0.05, 4.0 / 3.0, 4.0 / 3.0
 
-#: Creepage [-] up to which a slide is shallow: poor rail then still carries more than four fifths of its best, and a wheel whose
-#: brake is estimated to be nearly empty would be turned faster by it even if the brake held four times that (assumption).
+#: Creepage [-] up to which a slide is shallow: poor rail then still carries more than four fifths of its best, and a wheel
+#: whose brake is estimated to be nearly empty would be turned faster even if it held three times that (assumption).
 SHALLOW_CREEPAGE = 0.1
 
 
