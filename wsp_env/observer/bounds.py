@@ -17,7 +17,7 @@ from wsp_env.compiled import inlined
 #: 1.3, and 1.33).
 FILLS_FASTER, EMPTIES_SLOWER, LATE_S, BRAKES_MORE, RISES_FASTER = 1.5, 1.5, 0.05, 4.0 / 3.0, 4.0 / 3.0
 
-#: Creepage [-] up to which a slide is shallow: poor rail then still carries more than four fifths of its best, and a wheel
+#: Creepage [-] up to which a slide is shallow: up to 160 km/h poor rail still carries three quarters of its best, and a wheel
 #: whose brake is estimated to be nearly empty would be turned faster even if it held three times that (assumption).
 SHALLOW_CREEPAGE = 0.1
 
