@@ -29,7 +29,7 @@ class Arguments:
 
     vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
     policy: Path = Path()  # folder; none: agents/trained/VEHICLE
-    prices: tuple[float, ...] = (1.5, 2.0, 3.0, 4.3, 6.0)  # of sliding, of the teacher
+    prices: tuple[float, ...] = (0.5, 1.0, 1.5, 2.0, 3.0, 4.3, 6.0)  # of sliding, of the teacher
     price: float = 4.3  # one of these, at which what is paid is compared: that of the bogie's and the coach's training
     stops: int = 48  # under each law
     drawn_by: int = HELD_OUT  # their seed
