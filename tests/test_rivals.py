@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from agents.drawn import DRAWS, FILL_S, REPORTED, WORN, against, over_seeds, standard_error, world
+from agents.drawn import DRAWS, FILL_S, KEPT, REPORTED, WORN, against, over_seeds, standard_error, world
 from agents.faults import DRY, Arguments, Broken, longest_lock, parts_of
 from agents.measure import low_adhesion
 from agents.rivals import at_slip, classical, envelope
 from agents.rules import KINDS, RANGES
+from agents.taught import over_front, paid
 from agents.tolerances import TOLERANCES, _over_the_first
 from baselines.adaptive import AdaptiveController, AdaptiveParameters, Settings
 from baselines.rule_based import LongSlide, RuleBasedParameters
@@ -101,6 +102,16 @@ def test_a_front_is_taken_at_the_same_slip_and_without_points_that_are_none_of_i
     points = [{"mean_slip_mps": s, "distance_m": d} for s, d in ((0.5, 900.0), (1.0, 800.0), (0.8, 950.0))]
     assert_allclose(at_slip(points, 0.75)["distance_m"], 850.0)
     assert at_slip(points, 2.0)["distance_m"] == 800.0
+
+
+def test_a_policy_is_put_over_the_teachers_front_at_its_own_slip():
+    front = [
+        {name: np.full(2, 1.0) for name in KEPT} | {"mean_slip_mps": np.full(2, slip), "distance_m": np.full(2, distance)}
+        for slip, distance in ((0.5, 900.0), (1.0, 800.0))
+    ]
+    own = front[0] | {"mean_slip_mps": np.array([0.5, 1.0]), "distance_m": np.array([867.0, 850.0])}
+    assert_allclose(over_front(own, front, np.arange(2)), 858.5 / 850.0)
+    assert_allclose(paid(own | {"duration_s": np.array([10.0, 20.0])}, 4.0), [887.0, 930.0])
 
 
 class Echo:

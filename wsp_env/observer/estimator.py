@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.compiled import inlined
+from wsp_env.observer import bounds
 from wsp_env.parameters.vehicle import Vehicle
 
 #: A wheelset that the estimated brake asks for less adhesion than this [-] for `ROLLING_S` [s] rolls (assumption: half the
@@ -78,6 +79,9 @@ class VehicleEstimate(NamedTuple):
     wheel: np.ndarray  # (N, A) circumferential wheel speed [m/s]
     pressure: np.ndarray  # (N, A) in the cylinder, share of full pressure [-]
     pressure_to_come: np.ndarray  # (N, A) the same once the commands on their way have acted [-]
+    most_pressure: np.ndarray  # (N, A) the most that the cylinder may hold, see `wsp_env.observer.bounds` [-]
+    vented: np.ndarray  # (N, A) for how long all commands on their way have been to vent [s]
+    unseen: np.ndarray  # (N, A) by how much the brake may exceed the estimated one, as an adhesion, smoothed [-]
     adhesion: np.ndarray  # (N, A) used, T / N [-]
     usual_adhesion: np.ndarray  # (N, A) the same of late [-]
     rolling_adhesion: np.ndarray  # (N, A) that a wheelset which rolls is asked for at most [-]
@@ -102,6 +106,8 @@ class EstimatorConstants(NamedTuple):
     rise: float  # of the distributor's pressure in an interval, share of full pressure [-]
     fill: float  # share of an exponential approach [-]: of a cylinder that is filled
     vent: float  # and one that is vented [-]
+    fill_most: float  # the same of the fastest filling
+    vent_least: float  # and the slowest venting
     usual: float  # of `USED_FILTER_S` [-]
     smooth: float  # of `ADHESION_FILTER_S` [-]
     lift: float  # of `FASTER_FILTER_S` [-]
@@ -122,6 +128,7 @@ def constants(vehicle: Vehicle, interval: float, by_pressure: bool) -> Estimator
     """Return the constants for measurements every `interval` [s] and commands that are pressures or go to valves."""
     brake = vehicle.brake
     mass = vehicle.mass_kg + 0.5 * vehicle.payload_kg
+    fastest, slowest = bounds.fill_and_vent(brake.fill_time_constant_s, brake.vent_time_constant_s)
     return EstimatorConstants(
         radius=vehicle.wheel_radius_m,
         full_pressure=brake.full_pressure_bar,
@@ -135,6 +142,8 @@ def constants(vehicle: Vehicle, interval: float, by_pressure: bool) -> Estimator
         rise=interval / brake.demand_rise_s,
         fill=approach(interval, brake.fill_time_constant_s),
         vent=approach(interval, brake.vent_time_constant_s),
+        fill_most=approach(interval, fastest),
+        vent_least=approach(interval, slowest),
         usual=approach(interval, USED_FILTER_S),
         smooth=approach(interval, ADHESION_FILTER_S),
         lift=approach(interval, FASTER_FILTER_S),
@@ -161,6 +170,7 @@ def begin(i: int, wheel_speed: np.ndarray, e: VehicleEstimate, c: EstimatorConst
         e.wheel[i, k] = c.radius * wheel_speed[i, k]
         fastest = max(fastest, e.wheel[i, k])
         e.pressure[i, k] = e.pressure_to_come[i, k] = 0.0
+        e.most_pressure[i, k] = e.vented[i, k] = e.unseen[i, k] = 0.0
         e.adhesion[i, k] = e.usual_adhesion[i, k] = 0.0
         e.rolling_adhesion[i, k] = ROLLING_ADHESION
         e.rolling_time[i, k] = e.ahead[i, k] = 0.0
@@ -213,8 +223,10 @@ def update(
     slowest = fastest * (1.0 - SLIDING_CREEPAGE_SEEN) - 3.0 * ROLLING_DEVIATION_MPS
     for k in range(axles):
         if e.rolling_time[i, k] >= ROLLING_S and e.wheel[i, k] > slowest:
+            seen = e.wheel[i, k] + ROLLING_CREEP_MPS
             empty = c.full_brake * e.pressure[i, k] < ROLLING_SHARE * e.rolling_adhesion[i, k]
-            _correct(i, e.wheel[i, k] + ROLLING_CREEP_MPS, ROLLING_DEVIATION_MPS, empty, e)
+            sure = (empty and bounds.is_shallow(e.speed[i] - seen, e.speed[i])) or surely_rolls(i, k, e, c)
+            _correct(i, seen, ROLLING_DEVIATION_MPS, sure, e)
     if e.since_slide[i] == math.inf and fastest >= 0.0:
         _correct(i, fastest + ROLLING_CREEP_MPS, BRAKED_DEVIATION_MPS, True, e)
     _raise(i, e, c)
@@ -237,13 +249,46 @@ def _follow_brake(i: int, k: int, command: float, measured: np.ndarray, e: Vehic
         e.commands[i, age, k] = e.commands[i, age - 1, k]
     e.commands[i, 0, k] = command
     if measured.size > 0:
-        e.pressure[i, k] = measured[i, k] / c.full_pressure
+        e.pressure[i, k] = e.most_pressure[i, k] = measured[i, k] / c.full_pressure
     else:
         e.pressure[i, k] = _after(e.pressure[i, k], e.commands[i, last, k], e.distributor[i], e.demand[i], c)
+        _bound(i, k, e, c)
+    more = bounds.brake(e.most_pressure[i, k], c.full_brake) - c.full_brake * e.pressure[i, k]
+    e.unseen[i, k] += c.smooth * (more - e.unseen[i, k])
     coming = e.pressure[i, k]
     for age in range(last - 1, -1, -1):
         coming = _after(coming, e.commands[i, age, k], e.distributor[i], e.demand[i], c)
     e.pressure_to_come[i, k] = coming
+
+
+@inlined
+def _bound(i: int, k: int, e: VehicleEstimate, c: EstimatorConstants) -> None:
+    """Follow the most that the cylinder of axle k may hold: any command on its way may act already, a vent be late."""
+    most, highest = e.most_pressure[i, k], 0.0
+    for age in range(e.commands.shape[1]):
+        acts = e.commands[i, age, k]
+        given = bounds.supply(e.distributor[i], e.demand[i])
+        target = given if acts > 0.5 else (0.0 if acts < -0.5 else most)
+        if c.by_pressure:
+            target = min(0.5 * (acts + 1.0) * e.demand[i], given)
+        highest = max(highest, target)
+    e.vented[i, k] = e.vented[i, k] + c.interval if highest < most else 0.0
+    if highest > most:
+        e.most_pressure[i, k] += c.fill_most * (highest - most)
+    elif bounds.is_late(e.vented[i, k], c.interval):
+        e.most_pressure[i, k] += c.vent_least * (highest - most)
+
+
+@inlined
+def surely_rolls(i: int, k: int, e: VehicleEstimate, c: EstimatorConstants) -> bool:
+    """Return whether the wheelset of axle k rolls on any rail and with any brake within its tolerances."""
+    return surely_empty(i, k, e, c) and e.adhesion[i, k] + e.unseen[i, k] < ROLLING_ADHESION
+
+
+@inlined
+def surely_empty(i: int, k: int, e: VehicleEstimate, c: EstimatorConstants) -> bool:
+    """Return whether the brake of axle k, if within its tolerances, asks for less than any rail carries."""
+    return bounds.brake(e.most_pressure[i, k], c.full_brake) < ROLLING_ADHESION
 
 
 @inlined
@@ -277,7 +322,8 @@ def _correct(i: int, seen: float, deviation: float, sure: bool, e: VehicleEstima
     One that is further off than three standard deviations says that the forces are less certain than believed, as those of a
     brake with other times are: so much less certain is all, but q no less than its bounds allow. Where the vehicle would run
     slower by more than what is doubtful, the brake may also be fuller than believed, and the wheel slide on steadily: unless it
-    rolls for `sure`, it only makes the speed as uncertain as it is off, so that a wheelset is released further.
+    rolls for `sure`, see `surely_rolls`, it only makes the speed as uncertain as it is off, so that a wheelset is released
+    further.
     """
     missing = seen - e.speed[i]
     if missing < -DOUBTFUL_MPS and not sure:

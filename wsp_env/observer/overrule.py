@@ -7,7 +7,15 @@ import numpy as np
 
 from wsp_env.compiled import inlined, loop
 from wsp_env.observer.doubts import Doubts, GuardConstants, doubts_of, guard_of
-from wsp_env.observer.estimator import MASS_RANGE, ROLLING_ADHESION, EstimatorConstants, VehicleEstimate
+from wsp_env.observer.estimator import (
+    MASS_RANGE,
+    ROLLING_ADHESION,
+    SLIDE_REMEMBERED_S,
+    SLOW_MPS,
+    EstimatorConstants,
+    VehicleEstimate,
+    surely_empty,
+)
 from wsp_env.observer.observation import constants_of, memory_of
 from wsp_env.plant.command import APPLIES, HOLDS, VENTS
 
@@ -28,6 +36,11 @@ TIMER_S, TIMER_REST_S, BLIND_REST_S = 10.0, 1.0, 0.3
 #: itself (assumptions: the environments' slide limit; EN 15595, no WSP below 3 to 5 km/h, the lower end).
 END_CREEPAGE, END_MPS = 0.3, 0.83
 
+#: Below `SLOW_MPS` the estimator doubts nothing. There the running speed is in doubt all the same, beside a slide, while so
+#: many of its standard deviations are more than that creepage: all wheels may be about to lock together. So down to this speed
+#: [m/s] (assumptions: as many deviations as contradict a belief; EN 15595, no WSP below 3 to 5 km/h, the upper end).
+END_DEVIATIONS, UNDOUBTED_MPS = 3.0, 1.39
+
 
 @loop
 def overrule(command: np.ndarray, state: Any, given: Any, memory: Any, constants: Any) -> None:
@@ -37,7 +50,8 @@ def overrule(command: np.ndarray, state: Any, given: Any, memory: Any, constants
     e, acceleration = seen.estimate, seen.filtered.acceleration
     brake = constants_of(constants).estimator
     for i in range(command.shape[0]):
-        fastest, used, full, sound, last, shows = 0.0, 1e9, True, 0, -1, e.doubtful[i]
+        doubtful = e.doubtful[i] or _doubtful_end(i, e)
+        fastest, used, full, sound, last, shows = 0.0, 1e9, True, 0, -1, doubtful
         for k in range(command.shape[1]):
             if not d.failed[i, k]:
                 sound, last = sound + 1, k
@@ -60,11 +74,21 @@ def overrule(command: np.ndarray, state: Any, given: Any, memory: Any, constants
                 command[i, k] = VENTS
                 if acceleration[i, k] < -hardest:
                     d.rest[i, k] = 0.0  # it is braked, and slides
-            if e.doubtful[i] and k == last:  # the last watched axle shows the speed
+            if doubtful and k == last:  # the last watched axle shows the speed
                 released = RELEASED_SHARE * e.rolling_adhesion[i, k]
-                command[i, k] = VENTS if brake.full_brake * e.pressure_to_come[i, k] > released else HOLDS
+                full = brake.full_brake * e.pressure_to_come[i, k] > released or not surely_empty(i, k, e, brake)
+                command[i, k] = VENTS if full else HOLDS
             if ends or _expired(i, k, command[i, k], d, c, e, brake):
                 command[i, k] = APPLIES
+
+
+@inlined
+def _doubtful_end(i: int, e: VehicleEstimate) -> bool:
+    """Return whether the running speed of a stop that is nearly over may be far from the estimated one."""
+    wrong = END_DEVIATIONS * e.uncertainty[i]
+    if e.speed[i] > SLOW_MPS or e.since_slide[i] > SLIDE_REMEMBERED_S:
+        return False
+    return wrong > END_CREEPAGE * e.speed[i] and e.speed[i] + wrong > UNDOUBTED_MPS
 
 
 @inlined
