@@ -76,8 +76,8 @@ def overrule(command: np.ndarray, state: Any, given: Any, memory: Any, constants
                     d.rest[i, k] = 0.0  # it is braked, and slides
             if doubtful and k == last:  # the last watched axle shows the speed
                 released = RELEASED_SHARE * e.rolling_adhesion[i, k]
-                full = brake.full_brake * e.pressure_to_come[i, k] > released or not surely_empty(i, k, e, brake)
-                command[i, k] = VENTS if full else HOLDS
+                braked = brake.full_brake * e.pressure_to_come[i, k] > released or not surely_empty(i, k, e, brake)
+                command[i, k] = VENTS if braked else HOLDS
             if ends or _expired(i, k, command[i, k], d, c, e, brake):
                 command[i, k] = APPLIES
 
