@@ -109,9 +109,10 @@ def limited(cpu_s: float) -> Iterator[None]:
     timers = ((signal.ITIMER_PROF, signal.SIGPROF, cpu_s), (signal.ITIMER_REAL, signal.SIGALRM, CLOCK_PER_CPU * cpu_s))
     handlers = [signal.signal(number, _over) for _, number, _ in timers]
     before = [signal.setitimer(timer, seconds) for timer, _, seconds in timers]
-    _limit_processor(2.0 * cpu_s + _GRACE_S)
+    processor_s = 2.0 * cpu_s + _GRACE_S
+    _limit_processor(processor_s)
     try:
-        with event.install_listener("numba:compile", _Compiling(cpu_s)):
+        with event.install_listener("numba:compile", _Compiling(processor_s)):
             yield
     finally:
         _limit_processor(math.inf)
@@ -121,10 +122,10 @@ def limited(cpu_s: float) -> Iterator[None]:
 
 
 class _Compiling(event.Listener):
-    """Stops the clocks of `limited` while numba compiles."""
+    """Stops the clocks of `limited` while numba compiles, and the system's limit on the processor's time [s]."""
 
-    def __init__(self, cpu_s: float) -> None:
-        self._cpu_s, self._depth, self._left = cpu_s, 0, (0.0, 0.0)
+    def __init__(self, processor_s: float) -> None:
+        self._processor_s, self._depth, self._left = processor_s, 0, (0.0, 0.0)
 
     def on_start(self, event: event.Event) -> None:
         self._depth += 1
@@ -137,7 +138,7 @@ class _Compiling(event.Listener):
         if self._depth == 0:
             for timer, left in zip((signal.ITIMER_PROF, signal.ITIMER_REAL), self._left, strict=True):
                 signal.setitimer(timer, left)
-            _limit_processor(2.0 * self._cpu_s + _GRACE_S)
+            _limit_processor(self._processor_s)
 
 
 def _over(number: int, frame: FrameType | None) -> None:
