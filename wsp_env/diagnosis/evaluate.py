@@ -173,10 +173,11 @@ class Evaluator:
 
     def _predicted(self, m: along.PlantModel, p: along.Prediction) -> np.ndarray:
         """Return the change of speed (T,) that wheels and resistance predict from each start on [m/s]."""
-        rate = along.true_wheel_acceleration(m, *self._rates)
-        force = (self._braking(p) + p.inertia_kgm2 * rate) @ (1.0 / p.radius_m) + p.resistance_n
-        parts = zip(self._trajectory.stops, self.stops, p.mass_kg, strict=True)
-        sums = [(np.cumsum(force[samples]) - 0.5 * force[samples]) * (-stop.step_s / mass) for samples, stop, mass in parts]
+        force, impulse = self._braking(p) @ (1.0 / p.radius_m) + p.resistance_n, p.wheel_speed_radps @ (p.inertia_kgm2 / p.radius_m)
+        sums = []
+        for samples, stop, mass in zip(self._trajectory.stops, self.stops, p.mass_kg, strict=True):
+            lost = (np.cumsum(force[samples]) - 0.5 * force[samples]) * stop.step_s + impulse[samples] - impulse[samples.start]
+            sums.append(lost / -mass)
         return np.concatenate(sums)
 
     def _belief(self, mu_cd: Sequence[float], tau: float) -> along.Belief:

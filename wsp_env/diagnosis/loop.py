@@ -7,7 +7,8 @@ explain. What one knows before a block of time begins is the slip until then, an
 equation foresees the slip within the block (the prediction error method, L. Ljung, System identification, 1999, chapters 7 and
 13: in closed loop it has no such bias where the noise's colour is known, see `wsp_env.diagnosis.colour`). It begins one block
 earlier, as a slip that was smoothed knows a little of what follows. What friction was beside the law in the block before that
-is taken to go on, so that a large effect that is missing does not mislead.
+is taken to go on, so that a large effect that is missing does not mislead. What holds for a slip holds for how fast a wheel
+turns: what reads a wheel late, or gives it another inertia, acts by its rates, and these know the friction just as well.
 """
 
 import dataclasses
@@ -34,9 +35,9 @@ def stretches(rows: Rows) -> list[np.ndarray]:
 def foreseen(
     stop: PreparedStop, torque: np.ndarray, holds: np.ndarray, block: int, radius: float, inertia: float
 ) -> PreparedStop:
-    """Return a stop whose sliding wheels have in each block the speeds that are foreseen at the beginning of the one before.
+    """Return a stop whose sliding wheels turn in each block as it is foreseen at the beginning of the one before.
 
-    Rates and torques stay as they are; so does a wheel that does not slide throughout both.
+    Torques stay as they are; so does a wheel that does not slide throughout both.
 
     Parameters
     ----------
@@ -59,10 +60,18 @@ def foreseen(
         for i in range(block):
             more[:, i + 1] = keeps[:, i] * more[:, i] + pushes[:, i] - known
     both = np.concatenate([np.zeros_like(throughout[:1]), throughout[1:] & throughout[:-1]])
-    more = more[:, :block] * both
-    wheel = stop.wheel - more.reshape(-1, slip.shape[1])[: len(slip)] / radius
-    slid_on = np.clip(wheel, 0.0, (stop.speed[:, None] - least) / radius)
-    return dataclasses.replace(stop, wheel=np.where(slip > least, slid_on, stop.wheel))
+    rate = np.diff(more, axis=1) / stop.step_s
+    lost = [
+        (values * both).reshape(-1, slip.shape[1])[: len(slip)] / radius
+        for values in (more[:, :block], rate, np.gradient(rate, stop.step_s, axis=1))
+    ]
+    slid_on = np.clip(stop.wheel - lost[0], 0.0, (stop.speed[:, None] - least) / radius)
+    return dataclasses.replace(
+        stop,
+        wheel=np.where(slip > least, slid_on, stop.wheel),
+        wheel_rate=stop.wheel_rate - lost[1],
+        wheel_jerk=stop.wheel_jerk - lost[2],
+    )
 
 
 def _blocks(values: np.ndarray, block: int) -> np.ndarray:
