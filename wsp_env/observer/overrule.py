@@ -22,10 +22,11 @@ from wsp_env.plant.command import APPLIES, HOLDS, VENTS
 
 #: An axle that is not watched is braked fully while each watched axle has been applied, or has had so much of the brake asked
 #: for, for so long [s], and the vehicle slows as brakes that hold make it slow, be they the weakest within their tolerances: a
-#: weak watched brake does not vouch for a stronger one. Otherwise it is vented for so long [s], so that a wheel that has locked
-#: turns again, and then braked by this share of the least adhesion that a watched axle uses. The share is what brakes of one
-#: vehicle may differ by: at 0.9 wheels lock where brakes are drawn (assumptions).
-FULL_SHARE, CALM_S, RELEASE_S, BLIND_SHARE = 0.95, 3.0, 0.7, 0.75
+#: weak watched brake does not vouch for a stronger one. Otherwise it is vented for so long [s], so that a wheel that has slid
+#: far turns again (by 8 m/s once the cylinder is empty, where the rail carries 0.045), and then braked by this share of the
+#: least adhesion that a watched axle uses. The share is what brakes of one vehicle may differ by: at 0.9 wheels lock where
+#: brakes are drawn (assumptions).
+FULL_SHARE, CALM_S, RELEASE_S, BLIND_SHARE = 0.95, 3.0, 2.0, 0.75
 
 #: An axle that is let roll to show the running speed is held below this share of the adhesion that says so (assumption).
 RELEASED_SHARE = 0.5
