@@ -173,7 +173,8 @@ class Evaluator:
 
     def _predicted(self, m: along.PlantModel, p: along.Prediction) -> np.ndarray:
         """Return the change of speed (T,) that wheels and resistance predict from each start on [m/s]."""
-        force, impulse = self._braking(p) @ (1.0 / p.radius_m) + p.resistance_n, p.wheel_speed_radps @ (p.inertia_kgm2 / p.radius_m)
+        force = self._braking(p) @ (1.0 / p.radius_m) + p.resistance_n
+        impulse = p.wheel_speed_radps @ (p.inertia_kgm2 / p.radius_m)  # exact, where rates are foreseen too
         sums = []
         for samples, stop, mass in zip(self._trajectory.stops, self.stops, p.mass_kg, strict=True):
             lost = (np.cumsum(force[samples]) - 0.5 * force[samples]) * stop.step_s + impulse[samples] - impulse[samples.start]
