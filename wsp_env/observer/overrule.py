@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from wsp_env.compiled import inlined, loop
+from wsp_env.observer import bounds
 from wsp_env.observer.doubts import Doubts, GuardConstants, doubts_of, guard_of
 from wsp_env.observer.estimator import (
     MASS_RANGE,
@@ -20,9 +21,10 @@ from wsp_env.observer.observation import constants_of, memory_of
 from wsp_env.plant.command import APPLIES, HOLDS, VENTS
 
 #: An axle that is not watched is braked fully while each watched axle has been applied, or has had so much of the brake asked
-#: for, for so long [s]: what the rail carries there, it carries here. Otherwise it is vented for so long [s], so that a wheel
-#: that has locked turns again, and then braked by this share of the least adhesion that a watched axle uses. The share is what
-#: brakes of one vehicle may differ by: at 0.9 wheels lock where brakes are drawn (assumptions).
+#: for, for so long [s], and the vehicle slows as brakes that hold make it slow, be they the weakest within their tolerances: a
+#: weak watched brake does not vouch for a stronger one. Otherwise it is vented for so long [s], so that a wheel that has locked
+#: turns again, and then braked by this share of the least adhesion that a watched axle uses. The share is what brakes of one
+#: vehicle may differ by: at 0.9 wheels lock where brakes are drawn (assumptions).
 FULL_SHARE, CALM_S, RELEASE_S, BLIND_SHARE = 0.95, 3.0, 0.7, 0.75
 
 #: An axle that is let roll to show the running speed is held below this share of the adhesion that says so (assumption).
@@ -59,9 +61,15 @@ def overrule(command: np.ndarray, state: Any, given: Any, memory: Any, constants
                 full = full and (command[i, k] > 0.5 or e.pressure_to_come[i, k] >= FULL_SHARE * e.distributor[i])
                 used = min(used, min(e.adhesion[i, k], e.usual_adhesion[i, k]))
                 shows = shows or e.rolling_time[i, k] > 0.0
+            d.slowing[i, k] -= c.slow * (acceleration[i, k] + d.slowing[i, k])
+        borne = _borne(i, d, c, e, brake)
         if not shows:  # else one is released to show the speed: what it uses then says nothing of the rail
             d.used[i] = used
-            d.full[i] = d.full[i] + c.interval if full else 0.0
+            if full and borne:
+                d.full[i] += c.interval
+            else:  # what was braked fully in vain is for so much longer not braked so again
+                refuted = d.full[i] > CALM_S and not borne and sound < command.shape[1]
+                d.full[i] = -d.full[i] if refuted else min(d.full[i], 0.0)
         running = max(e.speed[i], fastest)
         hardest = MASS_RANGE[1] * brake.full_force * command.shape[1] / brake.mass  # no vehicle slows by more [m/s2]
         ends = running + e.uncertainty[i] < END_MPS
@@ -80,6 +88,24 @@ def overrule(command: np.ndarray, state: Any, given: Any, memory: Any, constants
                 command[i, k] = VENTS if braked else HOLDS
             if ends or _expired(i, k, command[i, k], d, c, e, brake):
                 command[i, k] = APPLIES
+
+
+@inlined
+def _borne(i: int, d: Doubts, c: GuardConstants, e: VehicleEstimate, brake: EstimatorConstants) -> bool:
+    """Return whether the vehicle slows by no less than brakes make it slow that hold, and are the weakest within tolerances.
+
+    It slows as the watched wheel that slows least. A wheel that nobody watches, and that slides far or stands, adds less.
+    """
+    d.supply[i] = bounds.slowly(d.supply[i], e.distributor[i], brake.rise)
+    d.filled[i] += brake.fill / bounds.FILLS_FASTER * (d.supply[i] - d.filled[i])
+    axles, least, held = d.slowing.shape[1], math.inf, 0.0
+    for k in range(axles):
+        held += min(e.pressure[i, k], d.filled[i]) / axles
+        if not d.failed[i, k]:
+            least = min(least, d.slowing[i, k])
+    d.asked[i] += c.slow * (bounds.weakest(held, brake.full_brake) - d.asked[i])
+    rolling = (brake.mass + axles * brake.rotating) / (axles * brake.axle_weight)  # of the deceleration, the adhesion
+    return d.asked[i] < ROLLING_ADHESION or rolling * least > d.asked[i]
 
 
 @inlined
