@@ -71,6 +71,7 @@ class Doubts(NamedTuple):
     supply: np.ndarray  # (N,) the least that the distributor gives, share of full pressure [-]
     filled: np.ndarray  # (N,) and the least that it has filled a cylinder to [-]
     asked: np.ndarray  # (N,) least mean adhesion that the brakes ask for, smoothed as the deceleration is [-]
+    slid: np.ndarray  # (N,) bool, a watched wheel has slowed as no vehicle does since the brake asked for was last held
     clean: np.ndarray  # (N, A) what the observer is given [rad/s]
 
 
@@ -91,6 +92,7 @@ def allocate(n: int, axles: int) -> Doubts:
     arrays["ratio"][:], arrays["full"][:] = 1.0, np.inf
     for name in ("failed", "standing"):
         arrays[name] = np.zeros((n, axles), dtype=bool)
+    arrays["slid"] = np.zeros(n, dtype=bool)
     return Doubts(**arrays)
 
 
