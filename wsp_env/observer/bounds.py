@@ -12,9 +12,9 @@ The names here are none of the estimator's: what a policy sees does not depend o
 from wsp_env.compiled import inlined
 
 #: Tolerances of a brake: it may fill in so much less time than the nominal one and empty in so much more, be vented by so much
-#: more than the nominal dead time too late [s] (half of it, and the lag of one axle's valve), and brake by so much more; and
-#: the distributor may rise in so much less time (assumptions; `agents.drawn` draws up to 1.4, 1.5, 0.05 s, mostly less than
-#: 1.3, and 1.33).
+#: more than the nominal dead time too late [s] (half of it, and the lag of one axle's valve), and brake by so much more or
+#: less; and the distributor may rise in so much less or more time (assumptions; `agents.drawn` draws up to 1.4, 1.5, 0.05 s,
+#: mostly less than 1.3, and 1.33).
 FILLS_FASTER, EMPTIES_SLOWER, LATE_S, BRAKES_MORE, RISES_FASTER = 1.5, 1.5, 0.05, 4.0 / 3.0, 4.0 / 3.0
 
 #: Creepage [-] up to which a slide is shallow: up to 160 km/h poor rail still carries three quarters of its best, and a wheel
@@ -43,6 +43,18 @@ def is_late(vented: float, interval: float) -> bool:
 def brake(most: float, full_brake: float) -> float:
     """Return the adhesion [-] that a cylinder pressure, share of full pressure, asks for at most."""
     return BRAKES_MORE * full_brake * most
+
+
+@inlined
+def slowly(least: float, distributor: float, rise: float) -> float:
+    """Return the least that the distributor gives, from that before, what it is estimated to and its rise in an interval."""
+    return min(distributor, least + rise / RISES_FASTER)
+
+
+@inlined
+def weakest(pressure: float, full_brake: float) -> float:
+    """Return the adhesion [-] that a cylinder pressure, share of full pressure, asks for at least."""
+    return full_brake * pressure / BRAKES_MORE
 
 
 @inlined

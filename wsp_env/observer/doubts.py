@@ -67,6 +67,11 @@ class Doubts(NamedTuple):
     rest: np.ndarray  # (N, A) for how long the safety timer still applies it [s]
     used: np.ndarray  # (N,) least adhesion of a watched axle, while none is released to show the speed [-]
     full: np.ndarray  # (N,) for how long each watched axle has had the brake asked for [s]
+    slowing: np.ndarray  # (N, A) deceleration of the wheel, smoothed [m/s2]
+    supply: np.ndarray  # (N,) the least that the distributor gives, share of full pressure [-]
+    filled: np.ndarray  # (N,) and the least that it has filled a cylinder to [-]
+    asked: np.ndarray  # (N,) least mean adhesion that the brakes ask for, smoothed as the deceleration is [-]
+    slid: np.ndarray  # (N,) bool, a watched wheel has slowed as no vehicle does since the brake asked for was last held
     clean: np.ndarray  # (N, A) what the observer is given [rad/s]
 
 
@@ -82,10 +87,12 @@ class GuardConstants(NamedTuple):
 
 def allocate(n: int, axles: int) -> Doubts:
     """Return the doubts at the start of n stops: none."""
-    arrays = {name: np.zeros(n if name in ("learned", "used", "full") else (n, axles)) for name in Doubts._fields}
+    per_vehicle = {"learned", "used", "full", "supply", "filled", "asked"}
+    arrays = {name: np.zeros(n if name in per_vehicle else (n, axles)) for name in Doubts._fields}
     arrays["ratio"][:], arrays["full"][:] = 1.0, np.inf
     for name in ("failed", "standing"):
         arrays[name] = np.zeros((n, axles), dtype=bool)
+    arrays["slid"] = np.zeros(n, dtype=bool)
     return Doubts(**arrays)
 
 

@@ -327,7 +327,7 @@ def _correct(i: int, seen: float, deviation: float, sure: bool, e: VehicleEstima
     """
     missing = seen - e.speed[i]
     if missing < -DOUBTFUL_MPS and not sure:
-        e.speed_variance[i] = max(e.speed_variance[i], missing * missing)
+        _doubt_forces(i, missing * missing / e.speed_variance[i], e)
         return
     more = missing * missing / (9.0 * (e.speed_variance[i] + deviation * deviation))
     if more > 1.0:
@@ -342,6 +342,16 @@ def _correct(i: int, seen: float, deviation: float, sure: bool, e: VehicleEstima
     e.mass_variance[i] -= gain_q * e.covariance[i]
     e.covariance[i] -= gain_v * e.covariance[i]
     e.speed_variance[i] -= gain_v * e.speed_variance[i]
+
+
+@inlined
+def _doubt_forces(i: int, more: float, e: VehicleEstimate) -> None:
+    """Make the running speed so many times as uncertain (variance), and q with it: what took it astray are the forces."""
+    if more > 1.0:
+        wider = min(more, max((MASS_RANGE[1] - 1.0) * (MASS_RANGE[1] - 1.0) / e.mass_variance[i], 1.0))
+        e.speed_variance[i] *= more
+        e.covariance[i] *= math.sqrt(more * wider)
+        e.mass_variance[i] *= wider
 
 
 @inlined

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from wsp_env.compiled import inlined, loop
+from wsp_env.observer import bounds
 from wsp_env.observer.doubts import Doubts, GuardConstants, doubts_of, guard_of
 from wsp_env.observer.estimator import (
     MASS_RANGE,
@@ -20,16 +21,22 @@ from wsp_env.observer.observation import constants_of, memory_of
 from wsp_env.plant.command import APPLIES, HOLDS, VENTS
 
 #: An axle that is not watched is braked fully while each watched axle has been applied, or has had so much of the brake asked
-#: for, for so long [s]: what the rail carries there, it carries here. Otherwise it is vented for so long [s], so that a wheel
-#: that has locked turns again, and then braked by this share of the least adhesion that a watched axle uses. The share is what
-#: brakes of one vehicle may differ by: at 0.9 wheels lock where brakes are drawn (assumptions).
+#: for, for so long [s], and the vehicle slows as brakes that hold make it slow, be they the weakest within their tolerances: a
+#: weak watched brake does not vouch for a stronger one. Otherwise it is vented for so long [s], so that a wheel that slides
+#: turns again, and then braked by this share of the least adhesion that a watched axle uses. The share is what brakes of one
+#: vehicle may differ by: at 0.9 wheels lock where brakes are drawn (assumptions).
 FULL_SHARE, CALM_S, RELEASE_S, BLIND_SHARE = 0.95, 3.0, 0.7, 0.75
+
+#: It is vented for so long [s] where a watched wheel has slowed as no vehicle does: that one slid, and it may have slid further
+#: (a nominal brake empties in 0.5 s, and 0.045 of its load turns a wheel by 8 m/s in the rest).
+LONG_RELEASE_S = 2.0
 
 #: An axle that is let roll to show the running speed is held below this share of the adhesion that says so (assumption).
 RELEASED_SHARE = 0.5
 
-#: An axle whose brake was as good as empty for so long [s] is applied for so long [s], and for so long if it is not watched
-#: (assumptions: EN 15595, venting at most 10 s; too short to lock).
+#: An axle whose brake was as good as empty for so long [s] is applied for so long [s], or for so long if it is not watched. One
+#: that is not watched, holds some brake and was not applied for as long is applied for one command (assumptions: EN 15595,
+#: venting at most 10 s; too short to lock).
 TIMER_S, TIMER_REST_S, BLIND_REST_S = 10.0, 1.0, 0.3
 
 #: Creepage [-] from which a wheel is vented at the end of a stop, and the running speed [m/s] below which the brake is left to
@@ -51,19 +58,27 @@ def overrule(command: np.ndarray, state: Any, given: Any, memory: Any, constants
     brake = constants_of(constants).estimator
     for i in range(command.shape[0]):
         doubtful = e.doubtful[i] or _doubtful_end(i, e)
+        hardest = MASS_RANGE[1] * brake.full_force * command.shape[1] / brake.mass  # no vehicle slows by more [m/s2]
         fastest, used, full, sound, last, shows = 0.0, 1e9, True, 0, -1, doubtful
+        d.slid[i] = d.slid[i] and d.full[i] <= CALM_S
         for k in range(command.shape[1]):
             if not d.failed[i, k]:
                 sound, last = sound + 1, k
+                d.slid[i] = d.slid[i] or d.slowing[i, k] > hardest
                 fastest = max(fastest, e.wheel[i, k])
                 full = full and (command[i, k] > 0.5 or e.pressure_to_come[i, k] >= FULL_SHARE * e.distributor[i])
                 used = min(used, min(e.adhesion[i, k], e.usual_adhesion[i, k]))
                 shows = shows or e.rolling_time[i, k] > 0.0
+            d.slowing[i, k] -= c.slow * (acceleration[i, k] + d.slowing[i, k])
+        borne = _borne(i, d, c, e, brake)
         if not shows:  # else one is released to show the speed: what it uses then says nothing of the rail
             d.used[i] = used
-            d.full[i] = d.full[i] + c.interval if full else 0.0
+            if full and borne:
+                d.full[i] += c.interval
+            else:  # what was braked fully in vain is for so much longer not braked so again
+                refuted = d.full[i] > CALM_S and not borne and sound < command.shape[1]
+                d.full[i] = -d.full[i] if refuted else min(d.full[i], 0.0)
         running = max(e.speed[i], fastest)
-        hardest = MASS_RANGE[1] * brake.full_force * command.shape[1] / brake.mass  # no vehicle slows by more [m/s2]
         ends = running + e.uncertainty[i] < END_MPS
         for k in range(command.shape[1]):
             if d.failed[i, k]:
@@ -80,6 +95,24 @@ def overrule(command: np.ndarray, state: Any, given: Any, memory: Any, constants
                 command[i, k] = VENTS if braked else HOLDS
             if ends or _expired(i, k, command[i, k], d, c, e, brake):
                 command[i, k] = APPLIES
+
+
+@inlined
+def _borne(i: int, d: Doubts, c: GuardConstants, e: VehicleEstimate, brake: EstimatorConstants) -> bool:
+    """Return whether the vehicle slows by no less than brakes make it slow that hold, and are the weakest within tolerances.
+
+    It slows as the watched wheel that slows least. A wheel that nobody watches, and that slides far or stands, adds less.
+    """
+    d.supply[i] = bounds.slowly(d.supply[i], e.distributor[i], brake.rise)
+    d.filled[i] += brake.fill / bounds.FILLS_FASTER * (d.supply[i] - d.filled[i])
+    axles, least, held = d.slowing.shape[1], math.inf, 0.0
+    for k in range(axles):
+        held += min(e.pressure[i, k], d.filled[i]) / axles
+        if not d.failed[i, k]:
+            least = min(least, d.slowing[i, k])
+    d.asked[i] += c.slow * (bounds.weakest(held, brake.full_brake) - d.asked[i])
+    rolling = (brake.mass + axles * brake.rotating) / (axles * brake.axle_weight)  # of the deceleration, the adhesion
+    return d.asked[i] < ROLLING_ADHESION or rolling * least > d.asked[i]
 
 
 @inlined
@@ -111,20 +144,24 @@ def _lost(i: int, k: int, acceleration: float, e: VehicleEstimate, brake: Estima
 def _expired(
     i: int, k: int, command: float, d: Doubts, c: GuardConstants, e: VehicleEstimate, brake: EstimatorConstants
 ) -> bool:  # fmt: skip
-    """Return whether the safety timer applies the axle."""
-    braked = command > 0.5 or brake.full_brake * e.pressure_to_come[i, k] > ROLLING_ADHESION
+    """Return whether the safety timer applies the axle.
+
+    Where nobody watches the wheel, only an application counts: that its brake holds something is believed, never seen.
+    """
+    holds = brake.full_brake * e.pressure_to_come[i, k] > ROLLING_ADHESION
+    braked = command > 0.5 or (holds and not d.failed[i, k])
     d.unbraked[i, k] = 0.0 if braked else d.unbraked[i, k] + c.interval
     d.rest[i, k] = max(d.rest[i, k] - c.interval, 0.0)
     if d.unbraked[i, k] > c.timer:
         d.unbraked[i, k] = 0.0
-        d.rest[i, k] = BLIND_REST_S if d.failed[i, k] else c.timer_rest
+        d.rest[i, k] = (c.interval if holds else BLIND_REST_S) if d.failed[i, k] else c.timer_rest
     return d.rest[i, k] > 0.0
 
 
 @inlined
 def _blind(i: int, k: int, d: Doubts, e: VehicleEstimate, brake: EstimatorConstants) -> float:
     """Return the command of an axle that is not watched, beside watched ones that do not all hold the brake asked for."""
-    if d.blind[i, k] <= RELEASE_S:
+    if d.blind[i, k] <= (LONG_RELEASE_S if d.slid[i] else RELEASE_S):
         return VENTS
     wanted, held = BLIND_SHARE * max(d.used[i], 0.0), brake.full_brake * e.pressure_to_come[i, k]
     offered = brake.full_brake * e.distributor[i]
