@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 from synthetic_stops import stop, write_campaign
 
 from wsp_env.diagnosis.balances import Balances
@@ -14,7 +14,7 @@ from wsp_env.diagnosis.fitting import moved_by, refit, weigh
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.diagnosis.trials import forms
-from wsp_env.diagnosis.variation import MU_CD, Group, Net, law_columns, segment_columns
+from wsp_env.diagnosis.variation import MU_CD, Group, Net, law_columns, nuisances, segment_columns
 from wsp_env.recordings import read_campaign
 
 LAW = Model(2e-4, (0.06, 0.07))
@@ -46,6 +46,15 @@ def test_the_friction_of_a_stop_that_does_not_slide_is_not_moved(replica, weight
     assert fitted.model.mu_cd[0] != LAW.mu_cd[0]
     assert fitted.model.tau != LAW.tau
     assert refit(replica, LAW, (), weights, free_law=False).model.tau == LAW.tau
+
+
+def test_friction_that_differs_between_axles_acts_on_wheels_that_roll_near_it_too(replica):
+    """All axles' frictions up by a share is mu_cd of every run up by that share, also where no wheel slides."""
+    base = replica.raw(LAW)
+    groups = {group.name: group.columns for group in nuisances(replica, LAW, base, replica.whitening(LAW))}
+    every = law_columns(replica, LAW, base)[:, 1:].sum(axis=1)
+    assert_allclose(groups["friction of an axle"].sum(axis=1), every, rtol=1e-12)
+    assert np.abs(every[(replica.rows.run == 1) & replica.rows.wheels]).max() > 0.2 * np.abs(every).max()
 
 
 @pytest.mark.parametrize("factor", [0.05, 0.3, 3.0, 8.0])

@@ -167,10 +167,10 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("track", friction[:, None] * _track(rows.place, rows.wheels, _SHORT_M), _EXPECTED["track"]),
         Group("track of a run", _track_of_runs(friction, rows), _EXPECTED["friction"]),
         Group("track over long", friction[:, None] * _track(rows.place, rows.wheels, _LONG_M), _EXPECTED["track"], True),
-        Group("friction of an axle", slides * own, _EXPECTED["friction"], True, "friction of an axle in a run"),
+        Group("friction of an axle", friction[:, None] * own, _EXPECTED["friction"], True, "friction of an axle in a run"),
         Group("form of an axle's friction", np.column_stack([slides * differs * line[:, None] for line in lines]),
               0.5 * _EXPECTED["friction"], True),
-        Group("friction of an axle in a run", each(slides * own), _EXPECTED["friction"]),
+        Group("friction of an axle in a run", each(friction[:, None] * own), _EXPECTED["friction"]),
         Group("friction in time", _in_time(slides, by_run, own, clock), _EXPECTED["friction"]),
         # Net: what tau and mu_cd do is no discrepancy of the law.
         Group("law", Net(whitening, np.column_stack([segments, law]))(np.column_stack([slides * s for s in shapes]))[0],
