@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from wsp_env.diagnosis.stops import prepare
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import CampaignError, CampaignWarning, demo_campaign, read_campaign, tune
 from wsp_env.recordings.suspect import suspects
+from wsp_env.recordings.suspect.delays import _onset
 from wsp_env.recordings.suspect.factors import level
 from wsp_env.recordings.suspect.momentum import axle_gain
 from wsp_env.recordings.suspect.search import Search
@@ -368,3 +370,13 @@ def test_a_locked_wheel_is_not_dead(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CampaignWarning)
         assert read_campaign(folder).runs["A1"].missing_axles == ()
+
+
+def test_a_brake_that_fills_slowly_is_late_by_its_level_but_not_by_its_beginning():
+    """A protection that meters what it lets into a cylinder fills one axle's more slowly; a late channel is late by both."""
+    time = 0.01 * np.arange(400)
+    filled = [np.clip(rate * (time - begin), 0.0, 1.0) for begin, rate in ((1.0, 4.0), (1.3, 4.0), (1.0, 0.5))]
+    traces = SimpleNamespace(time=time, step=0.01, torque=8000.0 * np.column_stack(filled), good=np.ones(400, dtype=bool))
+    first, late, slow = (np.array(_onset(traces, axle)) for axle in range(3))
+    assert late - first == pytest.approx([0.3, 0.3], abs=1e-3)
+    assert slow - first == pytest.approx([0.15 / 0.5 - 0.15 / 4.0, 0.0], abs=1e-3)

@@ -127,12 +127,13 @@ def _witnesses(search: Search, name: str) -> dict[int, _Witnesses]:
     one, here, own = search.traces()[name], search.sound(name), search.own_balances()[name]
     lags = {k: b.lag_s for k in here if (b := own[k]) is not None and b.correlation > _FITS}
     several = len(here) > 2  # of two nobody says which is late
-    onsets = {k: _onset(one, k) if several else np.nan for k in here}
+    onsets = {k: _onset(one, k) if several else (np.nan, np.nan) for k in here}
     rolls = {k: late for k in here if (late := _late(one, k)) is not None} if several else {}
     found = {}
     for axle in here:
         apart = _apart(own, lags, axle) if len(lags) > 1 or search.axles == 1 else np.nan
-        onset = onsets[axle] - _median([value for k, value in onsets.items() if k != axle])
+        begun = [onsets[axle][i] - _median([value[i] for k, value in onsets.items() if k != axle]) for i in (0, 1)]
+        onset = min(begun, key=abs)  # a brake that rises more slowly than the others is not late
         nothing = (np.nan, np.nan, np.nan, np.nan)
         wheel, error, torque, torque_error = rolls.get(axle, nothing) if len(rolls) > 2 else nothing
         others = [abs(np.array(late)) for k, late in rolls.items() if k != axle]
@@ -156,16 +157,22 @@ def _apart(own: list[OwnBalance | None], lags: dict[int, float], axle: int) -> f
     return lags[axle] - usual if mine.left(usual) > _MORE * max(float(np.median(leave)), _LEAST_LEFT) else 0.0
 
 
-def _onset(one: Traces, axle: int) -> float:
-    """Return when a torque first passes a share of its largest [s]; nan where it does so from the start."""
+def _onset(one: Traces, axle: int) -> tuple[float, float]:
+    """Return when a torque first passes a share of its largest [s], and when it begins by a straight line through half of it.
+
+    Both nan where it does so from the start.
+    """
     torque = one.torque[:, axle] - float(np.median(one.torque[: max(round(0.3 / one.step), 1), axle]))
     inside = one.good | (np.arange(len(torque)) < np.argmax(one.good))
     least = _APPLIES * float(torque[inside].max(initial=0.0))
-    after = np.flatnonzero(torque > least)
-    if least <= 0.0 or not after.size or after[0] * one.step < 0.3:
-        return np.nan
-    i = int(after[0])
-    return float(one.time[i] - one.step * (torque[i] - least) / max(torque[i] - torque[i - 1], 1e-9))
+    passed = []
+    for level in (least, 0.5 * least):
+        after = np.flatnonzero(torque > level)
+        if level <= 0.0 or not after.size or after[0] * one.step < 0.3:
+            return np.nan, np.nan
+        i = int(after[0])
+        passed.append(float(one.time[i] - one.step * (torque[i] - level) / max(torque[i] - torque[i - 1], 1e-9)))
+    return passed[0], 2.0 * passed[1] - passed[0]
 
 
 def _late(one: Traces, axle: int) -> tuple[float, float, float, float] | None:
