@@ -7,6 +7,7 @@ with other elementary functions. `cuda_kernel` compiles one for a GPU. With `NUM
 plain Python (slow, for coverage and debugging).
 """
 
+import copy
 import hashlib
 import linecache
 import os
@@ -20,6 +21,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
+from numba.core import inline_closurecall
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -29,6 +31,22 @@ _numba: Any = numba
 # error_model "numpy": a division by zero gives inf or nan as in numpy, and costs no branch in the hot loop.
 # nogil: kernels touch no Python object, threads may run them side by side.
 _OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
+
+
+class _CopyOfBlocks:
+    """Stands for the module `copy` in numba's inliner, which uses its `deepcopy` for the blocks of a kernel that it inlines.
+
+    With each block numba 0.68 copies the table of all names of the kernel, twice, and only reads it: half of the time that
+    compiling the plant took. Here the blocks of a kernel share that table.
+    """
+
+    @staticmethod
+    def deepcopy(block: Any) -> Any:
+        return copy.deepcopy(block, {id(block.scope): block.scope})
+
+
+if getattr(inline_closurecall, "copy", None) is copy:
+    vars(inline_closurecall)["copy"] = _CopyOfBlocks
 
 #: Folders that hold kernels, or what kernels are made of.
 _KERNELS = ("contact", "observer", "parameters", "plant")
