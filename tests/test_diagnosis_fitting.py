@@ -9,12 +9,13 @@ from synthetic_stops import stop, write_campaign
 
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import Variant, columns, parameter_of, switched, without
+from wsp_env.diagnosis.covariance import Evidence
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import moved_by, refit, weigh
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.diagnosis.trials import forms
-from wsp_env.diagnosis.variation import MU_CD, Group, Net, law_columns, nuisances, segment_columns
+from wsp_env.diagnosis.variation import MU_CD, ONSET, Group, Net, law_columns, nuisances, segment_columns
 from wsp_env.recordings import read_campaign
 
 LAW = Model(2e-4, (0.06, 0.07))
@@ -55,6 +56,26 @@ def test_friction_that_differs_between_axles_acts_on_wheels_that_roll_near_it_to
     every = law_columns(replica, LAW, base)[:, 1:].sum(axis=1)
     assert_allclose(groups["friction of an axle"].sum(axis=1), every, rtol=1e-12)
     assert np.abs(every[(replica.rows.run == 1) & replica.rows.wheels]).max() > 0.2 * np.abs(every).max()
+
+
+def test_a_drag_is_told_whenever_it_sets_in(replica):
+    """A brake that drags with 500 N m, from its application on or 0.8 s later: nothing else is said to vary more for that."""
+    drag = Variant("dragging_brake", ("torque_nm",), {"axle": 1.0, "from_start": 0.0})
+    base, whitening = replica.raw(LAW), replica.whitening(LAW)
+    groups = nuisances(replica, LAW, base, whitening)
+    (onset,) = (group for group in groups if group.name == ONSET)
+    effect = replica.raw(switched(LAW, drag, np.array([500.0]))) - base
+    largest = max(float(run.brake_torque_nm.max()) for run in replica.campaign.runs.values())
+    until = onset.columns.reshape(len(base), 2, -1, replica.axles)[:, :, :3, 0].sum(axis=(1, 2))  # of axle 1, 0.8 s
+    told = []
+    for rows in (base - effect, base - effect + 500.0 / largest * until):
+        evidence = Evidence(replica, whitening, [*groups, Group("drag", effect[:, None], np.inf, True)], rows, until[:, None])
+        sizes = evidence.solve()
+        told.append((evidence.amplitudes(sizes)[-1], dict(zip(evidence.names, sizes.groups, strict=True))))
+    (exact, before), (found, after) = told
+    assert found == pytest.approx(exact, rel=0.02)
+    assert after[ONSET] > 2.0 * before[ONSET]
+    assert all(after[name] < 1.2 * before[name] for name in before if name != ONSET)
 
 
 @pytest.mark.parametrize("factor", [0.05, 0.3, 3.0, 8.0])

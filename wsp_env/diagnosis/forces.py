@@ -20,6 +20,7 @@ class Forces:
         self._balances = balances
         self._parts: list[tuple[Blocks, Evaluation]] = list(zip(balances.parts, balances.evaluate(model), strict=True))
         self._largest = max(float(np.abs(one.braking).max(initial=0.0)) for _, one in self._parts)
+        self._recorded = max(float(np.abs(one.torque).max(initial=0.0)) for _, one in self._parts)
         nominal = [part.joined(brakes=part.wheel_rows(one.braking)) for part, one in self._parts]
         self.nominal = np.concatenate(nominal)
         # A return spring takes a pressure off, and pressures have a zero: the torque's line does not pass through zero.
@@ -43,10 +44,9 @@ class Forces:
 
     def zeros(self) -> np.ndarray:
         """Columns (n, A) by an offset of each axle's torque, over the largest recorded."""
-        largest = max(float(np.abs(one.torque).max(initial=0.0)) for _, one in self._parts)
         found = []
         for part, one in self._parts:
-            moment = np.full(one.torque.shape, largest)
+            moment = np.full(one.torque.shape, self._recorded)
             lost = np.column_stack([part.summed(x) for x in moment.T / (self._balances.radius * one.mass)])
             found.append(self._rows(part, one, moment, lost, moment, slow=True))
         return np.vstack(found)
@@ -78,6 +78,22 @@ class Forces:
             lambda time: np.column_stack([np.interp(time, nodes, unit) for unit in np.eye(len(nodes))]), slow=True
         )
         return np.column_stack([columns * (rows.run == i)[:, None] for columns in found for i in range(len(self._parts))])
+
+    def onsets(self, apart_s: float, nodes: int) -> np.ndarray:
+        """Columns by each axle's torque from its first application on in each run, between nodes, over the largest recorded."""
+        axles, found = self._balances.axles, []
+        for i, (part, one) in enumerate(self._parts):
+            applied = np.abs(one.torque) > APPLIED_SHARE * self._recorded
+            since = part.stop.time[:, None] - part.stop.time[applied.argmax(axis=0)]
+            mine = []
+            for node in range(nodes):
+                moment = self._recorded * np.clip(1.0 - np.abs(since / apart_s - node), 0.0, None) * applied.any(axis=0)
+                lost = np.column_stack([part.summed(x) for x in moment.T / (self._balances.radius * one.mass)])
+                mine.append(self._rows(part, one, moment, lost, moment))
+            wide = np.zeros((len(mine[0]), len(self._parts), nodes * axles))
+            wide[:, i] = np.column_stack(mine)
+            found.append(wide.reshape(len(wide), -1))
+        return np.vstack(found)
 
     def on_vehicle(self, apart_s: float) -> np.ndarray:
         """Columns by a force on the vehicle in time, between nodes, in each run, as a share of its weight."""

@@ -24,12 +24,13 @@ from wsp_env.diagnosis.replica import Replica
 _SHORT_M, _LONG_M, _RUN_M = 3.0, 30.0, 10.0
 _APART = 8.0  # lengths beyond which places are not alike at all: exp(-32)
 _COURSE_NODE_S = 4.0  # of what varies in time
+_ONSET_NODE_S, _ONSET_NODES = 0.4, 4  # of a torque from its brake's first application on: how it comes about is in no model
 _SHAPE_NODES = 6  # of what varies over slip, speed or work, at quantiles
 MU_CD = 0.15  # [-] of a run's, about the believed one: assumption
 LOG_TAU = 1.0  # [-] about where the search starts: says next to nothing
 _FREE = 1e3  # deviation of a free column, in its own unit of whitened rows of length 1
 _UNIFORM = 1.0 / np.sqrt(3.0)
-WHEEL_TIME, TORQUE_TIME = "time of a wheel speed", "time of a torque"
+WHEEL_TIME, TORQUE_TIME, ONSET = "time of a wheel speed", "time of a torque", "torque as a brake is applied"
 
 #: Deviation expected of sound vehicles and tracks [-]: assumptions, from tolerances of brakes, wheels and test tracks.
 _EXPECTED = {
@@ -44,6 +45,7 @@ _EXPECTED = {
     "friction": 0.008,  # of an axle's friction: from run to run, in time
     "law": 0.002,  # of friction over slip, speed and work: the law's own form
     "torque": 0.003 * _UNIFORM,  # of a brake's torque in time
+    "onset": 0.01,  # of a brake's torque, over the largest, as it is first applied: pads come to bear, a rigging gives
     "force": 0.0005,  # of the vehicle in time, over its weight
 }
 
@@ -156,6 +158,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("gain of a run", each(forces.gain), gain),
         Group("zero of the torque", forces.zeros(), _EXPECTED["zero"], True),
         Group("torque in time", forces.courses(_COURSE_NODE_S), _EXPECTED["torque"]),
+        Group(ONSET, forces.onsets(_ONSET_NODE_S, _ONSET_NODES), _EXPECTED["onset"]),
         Group(WHEEL_TIME, forces.late_wheels() @ apart, sample, True),
         Group(TORQUE_TIME, forces.late_torques() @ apart, sample, True),
         Group("inertia", np.column_stack([turning, turning.sum(axis=1)]), _EXPECTED["inertia"], True),
