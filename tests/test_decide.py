@@ -21,6 +21,7 @@ from wsp_env.diagnosis.fitting import Fitted, Weights
 from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.search import LARGE, SEEN, SMALL, _freed, _one, _posterior, can_be
+from wsp_env.diagnosis.settle import moved
 from wsp_env.diagnosis.speed import SpeedNoise, estimate, estimate_noise
 from wsp_env.diagnosis.trials import FORM, PRIOR, PRIOR_TERM, SURE, odds
 from wsp_env.diagnosis.variation import Group, contrasts
@@ -459,3 +460,12 @@ def test_curves_are_tried_once_and_only_where_what_is_left_matters(unexplained, 
     assert searched == [["track_gradient", TERM.family], *with_curves]
     assert not outcome.accepted
     assert [one.listed.title for one in outcome.refused] == holds_not
+
+
+def test_a_move_is_counted_in_the_deviations_that_the_size_has_afterwards():
+    """Of all free parameters the one that moves furthest counts: here 3 N over a deviation of 2 N."""
+    model = Model(2e-4, (0.05,))
+    before = Fitted(model, (GAIN, GRADIENT), (np.array([0.1]), np.array([4.0])), (np.eye(1), np.eye(1)), 0.0)
+    after = dataclasses.replace(before, values=(np.array([0.6]), np.array([7.0])), covariance=(np.eye(1), 4.0 * np.eye(1)))
+    assert moved(before, after) == pytest.approx(1.5)
+    assert moved(before, before) == 0.0

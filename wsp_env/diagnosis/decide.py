@@ -21,7 +21,7 @@ from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
-from wsp_env.diagnosis.settle import settle, settle_anew
+from wsp_env.diagnosis.settle import moved, settle, settle_anew
 from wsp_env.diagnosis.structure import structured
 from wsp_env.diagnosis.trials import FORM, SURE, FormsLeft, Trial, form_of, forms, odds, trials_of, weights_of
 
@@ -36,6 +36,8 @@ MATTERS = 0.75
 INDISTINCT = 10.0
 #: Factor by which a mechanism may grow beside a further one: twice what its own form may err by, at 90 % (assumption).
 GROWN = 1.7
+#: Deviations by which a mechanism moves under the nuisances' sizes beside it, from which on all is asked again about it there.
+MOVES = 1.0
 #: Deviations by which a nuisance may be pulled further beside a mechanism than without it: what cancels it is no finding.
 PULLED = 4.0
 
@@ -117,6 +119,11 @@ def select(
         replica, fitted, accepted = _beside([*accepted, named], best, weights, seen)
         replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen)
         seen = _screened(replica, fitted, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
+        # What was missing made everything else seem to vary more, and so itself seem smaller.
+        own, again = settle(replica.recorded, fitted, weights_of(replica, seen))
+        if np.isfinite(again.cost) and moved(fitted, again) > MOVES:
+            replica, fitted, accepted = _sized(own, again, accepted, seen)
+            seen = _screened(replica, fitted, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
         if all(one.size.multiple < MATTERS for one in (best.trial, *sure)):
             break  # told as too small; nothing that matters could be taken for it
     return Outcome(replica, fitted, tuple(accepted), first, seen, () if accepted else tuple(left))

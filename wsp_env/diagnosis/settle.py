@@ -31,15 +31,20 @@ def settle(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Replic
     for made in range(1, _REPLICAS[1] + 1):
         replica = Replica(recorded, fitted.model)
         again = refit(replica, fitted.model, fitted.variants, weights)
-        moves.append(max(
-            float(np.max(np.abs(new - old) / np.sqrt(np.maximum(np.diag(spread), 1e-300))))
-            for new, old, spread in zip(again.values, fitted.values, again.covariance, strict=True)
-        ))  # fmt: skip
+        moves.append(moved(fitted, again))
         fitted = again
         if made >= _REPLICAS[0] and moves[-1] < _SETTLED:
             return replica, fitted
     rests = moves[-1] < _COMES_TO_REST * moves[0]
     return replica, fitted if rests else dataclasses.replace(fitted, cost=np.inf)
+
+
+def moved(before: Fitted, after: Fitted) -> float:
+    """Return by how many deviations the size of a mechanism moved at most."""
+    return max(
+        float(np.max(np.abs(new - old) / np.sqrt(np.maximum(np.diag(spread), 1e-300))))
+        for new, old, spread in zip(after.values, before.values, after.covariance, strict=True)
+    )
 
 
 def settle_anew(recorded: Balances, fitted: Fitted, variant: Variant, weights: Weights) -> tuple[Replica, Fitted]:
