@@ -45,7 +45,7 @@ _EXPECTED = {
     "friction": 0.008,  # of an axle's friction: from run to run, in time
     "law": 0.002,  # of friction over slip, speed and work: the law's own form
     "torque": 0.003 * _UNIFORM,  # of a brake's torque in time
-    "onset": 0.01,  # of a brake's torque, over the largest, as it is first applied: pads come to bear, a rigging gives
+    "onset": 0.003,  # of a brake's torque, over the largest, as it is first applied: pads come to bear, a rigging gives
     "force": 0.0005,  # of the vehicle in time, over its weight
 }
 
