@@ -47,7 +47,7 @@ class Forces:
         found = []
         for part, one in self._parts:
             moment = np.full(one.torque.shape, self._recorded)
-            lost = np.column_stack([part.summed(x) for x in moment.T / (self._balances.radius * one.mass)])
+            lost = self._lost(part, one, moment)
             found.append(self._rows(part, one, moment, lost, moment, slow=True))
         return np.vstack(found)
 
@@ -67,7 +67,7 @@ class Forces:
         found = []
         for part, one in self._parts:
             moment = np.gradient(one.torque, part.stop.step_s, axis=0)
-            lost = np.column_stack([part.summed(x) for x in moment.T / (self._balances.radius * one.mass)])
+            lost = self._lost(part, one, moment)
             found.append(self._rows(part, one, moment, lost, moment))
         return np.vstack(found)
 
@@ -88,7 +88,7 @@ class Forces:
             mine = []
             for node in range(nodes):
                 moment = self._recorded * np.clip(1.0 - np.abs(since / apart_s - node), 0.0, None) * applied.any(axis=0)
-                lost = np.column_stack([part.summed(x) for x in moment.T / (self._balances.radius * one.mass)])
+                lost = self._lost(part, one, moment)
                 mine.append(self._rows(part, one, moment, lost, moment))
             wide = np.zeros((len(mine[0]), len(self._parts), nodes * axles))
             wide[:, i] = np.column_stack(mine)
@@ -119,11 +119,13 @@ class Forces:
             pieces = []
             for (part, one), weight in zip(self._parts, weights, strict=True):
                 moment = weight[:, [k]] * one.torque
-                force = moment / (self._balances.radius * one.mass)
-                lost = np.column_stack([part.summed(x) for x in force.T])
-                pieces.append(self._rows(part, one, moment, lost, moment, slow))
+                pieces.append(self._rows(part, one, moment, self._lost(part, one, moment), moment, slow))
             found.append(np.vstack(pieces))
         return found
+
+    def _lost(self, part: Blocks, one: Evaluation, moment: np.ndarray) -> np.ndarray:
+        """Return the speed (T, A) [m/s] that the vehicle loses by each wheelset's moment (T, A) [N m]."""
+        return np.column_stack([part.summed(x) for x in moment.T / (self._balances.radius * one.mass)])
 
     def _rows(
         self, part: Blocks, one: Evaluation, moment: np.ndarray, lost: np.ndarray, braking: np.ndarray | None = None,
