@@ -30,7 +30,7 @@ def page_of(found: Diagnosis, folder) -> tuple[str, str]:
 
 
 DISCOVERED = Discovered(
-    "brake torque", ("brake torque", "friction"), (1,), "650 N m while braking", ("braking",),
+    "brake torque", ("friction",), ("friction by braking time",), (1,), "650 N m while braking", ("braking",),
     {"coefficient": Estimate(650.0, "N m", (600.0, 700.0))}, ("dragging brake",), 0.93, 3.0, 500.0, 200.0,
 )  # fmt: skip
 SUSPECT = SuspectChannel("axle2_brake_torque_nm", "1000 times too small", "give it the unit kN m")

@@ -87,7 +87,7 @@ def test_the_sentence_claims_no_more_than_there_is():
 
 def test_a_term_without_a_name_is_said_with_its_equation_and_what_it_looks_like():
     term = Discovered(
-        "brake torque", (), (3,), "650 N m on axle 3 while braking", ("braking",),
+        "brake torque", (), (), (3,), "650 N m on axle 3 while braking", ("braking",),
         {"coefficient_1": Estimate(650.0, "-", (600.0, 700.0))}, ("dragging brake",), 0.8, 3.0, 100.0, 50.0,
     )  # fmt: skip
     words = sentence("discovered", (), (), (term,))

@@ -7,7 +7,7 @@ import pytest
 
 from wsp_env.diagnosis.balances import ADHESION, VEHICLE
 from wsp_env.diagnosis.candidates import Candidate
-from wsp_env.diagnosis.discovered import MISREAD, NAME, axle_groups, curves, equation, slot_of, terms
+from wsp_env.diagnosis.discovered import MISREAD, NAME, axle_groups, curves, equation, slot_of, slot_of_title, terms
 from wsp_env.diagnosis.search import can_be
 from wsp_env.plant.mechanisms.term_words import SLOTS
 from wsp_env.plant.mechanisms.terms import Feature, Slot
@@ -102,3 +102,9 @@ def test_a_group_of_axles_is_said():
     words = equation(one, one.fixed | {"coefficient_1": -0.1})
     assert words.axles == (3, 4)
     assert words.equation == "friction of axles 3 and 4 falls by 10 %, times running speed over 30 m/s"
+
+
+def test_what_competes_with_a_term_has_a_slot():
+    assert all(slot_of_title(one.title) == slot_of(one) for search in (terms, curves) for one in tried(search=search))
+    slots_of = {name: slot_of_title(name) for name in ("flash_temperature", "dragging_brake", "vehicle_mass", "clock_offset")}
+    assert list(slots_of.values()) == ["friction", "brake torque", "vehicle force", "sensor"]

@@ -107,8 +107,9 @@ class Discovered:
     """A term that has no name in the library, accepted on runs that it was not fitted to."""
 
     slot: str  # brake torque, friction, recovery, vehicle force or sensor
-    slots_not_separable: tuple[str, ...]  # where the same term explains as much
-    axles: tuple[int, ...]  # from 1; none for the vehicle
+    slots_not_separable: tuple[str, ...]  # other slots in which a term or a name explains as much
+    alternatives: tuple[str, ...]  # what explains as much, best first
+    axles: tuple[int, ...]  # from 1, all of them where it acts on every wheel; none for the vehicle and its sensor
     equation: str  # in words and units
     features: tuple[str, ...]  # what it depends on
     parameters: dict[str, Estimate]

@@ -13,7 +13,7 @@ from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import parameter_of, unavailable, variants, without
 from wsp_env.diagnosis.data_first import data_first
 from wsp_env.diagnosis.decide import Accepted, Outcome, select
-from wsp_env.diagnosis.discovered import equation, looks_like, slot_of
+from wsp_env.diagnosis.discovered import OF_WHEELS, equation, looks_like, slot_of, slot_of_title
 from wsp_env.diagnosis.effects import course, curve, held_out
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import baseline, sliding
@@ -241,9 +241,11 @@ def _named(replica: Replica, outcome: Outcome, one: Accepted, found: Quality) ->
 def _discovered(replica: Replica, outcome: Outcome, one: Accepted, found: Quality) -> Discovered:
     at, variant = outcome.accepted.index(one), one.trial.variant
     values = outcome.fitted.model.choice[variant.name]
-    words = equation(variant, values)
+    words, slot, others = equation(variant, values), slot_of(variant), one.alternatives[1:]
+    slots = tuple(other for other in dict.fromkeys(map(slot_of_title, others)) if other != slot)
+    axles = words.axles or (tuple(range(1, replica.axles + 1)) if slot in OF_WHEELS else ())
     return Discovered(
-        slot_of(variant), tuple(name for name in one.alternatives[1:]), words.axles, words.equation, words.features,
+        slot, slots, tuple(name.replace("_", " ") for name in others), axles, words.equation, words.features,
         _estimates(outcome, one), looks_like(variant), found.fit.removed_validate, one.trial.size.multiple,
         one.trial.reduction, found.held_out[at],
     )  # fmt: skip

@@ -11,7 +11,7 @@ import numpy as np
 from wsp_env.diagnosis.balances import ADHESION
 from wsp_env.diagnosis.candidates import Variant
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.plant.mechanisms import misread_speed
+from wsp_env.plant.mechanisms import ALL, misread_speed
 from wsp_env.plant.mechanisms.discovered import TERMS
 from wsp_env.plant.mechanisms.term_words import FEATURES, SLOTS, axles_of, equation_of, mask_of
 from wsp_env.plant.mechanisms.term_words import looks_like as physics_of
@@ -69,6 +69,13 @@ _SOME: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
     },
     Slot.FRICTION: {Feature.SPEED: _ONE, Feature.BRAKING_TIME: _ONE},
 }
+
+#: Slots of terms that act on each wheelset.
+OF_WHEELS = frozenset(SLOTS[slot][0] for slot in (Slot.BRAKE_TORQUE, Slot.FRICTION, Slot.RECOVERY))
+#: The slot of what a mechanism of the library acts on.
+_ACTS = {
+    "contact": Slot.FRICTION, "brake": Slot.BRAKE_TORQUE, "vehicle": Slot.VEHICLE_FORCE, "sensor": Slot.RECORDED_SPEED,
+}  # fmt: skip
 
 #: Features over which a curve is tried where no term holds, by slot.
 _CURVES: dict[Slot, tuple[Feature, ...]] = {
@@ -180,7 +187,11 @@ def _variant(n: int, slot: Slot, axles: tuple[int, ...], feature: Feature, scale
 
 def _family(slot: Slot, axles: tuple[int, ...], name: str) -> str:
     where = f" of axle {' '.join(map(str, axles))}" if axles else ""
-    return f"{slot.name.lower()}{where} by {name}".replace("_", " ")
+    return f"{_said(slot)}{where} by {name}".replace("_", " ")
+
+
+def _said(slot: Slot) -> str:
+    return slot.name.lower().replace("_", " ")
 
 
 def _of(
@@ -226,6 +237,13 @@ def equation(variant: Variant, values: Mapping[str, float]) -> Words:
 def slot_of(variant: Variant) -> str:
     """Return the slot in words."""
     return SLOTS[Slot(int(_terms_in(variant, variant.fixed)[0].slot))][0]
+
+
+def slot_of_title(title: str) -> str:
+    """Return the slot, in words, in which a mechanism of the library acts, or a term, from what it competes as."""
+    if title in ALL:
+        return SLOTS[_ACTS[ALL[title].signature.acts_on]][0]
+    return next(words for slot, (words, _) in SLOTS.items() if title.startswith(_said(slot)))
 
 
 def looks_like(variant: Variant) -> tuple[str, ...]:

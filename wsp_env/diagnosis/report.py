@@ -128,15 +128,14 @@ def _discovered(found: Diagnosis) -> list[Section]:
     sections = []
     for one in found.discovered:
         text = [
-            f"{_capital(one.slot)}{f' of {axles_said(one.axles, 0)}' if one.axles else ''}: {one.equation}. It depends on: "
-            f"{', '.join(one.features)}.",
+            f"{_capital(one.slot)}: {one.equation}. It depends on: {', '.join(one.features)}.",
             f"{one.multiple:.1f} times the smallest effect of interest; reduces chi-square by {one.gain:.0f}; held out, by "
             f"{one.held_out_gain:.0f}{doubt(one)}. Removed: {removed_said(one.removed_validate)}.",
         ]
         if one.looks_like:
             text.append(f"It looks like: {', '.join(one.looks_like)}.")
-        if others := [slot for slot in one.slots_not_separable if slot != one.slot]:
-            text.append(f"The same term explains as much as a {' or '.join(others)}.")
+        if one.alternatives:
+            text.append(f"These recordings cannot tell it from: {', '.join(one.alternatives)}.")
         table = Table(("Parameter", "Value", "Unit", "90 % interval"), _parameters(one.parameters))
         sections.append(Section(f"The term found: {one.equation}", text, [table], fold=True))
     return sections

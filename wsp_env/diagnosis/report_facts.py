@@ -201,8 +201,7 @@ def axles_said(axles: Sequence[int], of: int) -> str:
 def _open(one: Discovered) -> str:
     """Say what a discovered term looks like, and where else it may act."""
     like = f"looks like {' or '.join(one.looks_like)}" if one.looks_like else ""
-    others = [slot for slot in one.slots_not_separable if slot != one.slot]
-    slots = f"may as well act on {' or '.join(others)} as on {one.slot}" if others else ""
+    slots = f"may as well act on {' or '.join(one.slots_not_separable)} as on {one.slot}" if one.slots_not_separable else ""
     text = " and ".join(filter(None, (like, slots)))
     return f"{one.equation} {text}" if text else ""
 
