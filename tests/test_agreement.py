@@ -1,4 +1,4 @@
-"""What runs leave of an evidence: with what they were made of, with generalised least squares, with Student's t."""
+"""What parts leave of an evidence: with what they were made of, with generalised least squares, with Student's t."""
 
 import numpy as np
 import pytest
@@ -16,13 +16,13 @@ RUNS, EACH, SIZE_OF_NUISANCE = 6, 200, 10.0
 
 
 class Replica:
-    """Six runs whose residual is y with a mechanism off, y - x with it on."""
+    """Six runs, of some rows of which wheels slide, whose residual is y with a mechanism off, y - x with it on."""
 
     stops = range(RUNS)
 
-    def __init__(self, y: np.ndarray, x: np.ndarray) -> None:
+    def __init__(self, y: np.ndarray, x: np.ndarray, slides: np.ndarray) -> None:
         self.y, self.x = y, x
-        self.rows = type("Rows", (), {"run": np.repeat(np.arange(RUNS), EACH)})
+        self.rows = type("Rows", (), {"run": np.repeat(np.arange(RUNS), EACH), "slides": slides})
 
     def raw(self, off: bool) -> np.ndarray:
         return self.y if off else self.y - self.x
@@ -34,8 +34,8 @@ def asked(monkeypatch):
     monkeypatch.setattr(module, "without", lambda model, variant: True)
     monkeypatch.setattr(module, "law_columns", lambda replica, model, base: np.zeros((len(base), 1 + RUNS)))
 
-    def ask(y: np.ndarray, x: np.ndarray, nuisance: np.ndarray, form: float = 0.0) -> Agreement:
-        one = Replica(y, x)
+    def ask(y: np.ndarray, x: np.ndarray, nuisance: np.ndarray, form: float = 0.0, slides: object = False) -> Agreement:
+        one = Replica(y, x, np.broadcast_to(slides, len(x)))
         projector = Projector(nuisance[:, None] * SIZE_OF_NUISANCE, np.ones(1, dtype=bool), one.rows.run)
         return agreement(one, False, None, Weights(Whitening(np.ones(len(x)), ()), np.ones(len(x)), projector), form)
 
@@ -118,3 +118,32 @@ def test_a_run_that_says_nothing_is_not_asked(asked):
     x, nuisance, y = rng.standard_normal((3, RUNS * EACH))
     x[: 3 * EACH] *= 1e-3
     assert len(asked(y, x, nuisance).multiples) == RUNS - 3
+
+
+def test_what_is_seen_in_slides_alone_and_should_be_seen_beside_them_has_no_evidence(asked):
+    """The runs agree, in each of which a mechanism would be seen in both halves: friction that swings looks like it in one."""
+    rng = np.random.default_rng(7)
+    slides = np.arange(RUNS * EACH) % 2 == 1
+    x, nuisance, noise = rng.standard_normal((3, RUNS * EACH))
+    everywhere = asked(x + noise, x, nuisance, slides=slides)
+    in_slides = asked(x * np.where(slides, 2.0, 0.0) + noise, x, nuisance, slides=slides)
+    assert len(everywhere.multiples) == len(in_slides.multiples) == 2 * RUNS
+    assert everywhere.left_of(30.0) > 10.0 * in_slides.left_of(30.0)
+
+
+def test_an_interval_is_students_and_as_wide_as_the_parts_scatter():
+    deviation = 0.3
+    many = Agreement(scattered(400, 399.0), np.eye(400))  # as they should
+    assert many.half_width(deviation, 2.0, 0.0) == pytest.approx(1.645 * deviation, rel=0.01)
+    few = Agreement(scattered(5, 64.0), np.eye(5))
+    factor = np.sqrt((BELIEVED + 64.0) / (BELIEVED + 4.0))
+    assert few.half_width(deviation, 2.0, 0.0) == pytest.approx(stats.t(BELIEVED + 4.0).ppf(0.95) * factor * deviation)
+    assert Agreement(np.ones(0), np.zeros((0, 0))).half_width(deviation, 2.0, 0.0) > 1.645 * deviation  # nobody was asked
+
+
+@given(st.floats(0.5, 2.0), st.floats(1e-3, 3.0), st.floats(1e-3, 1.0), st.floats(1e-3, 1.0))
+def test_an_interval_holds_what_the_parts_say_together(common, change, deviation, form):
+    parts = Agreement(np.full(8, common), np.eye(8))
+    half = parts.half_width(deviation, change, form)
+    assert half >= abs((common - 1.0) * change) * 1.645
+    assert half >= parts.half_width(deviation, change, 0.0) >= parts.half_width(deviation, 0.0, 0.0)

@@ -276,20 +276,21 @@ THREE = [trial(variant, EVIDENCE[variant.title]) for variant in (GAIN, GRADIENT,
 def test_what_is_refused_is_told_and_the_next_best_is_taken():
     best, refused = decide._best(THREE, lambda one: one.evidence > 45.0, held(EVIDENCE), lambda one: SURE)
     assert best.trial.listed == GAIN
-    assert refused == {"track_gradient"}  # a term is asked after the names
+    assert list(refused) == ["track_gradient"]  # a term is asked after the names
     best, refused = decide._best(THREE, lambda one: True, held(EVIDENCE), lambda one: SURE)
     assert best is None
-    assert refused == set(EVIDENCE)
+    assert refused.keys() == EVIDENCE.keys()
+    assert refused["track_gradient"] == odds(GRADIENT, 50.0)
 
 
 def test_a_trial_counts_as_it_stands_about_a_replica_of_its_own():
     """A name that falls behind the next one there is passed by it; one of which nothing is left is refused."""
     behind = decide._best(THREE, lambda one: False, held(EVIDENCE | {"track_gradient": 35.0}), lambda one: SURE)
     assert behind[0].trial.listed == GAIN
-    assert behind[1] == set()
+    assert behind[1] == {}
     nothing = decide._best(THREE, lambda one: False, held(EVIDENCE | {"track_gradient": 1.0}), lambda one: SURE)
     assert nothing[0].trial.listed == GAIN
-    assert nothing[1] == {"track_gradient"}
+    assert nothing[1] == {"track_gradient": odds(GRADIENT, 1.0)}  # as it stands: less likely than not
 
 
 def test_what_need_not_be_asked_is_not():
@@ -363,8 +364,9 @@ def test_what_runs_away_about_its_own_replica_does_not_hold(own):
 
 def test_what_pulls_nuisances_or_is_not_alike_in_the_runs_does_not_hold(own):
     assert own(60.0, pulls=True) is None
-    assert own(60.0, left=SURE - PRIOR - 0.1) is None
-    assert own(60.0, left=SURE - PRIOR + 0.1) is not None
+    left = SURE - PRIOR - 0.1
+    assert own(60.0, left=left).trial.evidence == left  # which is no longer sure
+    assert own(60.0, left=SURE - PRIOR + 0.1).trial.evidence == 0.5 * 40.0 - 3.0
 
 
 @pytest.mark.parametrize("loss", [2.0, 200.0])
@@ -460,6 +462,23 @@ def test_curves_are_tried_once_and_only_where_what_is_left_matters(unexplained, 
     assert searched == [["track_gradient", TERM.family], *with_curves]
     assert not outcome.accepted
     assert [one.listed.title for one in outcome.refused] == holds_not
+
+
+@pytest.mark.parametrize(("left", "told"), [(1.0, []), (5.0, ["track_gradient"])])
+def test_what_the_runs_leave_no_evidence_of_was_not_seen(left, told, monkeypatch):
+    """Refused for what the parts of the recordings leave of it: told only where it is more likely than not."""
+    one = dataclasses.replace(trial(GRADIENT, 40.0), size=StopChange(0.02, 0.0))
+    monkeypatch.setattr(decide, "screen", lambda *_: SimpleNamespace(found=(), second={}))
+    for name in ("terms", "curves"):
+        monkeypatch.setattr(decide, name, lambda *_: [])
+    monkeypatch.setattr(decide, "structured", lambda *_: SimpleNamespace(unexplained=False))
+    monkeypatch.setattr(decide, "weights_of", lambda *_: None)
+    monkeypatch.setattr(decide, "FormsLeft", lambda *_: lambda _: SURE)
+    monkeypatch.setattr(decide, "trials_of", lambda *_: [one])
+    monkeypatch.setattr(decide, "_refused", lambda *_: False)
+    monkeypatch.setattr(decide, "_about_its_own", lambda *_: held({"track_gradient": left})(one))
+    outcome = decide.select(SimpleNamespace(baseline=Model(2e-4, (0.06,))), [GRADIENT], None)
+    assert [refused.listed.title for refused in outcome.refused] == told
 
 
 def test_a_move_is_counted_in_the_deviations_that_the_size_has_afterwards():

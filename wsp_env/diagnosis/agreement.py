@@ -1,17 +1,20 @@
-"""What the runs leave of the evidence for a mechanism: what is missing has in every run the size that it has in the others.
+"""What the parts of the recordings leave of the evidence for a mechanism: what is missing has in all of them the same size.
 
-Every run has a size of its own, as a multiple of the one that was fitted to all, estimated beside all nuisances: those of one
-run are learned from it, those that runs share (a brake's gain, the law's form) from all. How uncertain the sizes are, noise
-and nuisances say, and by how much nature's form may differ from the mechanism's from run to run
-(`wsp_env.diagnosis.trials.FORM`). Where the runs miss their common size by more than that, the model of what varies is too
-small in just this direction, and so is the uncertainty that the evidence was computed with. By which factor is unknown: it is
-believed to be 1, and learned from the runs. With the factor integrated out, a likelihood ratio is Student's t's (Wedderburn,
-Biometrika 61, 1974, on the factor; Gelman et al., Bayesian data analysis, 2014, chapter 3, on the integral).
+The parts are the runs, and of each the slides and the rest: where a wheel slides friction's own swings may look like a
+mechanism, and do not where it rolls, nor in the vehicle's balance. Every part has a size of its own, as a multiple of the one
+that was fitted to all, estimated beside all nuisances: those of one run are learned from it, those that runs share (a brake's
+gain, the law's form) from all. How uncertain the sizes are, noise and nuisances say, and by how much nature's form may differ
+from the mechanism's from part to part (`wsp_env.diagnosis.trials.FORM`). Where the parts miss their common size by more than
+that, the model of what varies is too small in just this direction, and so is the uncertainty that the evidence was computed
+with. By which factor is unknown: it is believed to be 1, and learned from the parts. With the factor integrated out, a
+likelihood ratio is Student's t's (Wedderburn, Biometrika 61, 1974, on the factor; Gelman et al., Bayesian data analysis, 2014,
+chapter 3, on the integral).
 """
 
 from typing import NamedTuple
 
 import numpy as np
+from scipy import stats
 
 from wsp_env.diagnosis.candidates import Variant, without
 from wsp_env.diagnosis.evaluate import Model
@@ -21,50 +24,76 @@ from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, law_columns
 
 #: Number of squares that the belief in the uncertainty as computed counts for: assumption, half of what eight runs say.
 BELIEVED = 4.0
-#: Share of what the recordings say of a size, below which a run says nothing of it.
+#: Share of what the recordings say of a size, below which a part says nothing of it.
 _LEAST_SHARE = 0.02
 
 
 class Agreement(NamedTuple):
-    """What every run that says something of a mechanism says."""
+    """What every part that says something of a mechanism says."""
 
-    multiples: np.ndarray  # (R,) of the size fitted to all
-    covariance: np.ndarray  # (R, R) of the same, that of the form included
+    multiples: np.ndarray  # (P,) of the size fitted to all
+    covariance: np.ndarray  # (P, P) of the same, that of the form included
+
+    @property
+    def common(self) -> float:
+        """The parts' common size, as a multiple of the fitted one."""
+        if not len(self.multiples):
+            return 1.0
+        precision = np.linalg.inv(self.covariance)
+        return float(precision.sum(axis=0) @ self.multiples) / float(precision.sum())
 
     @property
     def missed(self) -> float:
-        """Sum of squares by which they miss their common size: one less than there are runs is expected."""
-        if not len(self.multiples):
-            return 0.0
-        precision = np.linalg.inv(self.covariance)
-        rest = self.multiples - float(precision.sum(axis=0) @ self.multiples) / float(precision.sum())
-        return float(rest @ precision @ rest)
+        """Sum of squares by which they miss their common size: one less than there are parts is expected."""
+        rest = self.multiples - self.common
+        return float(rest @ np.linalg.inv(self.covariance) @ rest)
+
+    @property
+    def counts(self) -> float:
+        """Number of squares that the uncertainty as computed is judged by."""
+        return BELIEVED + max(len(self.multiples) - 1.0, 0.0)
 
     def left_of(self, evidence: float) -> float:
         """Return what is left of an evidence."""
-        counts = BELIEVED + len(self.multiples) - 1.0
-        return 0.5 * (counts + 1.0) * float(np.log1p(2.0 * max(evidence, 0.0) / (BELIEVED + self.missed)))
+        return 0.5 * (self.counts + 1.0) * float(np.log1p(2.0 * max(evidence, 0.0) / (BELIEVED + self.missed)))
+
+    def half_width(self, deviation: float, change: float, form: float) -> float:
+        """Return half the width of the interval of 90 % of a fitted value.
+
+        Parameters
+        ----------
+        deviation : of the value, as computed
+        change : from where the mechanism does nothing
+        form : deviation by nature's form
+
+        """
+        # Two estimates that would be the same if the model were right: what they differ by is its error (J. Hausman,
+        # Econometrica 46, 1978).
+        differs = (self.common - 1.0) * change
+        spread = deviation * np.sqrt((BELIEVED + self.missed) / self.counts)
+        return float(stats.t.ppf(0.95, self.counts) * np.sqrt(spread**2 + differs**2 + form**2))
 
 
 def agreement(replica: Replica, model: Model, variant: Variant, weights: Weights, form: float = 0.0) -> Agreement:
-    """Return what every run says of a mechanism that is on, beside tau, every run's mu_cd and all nuisances.
+    """Return what every run's slides and its rest say of a mechanism that is on, beside tau, mu_cd and all nuisances.
 
     Parameters
     ----------
-    form : share of the effect that nature's form may differ by from run to run
+    form : share of the effect that nature's form may differ by from part to part
 
     """
     base = replica.raw(model)
     off, left = weights(replica.raw(without(model, variant)) - base), weights(base)
-    runs = np.arange(len(replica.stops))
-    own = off[:, None] * (replica.rows.run[:, None] == runs)
-    law = weights(law_columns(replica, model, base)) * [LOG_TAU, *[MU_CD] * len(runs)]
+    part = 2 * replica.rows.run + replica.rows.slides
+    parts = np.arange(2 * len(replica.stops))
+    own = off[:, None] * (part[:, None] == parts)
+    law = weights(law_columns(replica, model, base)) * [LOG_TAU, *[MU_CD] * len(replica.stops)]
     every = np.column_stack([own, law, left])
     known = weights.projector.inner(every, every)
-    says = np.diag(known)[runs]
-    used = np.concatenate([says > _LEAST_SHARE * says.sum(), np.ones(len(runs) + 1, dtype=bool)])
+    says = np.diag(known)[parts]
+    used = np.concatenate([says > _LEAST_SHARE * says.sum(), np.ones(law.shape[1], dtype=bool)])
     gram, against = known[:-1, :-1][np.ix_(used, used)], known[:-1, -1][used]
-    several = int(used[runs].sum())
+    several = int(used[parts].sum())
     gram[np.diag_indices_from(gram)] += np.arange(len(gram)) >= several  # the law's priors
     inverse = np.linalg.inv(gram)
     covariance = inverse[:several, :several] + form**2 * np.eye(several)

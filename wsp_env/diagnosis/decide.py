@@ -104,7 +104,9 @@ def select(
         best, refused = _best(trials, refuses, stands, forms_left)
         if best is None:
             left = left or [
-                one for one in trials if not accepted and one.listed.title in refused and one.size.multiple >= MATTERS
+                one
+                for one in trials
+                if not accepted and refused.get(one.listed.title, 0.0) > 0.0 and one.size.multiple >= MATTERS
             ]
             if by_curves or not (left or structured(replica, seen).unexplained):
                 break
@@ -172,7 +174,7 @@ def _exchanged(
             if better.evidence <= before or bool(better.listed.family) > bool(one.trial.listed.family):
                 break
             held = None if at_bound(better.variant, better.fitted.model) else _about_its_own(replica, seen, weights, better)
-            if held is not None:
+            if held is not None and odds(held.trial.listed, held.trial.evidence) > SURE:
                 kept = [other for other in accepted if other is not one]
                 others_tried = [*tried, dataclasses.replace(one.trial, evidence=before)]
                 named = Accepted(held.trial, *belief(_more_sure(held.trial, better), others_tried, ()))
@@ -223,6 +225,7 @@ class Held(NamedTuple):
 def _about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Trial) -> Held | None:
     """Return a trial about a replica of its own, with the size and the evidence that it has there; None: it does not hold.
 
+    The evidence is what the runs leave of it where that makes it no longer sure.
     About the replica that it was found with a mechanism that bends is a straight line at its end.
     """
     own, fitted = settle(replica.recorded, trial.fitted, weights)
@@ -244,26 +247,27 @@ def _about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Tria
     evidence, size = 0.5 * reduction - trial.price, net_effect(own, fitted.model, trial.variant, seen.whitening)
     runs = agreement(own, fitted.model, trial.variant, weights, form_of(trial.listed))
     if odds(trial.listed, runs.left_of(evidence)) <= SURE:
-        return None
+        evidence = runs.left_of(evidence)
     return Held(dataclasses.replace(trial, fitted=fitted, reduction=reduction, evidence=evidence, size=size), own)
 
 
 def _best(
     trials: Sequence[Trial], refuses: Callable[[Trial], bool], stands: Callable[[Trial], Held | None],
     least: Callable[[Trial], float],
-) -> tuple[Held | None, set[str]]:  # fmt: skip
-    """Return the best trial that holds, and the names of those found not to: they are no alternatives either.
+) -> tuple[Held | None, dict[str, float]]:  # fmt: skip
+    """Return the best trial that holds, and the names of those found not to, with their log odds: no alternatives either.
 
     Its log odds must be above the `least`, and nothing may refuse it, as it was found and as it `stands`.
     """
     best: Held | None = None
-    refused: set[str] = set()
+    refused: dict[str, float] = {}
     for one in _preferred([trial for trial in trials if odds(trial.listed, trial.evidence) > least(trial)]):
         if best is not None and _preferred([best.trial, one])[0] is best.trial:
             continue
         held = None if refuses(one) else stands(one)
         if held is None or odds(held.trial.listed, held.trial.evidence) <= least(held.trial) or refuses(held.trial):
-            refused.add(one.listed.title)
+            last = one if held is None else held.trial
+            refused[one.listed.title] = odds(last.listed, last.evidence)
         elif best is None or _preferred([best.trial, held.trial])[0] is held.trial:
             best = held
     return best, refused

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from wsp_env.diagnosis.agreement import agreement
 from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, FitQuality, Named, Verdict, Worth
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import parameter_of, unavailable, variants, without
@@ -24,7 +25,7 @@ from wsp_env.diagnosis.search import Found, detectable, net_change
 from wsp_env.diagnosis.stops import PreparedStop, prepare
 from wsp_env.diagnosis.structure import Structure, structured
 from wsp_env.diagnosis.timing import aligned, times
-from wsp_env.diagnosis.trials import FORM, form_of
+from wsp_env.diagnosis.trials import FORM, form_of, weights_of
 from wsp_env.diagnosis.words import next_test, sentence
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import Campaign, CampaignError
@@ -212,16 +213,14 @@ def _estimates(outcome: Outcome, one: Accepted) -> dict[str, Estimate]:
     """Return the fitted parameters with their 90 % intervals."""
     at = outcome.fitted.variants.index(one.trial.variant)
     variant, values, covariance = one.trial.variant, outcome.fitted.values[at], outcome.fitted.covariance[at]
+    own = 0.0 if ALL[variant.name].signature.exact else form_of(variant)
+    runs = agreement(outcome.replica, outcome.fitted.model, variant, weights_of(outcome.replica, outcome.last), own)
     found = {}
     for j, name in enumerate(variant.sizes):
         parameter = parameter_of(variant.name, name)
         value = float(np.clip(values[j], parameter.low, parameter.high))
-        form = (
-            0.0
-            if parameter.kind == "shape" or ALL[variant.name].signature.exact
-            else form_of(variant) * abs(value - parameter.null)
-        )
-        half = _Z90 * float(np.hypot(np.sqrt(max(covariance[j, j], 0.0)), form))
+        change = 0.0 if parameter.kind == "shape" else value - parameter.null  # of a size only forms and runs say something
+        half = runs.half_width(float(np.sqrt(max(covariance[j, j], 0.0))), change, own * change)
         low, high = np.clip([value - half, value + half], parameter.low, parameter.high)
         found[name] = Estimate(value, parameter.unit, (float(low), float(high)))
     for name, fixed in variant.fixed.items():
