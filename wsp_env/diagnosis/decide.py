@@ -77,6 +77,11 @@ class Outcome:
     last: Screen  # about the extended model
     refused: tuple[Trial, ...] = ()  # where nothing was accepted: what has evidence and matters, but does not hold
 
+    @functools.cached_property
+    def weights(self) -> Weights:
+        """What the extended model's residuals are compared with."""
+        return weights_of(self.replica, self.last)
+
     @property
     def missing(self) -> tuple[Accepted, ...]:
         """What is missing and matters."""
@@ -225,7 +230,7 @@ class Held(NamedTuple):
 def _about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Trial) -> Held | None:
     """Return a trial about a replica of its own, with the size and the evidence that it has there; None: it does not hold.
 
-    The evidence is what the runs leave of it where that makes it no longer sure.
+    The evidence is what the parts of the recordings leave of it where that makes it no longer sure.
     About the replica that it was found with a mechanism that bends is a straight line at its end.
     """
     own, fitted = settle(replica.recorded, trial.fitted, weights)
@@ -245,9 +250,9 @@ def _about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Tria
         beside = [refit(own, one.model, one.variants, bent).cost for one in (gone, fitted)]
         reduction = min(reduction, beside[0] - beside[1])
     evidence, size = 0.5 * reduction - trial.price, net_effect(own, fitted.model, trial.variant, seen.whitening)
-    runs = agreement(own, fitted.model, trial.variant, weights, form_of(trial.listed))
-    if odds(trial.listed, runs.left_of(evidence)) <= SURE:
-        evidence = runs.left_of(evidence)
+    left = agreement(own, fitted.model, trial.variant, weights, form_of(trial.listed)).left_of(evidence)
+    if odds(trial.listed, left) <= SURE:
+        evidence = left
     return Held(dataclasses.replace(trial, fitted=fitted, reduction=reduction, evidence=evidence, size=size), own)
 
 

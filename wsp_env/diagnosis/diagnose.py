@@ -25,7 +25,7 @@ from wsp_env.diagnosis.search import Found, detectable, net_change
 from wsp_env.diagnosis.stops import PreparedStop, prepare
 from wsp_env.diagnosis.structure import Structure, structured
 from wsp_env.diagnosis.timing import aligned, times
-from wsp_env.diagnosis.trials import FORM, form_of, weights_of
+from wsp_env.diagnosis.trials import FORM, form_of
 from wsp_env.diagnosis.words import next_test, sentence
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import Campaign, CampaignError
@@ -214,7 +214,7 @@ def _estimates(outcome: Outcome, one: Accepted) -> dict[str, Estimate]:
     at = outcome.fitted.variants.index(one.trial.variant)
     variant, values, covariance = one.trial.variant, outcome.fitted.values[at], outcome.fitted.covariance[at]
     own = 0.0 if ALL[variant.name].signature.exact else form_of(variant)
-    runs = agreement(outcome.replica, outcome.fitted.model, variant, weights_of(outcome.replica, outcome.last), own)
+    runs = agreement(outcome.replica, outcome.fitted.model, variant, outcome.weights, own)
     found = {}
     for j, name in enumerate(variant.sizes):
         parameter = parameter_of(variant.name, name)
