@@ -1,12 +1,15 @@
 """The world in which brakes, gains, wear and noise are drawn: who brakes there, and what the learner sees of it."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from agents import drawn
 from agents.drawn import NOISE, WORN
+from agents.measure import low_adhesion
 from agents.settings import Arguments, task_options
 from agents.varied import NOMINAL, VEHICLES, Guarded, varied_parts
 from agents.watch import LAWS, Watch
@@ -33,8 +36,8 @@ def parts():
 
 def test_brakes_differ_and_some_vehicles_are_nominal(parts):
     brakes = [part.batch.vehicle.brake for part in parts]
-    drawn, nominal = brakes[: VEHICLES - NOMINAL], brakes[VEHICLES - NOMINAL :]
-    assert len({brake.fill_time_constant_s for brake in drawn}) == len(drawn)
+    varied, nominal = brakes[: VEHICLES - NOMINAL], brakes[VEHICLES - NOMINAL :]
+    assert len({brake.fill_time_constant_s for brake in varied}) == len(varied)
     assert len(nominal) == NOMINAL
     for brake in nominal:
         assert_allclose(brake.fill_time_constant_s, BOGIE.brake.fill_time_constant_s)
@@ -96,7 +99,11 @@ def test_a_stop_that_begins_anew_forgets_what_its_guard_found(parts):
         assert_array_equal(field[1:], old[1:])
 
 
-def test_a_varied_training_is_watched_on_drawn_vehicles_too():
+def test_a_varied_training_is_watched_on_drawn_vehicles_too(monkeypatch):
+    def slow(*given):  # soon over
+        return [dataclasses.replace(stop, initial_speed=8.0) for stop in low_adhesion(*given)]
+
+    monkeypatch.setattr(drawn, "low_adhesion", slow)
     task = make_task(OPTIONS)
     nominal, varied = (Watch("bogie", task, 4.3, 0.25, 2, varied) for varied in (False, True))
     assert len(nominal.parts) == 1
