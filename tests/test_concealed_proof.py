@@ -309,7 +309,7 @@ def test_black_box_learns_from_the_other_folds():
 
 @pytest.mark.slow
 def test_every_step_on_a_small_bank(small_bank, tmp_path):
-    """One case is diagnosed; the others were, it seems, before the command was broken off."""
+    """One case is diagnosed, two are put to the rivals; the others were, it seems, before the commands were broken off."""
     out = tmp_path / "bank"
     shutil.copytree(small_bank[0], out)
     labels = bank.read_labels(out)
@@ -327,6 +327,11 @@ def test_every_step_on_a_small_bank(small_bank, tmp_path):
     assert said["verdict"] in ("adequate", "named", "ambiguous", "discovered", "unknown", "insufficient")
     assert {"mechanisms", "location", "fit", "detectable", "next_test"} <= set(said)
     assert ("distance_change" in said) == bool(said["mechanisms"])
+    spoilt = next(name for name, label in labels.items() if label["fault"])
+    for name in set(labels) - {fresh, spoilt}:
+        for rule in rivals.RULES:
+            workers.write_whole(out / "rivals" / rule / name / "diagnosis.json", answer("adequate"))
+        workers.write_whole(out / "rivals" / "features" / f"{name}.json", {"axles": labels[name]["axles"]})
     Rivals(out, Workers(jobs=1)).run()
     Score(out).run()
     figures = restored(json.loads((out / "score.json").read_text(encoding="utf-8")))
