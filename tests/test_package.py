@@ -19,6 +19,8 @@ from wsp_env.cli import COMMANDS, main
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+#: Whose code other tests run: the tutorial's among its commands, in test_tutorial.py, the diagnosis's in test_diagnosis.py.
+RUN_ELSEWHERE = ("tutorial.md", "diagnosis.md")
 
 
 @pytest.fixture(scope="module")
@@ -67,9 +69,7 @@ def test_ctrl_c_while_the_libraries_are_being_loaded_is_one_line(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(  # the tutorial's runs among its commands, in test_tutorial.py
-    "document", [one for one in DOCUMENTS if one.name != "tutorial.md"], ids=lambda path: path.name
-)
+@pytest.mark.parametrize("document", [one for one in DOCUMENTS if one.name not in RUN_ELSEWHERE], ids=lambda path: path.name)
 def test_code_in_the_documents_runs(document, tmp_path, monkeypatch):
     (tmp_path / "agents").symlink_to(ROOT / "agents")  # read from the repository's root, written beside it
     monkeypatch.chdir(tmp_path)
