@@ -1,5 +1,7 @@
 """An error of the recorded speed: in the plant's recorder, undone along a recording, and found where a radar pitches."""
 
+import shutil
+
 import numpy as np
 import polars as pl
 import pytest
@@ -55,21 +57,17 @@ def test_equation_in_words():
 
 def test_a_radar_that_pitches_is_an_error_of_the_sensor_and_no_physics_of_wheels(tmp_path):
     """On wheels that roll under the brake it looks like a late clock, a soft contact, more inertia: none of these is named."""
-    source, pitch = demo_campaign(), 0.007
-    campaign = read_campaign(source)
-    for file in source.iterdir():
-        (tmp_path / file.name).write_bytes(file.read_bytes())
-    for file in tmp_path.glob("*.csv"):
+    folder, pitch = shutil.copytree(demo_campaign(), tmp_path / "campaign"), 0.007
+    for file in folder.glob("*.csv"):
         table = pl.read_csv(file, comment_prefix="#")
         speed, time = table["vehicle_speed_mps"].to_numpy(), table["time_s"].to_numpy()
         window = np.ones(51) / 51.0
         smooth = np.convolve(np.pad(speed, 25, mode="edge"), window, "valid")
         deceleration = -np.gradient(smooth, time)
         table.with_columns(vehicle_speed_mps=pl.Series(np.round(speed * (1.0 + pitch * deceleration), 3))).write_csv(file)
-    named = {one.name for one in diagnose(campaign).mechanisms}
-    found = diagnose(read_campaign(tmp_path))
+    found = diagnose(read_campaign(folder))
     assert [one.slot for one in found.discovered] == ["sensor"]
-    assert {one.name for one in found.mechanisms} <= named
+    assert found.mechanisms == ()
     term = found.discovered[0]
     assert term.looks_like == ("radar that pitches with the body",)
     assert_allclose(term.parameters["coefficient"].value, pitch * REFERENCE_MPS, rtol=0.15)
