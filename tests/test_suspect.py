@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from few_stops import small_demo
 from synthetic_stops import AXLES, INERTIA_KGM2, MASS_KG, RADIUS_M, SAMPLE_S, stops, write_campaign
 
 from wsp_env.cli import main
@@ -279,9 +280,8 @@ def test_a_run_alone_may_begin_anywhere(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("diagnosis")
 def test_a_worn_wheel_is_named_alone_where_nobody_knows_the_starts(tmp_path):
-    demo = without_starts(demo_campaign(), tmp_path / "copy")
+    demo = without_starts(small_demo(tmp_path / "demo"), tmp_path / "copy")
     found = diagnose(changed(demo, scaled(WHEEL, 1, 1.008)))
     assert found.verdict == "named"
     assert [one.name for one in found.mechanisms] == ["wheel_radius"]

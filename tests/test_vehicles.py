@@ -2,12 +2,12 @@
 
 import dataclasses
 import json
-import shutil
 
 import gymnasium as gym
 import numpy as np
 import pytest
 import synthetic_stops
+from few_stops import small_demo
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -23,7 +23,7 @@ from wsp_env.parameters.uic_z1 import BOGIE, COACH, VEHICLES, WHEELSET, usual_po
 from wsp_env.parameters.vehicle import Vehicle, usual_bodies
 from wsp_env.parameters.vehicle_file import write_vehicle
 from wsp_env.plant.mechanisms.load_transfer import arms
-from wsp_env.recordings import conditions, demo_campaign, derive, read_campaign, rolling_radii, tune
+from wsp_env.recordings import conditions, derive, read_campaign, rolling_radii, tune
 from wsp_env.recordings.simulate import simulate
 
 TAU, MU_CD = 2e-4, 0.05
@@ -198,11 +198,11 @@ def test_a_train_is_drawn_with_a_legend_that_fits():
 
 def campaign_of(folder, axles, monkeypatch, vehicle=""):
     """A campaign of two stops of a vehicle with so many axles; `vehicle` is more of its [vehicle]."""
-    monkeypatch.setattr(
-        synthetic_stops, "_driven", getattr(synthetic_stops._driven, "__wrapped__", synthetic_stops._driven)
-    )  # uncached
-    monkeypatch.setattr(synthetic_stops, "AXLES", axles)
-    monkeypatch.setattr(synthetic_stops, "MASS_KG", axles * 10_750.0)
+    if axles != synthetic_stops.AXLES:
+        driven = synthetic_stops._driven
+        monkeypatch.setattr(synthetic_stops, "_driven", getattr(driven, "__wrapped__", driven))  # uncached
+        monkeypatch.setattr(synthetic_stops, "AXLES", axles)
+        monkeypatch.setattr(synthetic_stops, "MASS_KG", axles * 10_750.0)
     write_campaign(folder, {"A1": stop(TAU, MU_CD, noise=0.3), "B1": stop(TAU, 0.04, 30.0, noise=0.3)}, ["A1"], ["B1"])
     file = folder / "campaign.toml"
     text = file.read_text(encoding="utf-8")
@@ -271,7 +271,7 @@ def test_replay_takes_what_a_campaign_does_not_tell_from_a_vehicle(tmp_path, cap
     file = tmp_path / "slow.toml"
     slow = dataclasses.replace(COACH, brake=dataclasses.replace(COACH.brake, dead_time_s=0.2))
     file.write_text(write_vehicle(slow), encoding="utf-8")
-    demo = shutil.copytree(demo_campaign(), tmp_path / "demo")
+    demo = small_demo(tmp_path / "demo")
     figures = []
     for vehicle in ("coach", str(file)):
         options = ["--controllers", "rule-based", "--vehicle", vehicle, "--out", str(tmp_path / "out"), "--json"]
