@@ -308,7 +308,7 @@ def test_black_box_learns_from_the_other_folds():
 
 
 @pytest.mark.slow
-def test_every_step_on_a_small_bank(small_bank, tmp_path):
+def test_every_step_on_a_small_bank(small_bank, tmp_path, monkeypatch):
     """One case is diagnosed, two are put to the rivals; the others were, it seems, before the commands were broken off."""
     out = tmp_path / "bank"
     shutil.copytree(small_bank[0], out)
@@ -332,7 +332,8 @@ def test_every_step_on_a_small_bank(small_bank, tmp_path):
         for rule in rivals.RULES:
             workers.write_whole(out / "rivals" / rule / name / "diagnosis.json", answer("adequate"))
         workers.write_whole(out / "rivals" / "features" / f"{name}.json", {"axles": labels[name]["axles"]})
-    Rivals(out, Workers(jobs=1)).run()
+    monkeypatch.setattr(Workers, "make", lambda *_: ThisProcess())  # which has loaded all that the rivals need
+    Rivals(out).run()
     Score(out).run()
     figures = restored(json.loads((out / "score.json").read_text(encoding="utf-8")))
     assert figures["cases"] == dict.fromkeys(SHARES, 1)
@@ -344,7 +345,7 @@ def test_every_step_on_a_small_bank(small_bank, tmp_path):
             assert {one["name"] for one in told["mechanisms"]} <= set(mechanisms.ALL)
     workers.write_whole(out / "diagnoses" / "version.json", {"sha256": "another"})
     with pytest.raises(BankError, match="another version"):
-        Diagnose(out, Workers(jobs=1)).run()
+        Diagnose(out).run()
 
 
 def said_of(name, **values):

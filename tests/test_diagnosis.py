@@ -194,8 +194,7 @@ def test_a_torque_that_is_wrong_in_one_run_is_a_matter_of_data(tmp_path):
     ("column", "rest"), [("axle2_wheel_speed_radps", True), ("vehicle_speed_mps", False)], ids=["a wheel", "the vehicle"]
 )
 def test_a_channel_that_jumps_and_stays_is_not_diagnosed(column, rest, tmp_path):
-    folder = tmp_path / "campaign"
-    shutil.copytree(demo_campaign(), folder)
+    folder = small_demo(tmp_path / "campaign")
     table = pl.read_csv(folder / "A3.csv")
     broken = np.where(np.arange(len(table)) < len(table) // 3, 1.0, 0.5)
     table.with_columns(pl.col(column) * broken).write_csv(folder / "A3.csv")

@@ -23,7 +23,8 @@ def campaign_with(folder: Path, gains: tuple[float, ...] = SOUND, per_speed: flo
     """Stops with measured torques, and the pressures of brakes with these gains, pads and springs that needed them."""
     runs = {}
     for i, name in enumerate(("A1", "A2", "B1")):
-        columns, true = (stop(2e-4, 0.06, speed_mps=30.0 + 2.0 * i, noise=noise, seed=i) for noise in (1.0, 0.0))
+        speed = 30.0 + 2.0 * i
+        columns, true = (stop(2e-4, 0.06, speed, duration_s=9.0, noise=noise, seed=i) for noise in (1.0, 0.0))
         rng = np.random.default_rng([i, 7])
         for k, gain in enumerate(gains):
             torque, wheel = (true[f"axle{k + 1}_{channel}"] for channel in ("brake_torque_nm", "wheel_speed_radps"))
