@@ -127,7 +127,7 @@ def test_exact_recordings_give_the_truth_back(exact):
 @settings(max_examples=6)
 @given(tau=st.floats(0.8e-4, 4e-4), mu_cd=st.floats(0.03, 0.09), noise=st.floats(0.0, 2.0), seed=st.integers(0, 2**31))
 def test_any_truth_is_found_through_sensor_noise(tmp_path_factory, tau, mu_cd, noise, seed):
-    runs = {"A1": stop(tau, mu_cd, noise=noise, seed=seed), "A2": stop(tau, 1.1 * mu_cd, noise=noise, seed=seed + 1)}
+    runs = dict(zip(("A1", "A2"), stops(tau, [mu_cd, 1.1 * mu_cd], noise=noise, seeds=(seed, seed + 1)), strict=True))
     tuning = tune(read_campaign(write_campaign(tmp_path_factory.mktemp("noisy"), runs)))
     assert_allclose(tuning.tau_m_per_J, tau, rtol=0.03)
     assert_allclose(tuning.runs["A1"].mu_cd, mu_cd, rtol=0.05)
