@@ -63,15 +63,23 @@ def test_short_names_give_controllers_with_checked_parameters(name):
             load(name, {"any": 1.0})
 
 
+def slippery(vehicle):
+    return [make_stop(vehicle, mu, tau, v) for mu, v in ((0.024, 40.0), (0.035, 20.0)) for tau in (0.0, 2e-4)]
+
+
+@pytest.fixture(scope="module", params=[WHEELSET, BOGIE, COACH], ids=lambda vehicle: vehicle.name)
+def without_protection(request):
+    """Return a vehicle and what becomes of it on slippery rails."""
+    return request.param, drive(NoWSP(), request.param, slippery(request.param))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("make", PROTECTING)
-@pytest.mark.parametrize("vehicle", [WHEELSET, BOGIE, COACH], ids=lambda vehicle: vehicle.name)
-def test_no_wheel_locks_where_it_would_without_protection(make, vehicle):
-    stops = [make_stop(vehicle, mu, tau, v) for mu, v in ((0.024, 40.0), (0.035, 20.0)) for tau in (0.0, 2e-4)]
-    plant, commands, locked = drive(make(), vehicle, stops)
+def test_no_wheel_locks_where_it_would_without_protection(make, without_protection):
+    vehicle, (unprotected, _, would_lock) = without_protection
+    plant, commands, locked = drive(make(), vehicle, slippery(vehicle))
     assert not locked.any()
     assert np.isin(commands, (-1.0, 0.0, 1.0)).all()
-    unprotected, _, would_lock = drive(NoWSP(), vehicle, stops)
     classic = plant.conditions.tau == 0.0
     assert would_lock[classic].all()
     assert (plant.state.position[classic] < 0.85 * unprotected.state.position[classic]).all()

@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.testing import assert_allclose
 
 from wsp_env.cli import main
 from wsp_env.contact.polach import contact_stiffness, polach_adhesion
+from wsp_env.diagnosis import many
 from wsp_env.diagnosis.creep_curves import diagnose_creep_curves
 from wsp_env.diagnosis.creep_curves.model import CreepModel
 from wsp_env.parameters import eurosprinter
@@ -25,6 +27,7 @@ from wsp_env.recordings.creep_curves import (
 )
 from wsp_env.recordings.errors import CampaignError
 
+PAGE = Path(__file__).parents[1] / "docs" / "creep_curves.md"
 CONTACT = CreepContact(wheel_load_n=80e3, wheel_radius_m=0.46)
 TOML = """
 [campaign]
@@ -200,8 +203,19 @@ def test_a_fall_that_never_levels_off_leaves_its_parameters_open():
 
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory):
+    """Return what the command writes of the measured points; it asks what the code on the page asked, and is told the same."""
     out = tmp_path_factory.mktemp("eurosprinter")
-    assert main(["diagnose", str(eurosprinter_curve()), "--out", str(out)]) == 0
+    (block,) = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    names = {}
+    exec(compile(block, str(PAGE), "exec"), names)
+
+    def told(data, effort, seed, report):
+        assert (data.name, effort, seed) == (read_creep_curves(eurosprinter_curve()).name, 1.0, 0)
+        return names["found"]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(many, "diagnose_creep_curves", told)
+        assert main(["diagnose", str(eurosprinter_curve()), "--out", str(out)]) == 0
     return out, json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
 
 

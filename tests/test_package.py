@@ -19,8 +19,8 @@ from wsp_env.cli import COMMANDS, main
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-#: Whose code other tests run: the tutorial's among its commands, in test_tutorial.py, the diagnosis's in test_diagnosis.py.
-RUN_ELSEWHERE = ("tutorial.md", "diagnosis.md")
+#: Whose code other tests run: test_tutorial.py among its commands, test_diagnosis.py, test_creep_curves.py.
+RUN_ELSEWHERE = ("tutorial.md", "diagnosis.md", "creep_curves.md")
 
 
 @pytest.fixture(scope="module")
