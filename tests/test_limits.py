@@ -48,7 +48,7 @@ def test_time_is_limited_and_other_timers_go_on():
 @posix
 def test_what_numba_compiles_does_not_count():
     def compile_anew():
-        numba.njit(lambda x: np.linalg.solve(np.outer(x, x) + np.eye(2), x).sum())(np.ones(2))
+        numba.njit(lambda x: np.outer(x, x).sum())(np.ones(2))
 
     compile_anew()  # the first one also initialises the compiler
     begun = time.process_time()
