@@ -53,6 +53,11 @@ def slid(slip, torque, speed=20.0):
 
 def turned(stop, torque, holds=0.0, block=BLOCK):
     """The stop as it is foreseen at recorded torques (T,)."""
+    return both_turned(stop, torque, holds, block)[1]
+
+
+def both_turned(stop, torque, holds=0.0, block=BLOCK):
+    """The same under the torques that were to be expected, then under the recorded ones."""
     return foreseen(stop, torque[:, None], np.full((len(torque), 1), holds), block, RADIUS, INERTIA)
 
 
@@ -102,12 +107,46 @@ def test_a_wheel_that_begins_to_slide_is_left_and_none_is_foreseen_to_roll():
     assert seen[24:32].min() == pytest.approx(0.2)  # where sliding ends, at 1 % of 20 m/s
 
 
+def test_a_torque_that_stays_is_what_was_to_be_expected():
+    law = np.full(80, 2000.0)
+    stop = slid(np.full(80, 1.0), law)
+    expected, recorded = both_turned(stop, law)
+    for seen in (expected, recorded):
+        assert_allclose([seen.wheel, seen.wheel_rate], [stop.wheel, stop.wheel_rate])
+    assert_allclose(expected.torque, stop.torque)
+
+
+def test_under_the_torques_that_were_to_be_expected_the_law_holds():
+    """Friction is flat, so that the law's torque on the wheel is the same at the slip that is foreseen as at that which was."""
+    rng = np.random.default_rng(3)
+    torque = 2000.0 + np.cumsum(rng.normal(0.0, 40.0, 400))
+    stop = slid(rng.uniform(1.0, 1.5, 400), torque - rng.normal(0.0, 30.0, 400))
+    expected, recorded = both_turned(stop, torque)
+    assert_allclose(expected.torque + INERTIA * expected.wheel_rate, stop.torque + INERTIA * stop.wheel_rate)
+    assert_allclose(recorded.torque, stop.torque)
+    assert np.abs(expected.wheel - recorded.wheel).max() > 1e-3  # under other torques the wheel turns otherwise
+
+
+def test_of_a_torque_that_goes_on_the_course_is_expected_and_of_one_that_jumps_it_is_not():
+    n = 60 * BLOCK
+    swings = 2000.0 + 300.0 * np.sin(2.0 * np.pi * STEP * np.arange(n) / 4.0)
+    jumps = np.where(np.arange(n) < 31 * BLOCK, 2000.0, 2600.0)
+    missed = []
+    for torque in (swings, jumps):
+        seen = both_turned(slid(np.full(n, 1.0), torque), torque)[0]
+        missed.append(np.abs(seen.torque[:, 0] - torque).reshape(60, BLOCK).max(axis=1))
+    stays = 300.0 * 2.0 * np.pi / 4.0 * 2 * BLOCK * STEP  # what would be missed at most, did one expect it to stay
+    assert missed[0][3:].max() < 0.2 * stays
+    assert missed[1][31:33].min() > 0.9 * 600.0  # in both blocks that are foreseen without it
+    assert np.delete(missed[1], [31, 32]).max() < 0.1 * 600.0
+
+
 @pytest.mark.parametrize("memory_s", [0.15, 0.5])
 def test_the_slope_of_friction_over_slip_in_a_closed_loop(memory_s):
     """Friction is flat and swings by 2 % (an Ornstein-Uhlenbeck process); a device keeps the slip about 1 m/s.
 
     Regressed on the slip as it was, friction seems to fall, and on the wheel's rate as it was, to rise with it, whitened or
-    not. On the slip that is foreseen it does not, and on the rate by a sixth at most.
+    not. On the slip that is foreseen under the expected torque it does not, and on the rate by a tenth at most.
     """
     slopes = np.array([_slopes(np.random.default_rng([7, i]), memory_s) for i in range(8)])
     mean, error = slopes.mean(axis=0), slopes.std(axis=0) / np.sqrt(len(slopes))
@@ -115,7 +154,7 @@ def test_the_slope_of_friction_over_slip_in_a_closed_loop(memory_s):
     assert mean[2] > 4.0 * error[2]
     assert abs(mean[1]) < 3.0 * error[1]  # foreseen
     assert abs(mean[1]) < 0.5 * abs(mean[0])
-    assert abs(mean[3]) < 0.2 * abs(mean[2])
+    assert abs(mean[3]) < 0.1 * abs(mean[2])
 
 
 def _slopes(rng, memory_s, seconds=400.0, step=0.005):
@@ -141,7 +180,7 @@ def _slopes(rng, memory_s, seconds=400.0, step=0.005):
     lags = 7
     covariance = np.array([np.mean(friction[lag:] * friction[: len(friction) - lag]) for lag in range(lags)])
     white = whitening_filter(autoregression(Moments(covariance, len(friction))), [np.arange(len(friction))], len(friction))
-    seen, found = turned(stop, torque, block=block), []
+    (seen, _), found = both_turned(stop, torque, block=block), []
     for values in (slip, seen.speed - RADIUS * seen.wheel[:, 0], stop.wheel_rate[:, 0], seen.wheel_rate[:, 0]):
         own = white @ (rows(values) - rows(values).mean())
         found.append(float(own @ (white @ friction) / (own @ own)))

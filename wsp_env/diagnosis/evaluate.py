@@ -48,6 +48,11 @@ class Evaluation:
     mass: float  # [kg]
     misread: np.ndarray | float = 0.0  # slip that sensors show beside that of wheels that are known to roll [m/s]
 
+    def changed(self, other: "Evaluation", before: "Evaluation") -> "Evaluation":
+        """Return it with what another evaluation changes of a third."""
+        names = [field.name for field in dataclasses.fields(Evaluation)]
+        return Evaluation(**{name: getattr(self, name) + (getattr(other, name) - getattr(before, name)) for name in names})
+
 
 def vehicle_of(campaign: Campaign) -> Vehicle:
     """Return the campaign's vehicle as the plant takes it, with a brake whose pressures fit the recorded torques."""

@@ -9,8 +9,9 @@ The replica keeps the estimated speed and, where a wheel slides, its creepage. B
 its slip is the one at which the baseline gives the recorded force: the measured one is noise there. For the same reason the
 residual is taken linear in the measured less the replica's slip.
 
-And as friction turns the wheel, changes of the model are evaluated at the slip that was foreseen before each block of time
-(`wsp_env.diagnosis.loop`); the residuals of the recordings at the slip that was.
+And as friction turns the wheel, and the device answers, changes of the model are evaluated at the slip and the torque that were
+foreseen before each block of time (`wsp_env.diagnosis.loop`); the residuals of the recordings at the slip that was. Changes of
+a time, which the torque's own course shows, are evaluated under the recorded torque.
 """
 
 import dataclasses
@@ -40,6 +41,7 @@ from wsp_env.plant.mechanisms import ALL
 
 _NEWTON = 12
 _FLAT_S = 0.5  # over which it is averaged how flat the curve is: that is no course of noise
+_OF_TIME = tuple(name for name, card in ALL.items() if any(one.unit == "s" and one.fitted for one in card.sizes))
 _LEAST_ADHESION = 0.01  # against which an error of slip is compared: hardly braked wheels roll
 
 
@@ -63,7 +65,7 @@ class Replica:
         made = [_rolling(recorded, one, i, *needed[i], true[i], larger) for i, one in enumerate(found)]
         forces = Evaluator(recorded.campaign, made)(baseline)
         braked = [_braked(recorded, stop, one) for stop, one in zip(made, forces, strict=True)]
-        self._copy = recorded.like(braked)
+        self._copy = self.timed = recorded.like(braked)
         self.rows = _rows_of_true_slips(recorded.rows, self._copy.rows, larger)
         self._kept = threading.local()  # every thread keeps its last evaluation
         # A wheel of another radius is in the replica as it slides, and what its sensor shows is linear in that radius.
@@ -71,10 +73,11 @@ class Replica:
         self._share = [averaged(share, stop.step_s) for share, stop in zip(shares, recorded.sources, strict=True)]
         self._slopes = [one.slope for one in self._copy.evaluate(baseline)]
         if model is not baseline:  # the curve is as steep as where the wheels slide, whatever the sensors show
-            self._slopes = [one.slope for one in self._slid(model)[-1]]
+            self._slopes = [one.slope for one in self._slid(self._copy, model)[-1]]
         smoothing = self._changed(baseline)  # what smoothing leaves of an exact balance
         residuals = self._residuals() - smoothing * recorded.rows.wheels
-        self._copy = recorded.like(self._foreseen(braked, forces))
+        expected, as_recorded = zip(*self._foreseen(braked, forces), strict=True)
+        self._copy, self.timed = recorded.like(expected), recorded.like(as_recorded)
         self._kept = threading.local()
         self._offset = residuals - self._changed(baseline)
 
@@ -88,18 +91,28 @@ class Replica:
         """Return what a model says of every stop of the replica; the last one is kept."""
         last: tuple[Model, list[Evaluation]] | None = getattr(self._kept, "last", None)
         if last is None or last[0] is not model:
-            last = self._kept.last = (model, self._evaluated(model))
+            last = self._kept.last = (model, self._of_times(model))
         return last[1]
 
-    def _evaluated(self, model: Model) -> list[Evaluation]:
-        """Evaluate a model, and what its sensors show.
+    def _of_times(self, model: Model) -> list[Evaluation]:
+        """Evaluate a model; what other times than the baseline's change, under the recorded torques."""
+        known = self.baseline.choice
+        others = {name: values for name, values in model.choice.items() if name not in _OF_TIME}
+        prompt = dataclasses.replace(model, choice=others | {name: known[name] for name in _OF_TIME if name in known})
+        if prompt.choice == model.choice or self.timed is self._copy:
+            return self._evaluated(self._copy, model)
+        parts = self._evaluated(self._copy, prompt), self._evaluated(self.timed, model), self._evaluated(self.timed, prompt)
+        return [one.changed(late, less) for one, late, less in zip(*parts, strict=True)]
+
+    def _evaluated(self, copy: Balances, model: Model) -> list[Evaluation]:
+        """Evaluate a model along a replica, and what its sensors show.
 
         The recordings' residual is linear in the measured less the replica's slip. So is a sensor's error, at the slope of the
         baseline, as far as the measured slip is not kept: with the error as it is both cancel.
         """
         if _without_sensors(model) is model:
-            return self._copy.evaluate(model)
-        whole, without, errors, slid = self._slid(model)
+            return copy.evaluate(model)
+        whole, without, errors, slid = self._slid(copy, model)
         return [
             dataclasses.replace(
                 one,
@@ -113,19 +126,24 @@ class Replica:
             )
         ]
 
-    def _slid(self, model: Model) -> tuple[list[Evaluation], list[Evaluation], list[np.ndarray], list[Evaluation]]:
+    def _slid(
+        self, copy: Balances, model: Model
+    ) -> tuple[list[Evaluation], list[Evaluation], list[np.ndarray], list[Evaluation]]:
         """Return a model without contacts, without sensors, their errors of the slip (T, A), it where wheels truly slide."""
-        whole, without = self._copy.evaluate_forces(model), self._copy.evaluate(_without_sensors(model))
+        whole, without = copy.evaluate_forces(model), copy.evaluate(_without_sensors(model))
         errors = [one.slip - other.slip for one, other in zip(without, whole, strict=True)]
-        slid = self._copy.evaluate_slid(model, [(1.0 - kept) * error for kept, error in zip(self._share, errors, strict=True)])
+        slid = copy.evaluate_slid(model, [(1.0 - kept) * error for kept, error in zip(self._share, errors, strict=True)])
         return whole, without, errors, slid
 
     def raw(self, model: Model) -> np.ndarray:
         """Residuals (n,) of a model: those of the recordings at the baseline and what the model changes."""
         return self._changed(model) + self._offset
 
-    def _foreseen(self, braked: Sequence[PreparedStop], said: Sequence[Evaluation]) -> list[PreparedStop]:
-        """Return the replica's stops with the slips that are foreseen before each block, by what the baseline says of them."""
+    def _foreseen(self, braked: Sequence[PreparedStop], said: Sequence[Evaluation]) -> list[tuple[PreparedStop, PreparedStop]]:
+        """Return the replica's stops with the slips that are foreseen before each block, by what the baseline says of them.
+
+        Under the torques that were to be expected, and under the recorded ones.
+        """
         recorded, found = self.recorded, []
         for mine, stop, part, one in zip(braked, recorded.sources, recorded.parts, said, strict=True):
             block = part.length * round(part.stop.step_s / stop.step_s)

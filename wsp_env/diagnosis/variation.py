@@ -131,6 +131,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
     by_run = (rows.run[:, None] == np.arange(len(balances.stops))).astype(float)
     own = (rows.axle[:, None] == np.arange(axles)).astype(float)
     forces = Forces(balances, model)
+    timed = Forces(balances.timed, model) if isinstance(balances, Replica) else forces
     steepness, radius, uncertain = _slips(balances, model)
     turning = forces.turning()
     slides = (friction * rows.slides)[:, None]
@@ -159,8 +160,8 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("zero of the torque", forces.zeros(), _EXPECTED["zero"], True),
         Group("torque in time", forces.courses(_COURSE_NODE_S), _EXPECTED["torque"]),
         Group(ONSET, forces.onsets(_ONSET_NODE_S, _ONSET_NODES), _EXPECTED["onset"]),
-        Group(WHEEL_TIME, forces.late_wheels() @ apart, sample, True),
-        Group(TORQUE_TIME, forces.late_torques() @ apart, sample, True),
+        Group(WHEEL_TIME, timed.late_wheels() @ apart, sample, True),
+        Group(TORQUE_TIME, timed.late_torques() @ apart, sample, True),
         Group("inertia", np.column_stack([turning, turning.sum(axis=1)]), _EXPECTED["inertia"], True),
         Group("radius", radius[:, None] * own, _EXPECTED["radius"], True, "radius of a run"),
         Group("radius of a run", each(radius[:, None] * own), _EXPECTED["radius"]),
