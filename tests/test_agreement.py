@@ -131,19 +131,36 @@ def test_what_is_seen_in_slides_alone_and_should_be_seen_beside_them_has_no_evid
     assert everywhere.left_of(30.0) > 10.0 * in_slides.left_of(30.0)
 
 
+def half_width(parts, deviation, change, form):
+    low, high = parts.interval(1.0, deviation, change, form)
+    assert high - 1.0 == pytest.approx(1.0 - low)
+    return high - 1.0
+
+
 def test_an_interval_is_students_and_as_wide_as_the_parts_scatter():
     deviation = 0.3
     many = Agreement(scattered(400, 399.0), np.eye(400))  # as they should
-    assert many.half_width(deviation, 2.0, 0.0) == pytest.approx(1.645 * deviation, rel=0.01)
+    assert half_width(many, deviation, 2.0, 0.0) == pytest.approx(1.645 * deviation, rel=0.01)
     few = Agreement(scattered(5, 64.0), np.eye(5))
     factor = np.sqrt((BELIEVED + 64.0) / (BELIEVED + 4.0))
-    assert few.half_width(deviation, 2.0, 0.0) == pytest.approx(stats.t(BELIEVED + 4.0).ppf(0.95) * factor * deviation)
-    assert Agreement(np.ones(0), np.zeros((0, 0))).half_width(deviation, 2.0, 0.0) > 1.645 * deviation  # nobody was asked
+    assert half_width(few, deviation, 2.0, 0.0) == pytest.approx(stats.t(BELIEVED + 4.0).ppf(0.95) * factor * deviation)
+    assert half_width(Agreement(np.ones(0), np.zeros((0, 0))), deviation, 2.0, 0.0) > 1.645 * deviation  # nobody was asked
 
 
 @given(st.floats(0.5, 2.0), st.floats(1e-3, 3.0), st.floats(1e-3, 1.0), st.floats(1e-3, 1.0))
 def test_an_interval_holds_what_the_parts_say_together(common, change, deviation, form):
     parts = Agreement(np.full(8, common), np.eye(8))
-    half = parts.half_width(deviation, change, form)
+    half = half_width(parts, deviation, change, form)
     assert half >= abs((common - 1.0) * change) * 1.645
-    assert half >= parts.half_width(deviation, change, 0.0) >= parts.half_width(deviation, 0.0, 0.0)
+    assert half >= half_width(parts, deviation, change, 0.0) >= half_width(parts, deviation, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_is_surely_there_has_no_interval_about_nothing(sign):
+    """The recordings tell at 10 deviations that it is there, though a size that bends with a shape is known at 0.5 only."""
+    parts, value = Agreement(scattered(8, 7.0), np.eye(8)), 0.5 * sign
+    low, high = parts.interval(value, 1.0, value, 0.0, absent=0.05)
+    bent = parts.interval(value, 1.0, value, 0.0)
+    assert bent[0] < 0.0 < bent[1]
+    assert low * high > 0.0
+    assert max(abs(low), abs(high)) == pytest.approx(max(abs(bent[0]), abs(bent[1])))

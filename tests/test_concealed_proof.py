@@ -212,10 +212,10 @@ def test_intervals_of_the_change_of_distance_are_required_to_cover():
 
 def test_page_is_filled_and_filled_again(tmp_path):
     docs, out = tmp_path / "docs", tmp_path / "out"
-    docs.mkdir()
+    (docs / "lab").mkdir(parents=True)
     (out / "rivals" / "bic").mkdir(parents=True)
     for name in page.PAGES:
-        shutil.copy(DOCS / name, docs)
+        shutil.copy(DOCS / name, docs / name)
     labels = {"n": truth("null"), "s": truth("single", "track_gradient", size=0.001)}
     answers = {"n": answer("adequate"), "s": answer("named", "track_gradient")}
     figures = json.dumps(plain(score(labels, answers)))

@@ -1,4 +1,4 @@
-"""Puts the figures of scored campaigns into the pages: their tables and pictures, docs/concealed*.md."""
+"""Puts the figures of scored campaigns into the pages: their tables and pictures, docs/concealed*.md and docs/lab/concealed_others.md."""
 
 import json
 import re
@@ -11,7 +11,7 @@ from experiments.concealed.figures import COMPARED, draw, of
 from experiments.concealed.rates import NO_CASE, percent, put, restored
 from experiments.concealed.required import Check, checks, common
 
-PAGES, PICTURES = ("concealed.md", "concealed_figures.md", "concealed_others.md"), "concealed"
+PAGES, PICTURES = ("concealed.md", "concealed_figures.md", "lab/concealed_others.md"), "concealed"
 #: The rivals in words, by the names of their folders.
 RIVALS = {"bic": "BIC only", "held_out": "held-out only", "black_box": "black box"}
 #: Folder, beside the bank's answers, of those to other people's campaigns.

@@ -57,16 +57,25 @@ class Agreement(NamedTuple):
         """Return what is left of an evidence."""
         return 0.5 * (self.counts + 1.0) * float(np.log1p(2.0 * max(evidence, 0.0) / (BELIEVED + self.missed)))
 
-    def half_width(self, deviation: float, change: float, form: float) -> float:
-        """Return half the width of the interval of 90 % of a fitted value.
+    def interval(
+        self, value: float, deviation: float, change: float, form: float, absent: float = np.inf
+    ) -> tuple[float, float]:
+        """Return the interval of 90 % of a fitted value.
 
         Parameters
         ----------
         deviation : of the value, as computed
         change : from where the mechanism does nothing
         form : deviation by nature's form
+        absent : the same as `deviation`, by how much worse the recordings are explained where the mechanism does nothing;
+            inf where the value alone does not say whether it does. Where a size bends with a shape, as a patch's change with
+            its length, that is less than a tangent says (likelihood root, O. Barndorff-Nielsen, Biometrika 73, 1986)
 
         """
+        away, back = (self._half_width(one, change, form) for one in (deviation, min(deviation, absent)))
+        return (value - back, value + away) if change > 0.0 else (value - away, value + back)
+
+    def _half_width(self, deviation: float, change: float, form: float) -> float:
         # Two estimates that would be the same if the model were right: what they differ by is its error (J. Hausman,
         # Econometrica 46, 1978).
         differs = (self.common - 1.0) * change

@@ -215,13 +215,14 @@ def _estimates(outcome: Outcome, one: Accepted) -> dict[str, Estimate]:
     variant, values, covariance = one.trial.variant, outcome.fitted.values[at], outcome.fitted.covariance[at]
     own = 0.0 if ALL[variant.name].signature.exact else form_of(variant)
     runs = agreement(outcome.replica, outcome.fitted.model, variant, outcome.weights, own)
-    found = {}
+    found, sizes = {}, [name for name in variant.sizes if parameter_of(variant.name, name).kind == "size"]
     for j, name in enumerate(variant.sizes):
         parameter = parameter_of(variant.name, name)
         value = float(np.clip(values[j], parameter.low, parameter.high))
         change = 0.0 if parameter.kind == "shape" else value - parameter.null  # of a size only forms and runs say something
-        half = runs.half_width(float(np.sqrt(max(covariance[j, j], 0.0))), change, own * change)
-        low, high = np.clip([value - half, value + half], parameter.low, parameter.high)
+        absent = abs(change) / np.sqrt(max(one.trial.reduction, 1e-12)) if sizes == [name] else np.inf
+        interval = runs.interval(value, float(np.sqrt(max(covariance[j, j], 0.0))), change, own * change, absent)
+        low, high = np.clip(interval, parameter.low, parameter.high)
         found[name] = Estimate(value, parameter.unit, (float(low), float(high)))
     for name, fixed in variant.fixed.items():
         found[name] = Estimate(float(fixed), parameter_of(variant.name, name).unit, (float(fixed), float(fixed)))
