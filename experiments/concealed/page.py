@@ -1,4 +1,4 @@
-"""Puts the figures of scored campaigns into the pages: their tables and pictures, docs/concealed*.md and docs/lab/concealed_others.md."""
+"""Puts the figures of scored campaigns into the pages of the proof (`PAGES`): their tables and pictures."""
 
 import json
 import re
