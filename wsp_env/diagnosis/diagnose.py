@@ -220,7 +220,8 @@ def _estimates(outcome: Outcome, one: Accepted) -> dict[str, Estimate]:
         parameter = parameter_of(variant.name, name)
         value = float(np.clip(values[j], parameter.low, parameter.high))
         change = 0.0 if parameter.kind == "shape" else value - parameter.null  # of a size only forms and runs say something
-        absent = abs(change) / np.sqrt(max(one.trial.reduction, 1e-12)) if sizes == [name] else np.inf
+        bends = sizes == [name] and len(variant.sizes) > 1 and change != 0.0  # with the shapes that are fitted beside it
+        absent = abs(change) / np.sqrt(max(one.trial.reduction, 1e-12)) if bends else np.inf
         interval = runs.interval(value, float(np.sqrt(max(covariance[j, j], 0.0))), change, own * change, absent)
         low, high = np.clip(interval, parameter.low, parameter.high)
         found[name] = Estimate(value, parameter.unit, (float(low), float(high)))

@@ -55,7 +55,7 @@ class Replica:
     """
 
     def __init__(self, recorded: Balances, model: Model) -> None:
-        baseline = _without_sensors(model)
+        baseline = without_sensors(model)
         self.recorded, self.baseline = recorded, baseline
         larger = _larger_radii(recorded, baseline)
         evaluator = Evaluator(recorded.campaign, recorded.sources)
@@ -110,7 +110,7 @@ class Replica:
         The recordings' residual is linear in the measured less the replica's slip. So is a sensor's error, at the slope of the
         baseline, as far as the measured slip is not kept: with the error as it is both cancel.
         """
-        if _without_sensors(model) is model:
+        if without_sensors(model) is model:
             return copy.evaluate(model)
         whole, without, errors, slid = self._slid(copy, model)
         return [
@@ -130,7 +130,7 @@ class Replica:
         self, copy: Balances, model: Model
     ) -> tuple[list[Evaluation], list[Evaluation], list[np.ndarray], list[Evaluation]]:
         """Return a model without contacts, without sensors, their errors of the slip (T, A), it where wheels truly slide."""
-        whole, without = copy.evaluate_forces(model), copy.evaluate(_without_sensors(model))
+        whole, without = copy.evaluate_forces(model), copy.evaluate(without_sensors(model))
         errors = [one.slip - other.slip for one, other in zip(without, whole, strict=True)]
         slid = copy.evaluate_slid(model, [(1.0 - kept) * error for kept, error in zip(self._share, errors, strict=True)])
         return whole, without, errors, slid
@@ -166,7 +166,7 @@ class Replica:
         return result
 
 
-def _without_sensors(model: Model) -> Model:
+def without_sensors(model: Model) -> Model:
     """Return a model without mechanisms on sensors; itself where it has none."""
     true = {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on != "sensor"}
     return model if len(true) == len(model.choice) else dataclasses.replace(model, choice=true)

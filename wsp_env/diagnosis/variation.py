@@ -15,7 +15,7 @@ import numpy as np
 from wsp_env.diagnosis.balances import ACTUATOR, Balances, Rows, Whitening
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.forces import Forces
-from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.replica import Replica, without_sensors
 
 #: Lengths over which mu_cd is alike along the track [m]. The short one is, of those tried, the likeliest on a campaign of 2 %
 #: over 5 to 20 m; how large it is the recordings say, as a wheel passes many such lengths. The long one is that of rails of
@@ -131,7 +131,8 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
     by_run = (rows.run[:, None] == np.arange(len(balances.stops))).astype(float)
     own = (rows.axle[:, None] == np.arange(axles)).astype(float)
     forces = Forces(balances, model)
-    timed = Forces(balances.timed, model) if isinstance(balances, Replica) else forces
+    # Times are seen by the recorded torques, and by wheels as they slide, whatever sensors show.
+    timed = Forces(balances.timed, without_sensors(model)) if isinstance(balances, Replica) else forces
     steepness, radius, uncertain = _slips(balances, model)
     turning = forces.turning()
     slides = (friction * rows.slides)[:, None]
