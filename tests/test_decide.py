@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
-from trial_cases import GAIN, GRADIENT, TERM, candidate, found, trial
+from trial_cases import BENT, GAIN, GRADIENT, PLAIN, TERM, candidate, found, trial
 
 from wsp_env.diagnosis import decide
 from wsp_env.diagnosis.balances import NOISES, Whitening
@@ -317,9 +317,10 @@ def own(monkeypatch):
         monkeypatch.setattr(decide, "settle", lambda *_: ("own replica", dataclasses.replace(one.fitted, cost=cost)))
         anew = dataclasses.replace(one.fitted, cost=cost if again is None else again)
         monkeypatch.setattr(decide, "settle_anew", lambda *_: ("another replica", anew))
-        monkeypatch.setattr(decide, "_pulls", lambda *_: pulls)
+        pulled = {True: 5.0**2, False: 0.0}[pulls]
+        monkeypatch.setattr(decide, "_pulled", lambda _, model, __: pulled * ("track_gradient" in model.choice))
         monkeypatch.setattr(decide, "agreement", lambda *_: SimpleNamespace(left_of=lambda evidence: left))
-        return decide._about_its_own(SimpleNamespace(recorded=None), SimpleNamespace(whitening=None), None, one)
+        return decide._about_its_own(SimpleNamespace(recorded=None), SimpleNamespace(whitening=None), PLAIN, one)
 
     return ask
 
@@ -340,18 +341,18 @@ def test_beside_others_it_must_be_missing_whether_their_forms_bend_or_not(monkey
     whole = Fitted(both, (GAIN, GRADIENT), (), (), plain)
 
     def refit(_, model, variants, weights):
-        cost = 100.0 if GRADIENT not in variants else bent if weights == "bent" else plain
+        cost = 100.0 if GRADIENT not in variants else bent if weights is BENT else plain
         return Fitted(model, tuple(variants), (), (), cost)
 
     monkeypatch.setattr(decide, "refit", refit)
     monkeypatch.setattr(decide, "settle", lambda *_: ("own replica", whole))
     monkeypatch.setattr(decide, "forms", lambda _, __, variants, ___: variants)
-    monkeypatch.setattr(decide, "weights_of", lambda _, __, forms: "bent" if list(forms) == [GAIN] else "wrong forms")
+    monkeypatch.setattr(decide, "weights_of", lambda _, __, forms: BENT if list(forms) == [GAIN] else "wrong forms")
     monkeypatch.setattr(decide, "net_effect", lambda *_: StopChange(0.04, 0.0))
-    monkeypatch.setattr(decide, "_pulls", lambda *_: False)
+    monkeypatch.setattr(decide, "_pulled", lambda *_: 0.0)
     monkeypatch.setattr(decide, "agreement", lambda *_: SimpleNamespace(left_of=lambda evidence: 20.0))
     one = dataclasses.replace(trial(GRADIENT, 30.0), fitted=whole)
-    held = decide._about_its_own(SimpleNamespace(recorded=None), SimpleNamespace(whitening=None), None, one)
+    held = decide._about_its_own(SimpleNamespace(recorded=None), SimpleNamespace(whitening=None), PLAIN, one)
     assert held.trial.reduction == expected
     assert held.trial.evidence == 0.5 * expected
 
@@ -412,7 +413,8 @@ def test_what_pulls_a_nuisance_is_no_finding(cancels, expected):
             return effect * (sizes[cancels] - 9.0 * ("track_gradient" in model.choice))
 
     on = switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.002]))
-    assert decide._pulls(Replica(), on, Model(2e-4, (0.06,)), weights) == expected
+    beside, before = (decide._pulled(Replica(), one, weights) for one in (on, Model(2e-4, (0.06,))))
+    assert (beside - before > decide.PULLED**2) == expected
 
 
 def test_nothing_is_said_of_what_cannot_be():

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from trial_cases import GAIN, trial
+from trial_cases import GAIN, PLAIN, trial
 
 from wsp_env.diagnosis import quality as module
 from wsp_env.diagnosis.balances import BALANCES, Whitening
@@ -69,12 +69,19 @@ def test_nothing_can_be_removed_of_noise():
     assert _removed(None, 0) is None
 
 
+class Asked(SimpleNamespace):
+    """A replica that is only passed on."""
+
+    __hash__ = object.__hash__
+
+
 @pytest.mark.parametrize("second", [False, True])
 def test_an_extension_is_asked_about_its_own_replica_and_the_baseline_about_its_own(monkeypatch, second):
     """About the baseline's it would fit worse than nothing. What is left beside a name that the runs refuse is fitted again."""
     rows = SimpleNamespace(validate=np.array([False, True]), balance=np.zeros(2, dtype=int), run=np.arange(2))
-    base, own = (SimpleNamespace(name=name, rows=rows, baseline=Model(2e-4, (0.06, 0.06)), recorded=None) for name in "bo")
-    again, asked = SimpleNamespace(name="again", rows=rows), []
+    bare = Model(2e-4, (0.06, 0.06))
+    base, own = (Asked(name=name, rows=rows, baseline=bare, about=bare, recorded=None) for name in "bo")
+    again, asked = Asked(name="again", rows=rows, about=bare), []
     on = switched(base.baseline, GRADIENT, np.array([TRUE]))
     accepted = [Accepted(trial(GRADIENT, 40.0), ("track_gradient",), 1.0)]
     if second:
@@ -93,11 +100,13 @@ def test_an_extension_is_asked_about_its_own_replica_and_the_baseline_about_its_
         assert tuple(model.choice) == ("track_gradient",)
         return dict.fromkeys(parts, Left(30.0, 80.0, 1.0) if replica.name == "b" else Left(90.0, 1.0, 1.0))
 
-    monkeypatch.setattr(module, "weigh", lambda *_: None)
+    monkeypatch.setattr(module, "weigh", lambda *_: PLAIN)
+    monkeypatch.setattr(module, "bleach", lambda *_: None)
     monkeypatch.setattr(module, "refit", refit)
     monkeypatch.setattr(module, "left", stub_left)
     monkeypatch.setattr(module, "Replica", lambda *_: again)
-    screen = SimpleNamespace(groups=(), times=None, whitening=Whitening(np.ones(2), ()), sizes=Sizes(np.ones(0), np.ones(5)))
+    white, sizes = Whitening(np.ones(2), ()), Sizes(np.ones(0), np.ones(5))
+    screen = SimpleNamespace(groups=(), times=None, whitening=white, colour=None, sizes=sizes)
     outcome = SimpleNamespace(
         first=screen, last=screen, replica=own, fitted=Fitted(on, variants, (), (), 10.0), accepted=accepted
     )

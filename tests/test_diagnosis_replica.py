@@ -211,9 +211,9 @@ def test_only_what_goes_on_from_row_to_row_is_structure(correlation, expected):
     group = Group("g", 1e-6 * rng.standard_normal((n, 1)), 1.0)
     sizes = Sizes(np.ones(1), np.array([1.0, 1.0, 1.0, 1.0, 3.0]))
     whitening = Whitening(np.full(n, 1e-3), ())
-    last = SimpleNamespace(model=None, sizes=sizes, groups=[group], small=group, whitening=whitening, base=base[order])
+    last = SimpleNamespace(about=LAW, sizes=sizes, groups=[group], small=group, whitening=whitening, base=base[order])
     vehicle = SimpleNamespace(gravity_mps2=9.81)
-    found = structure.structured(SimpleNamespace(rows=rows, vehicle=vehicle, axles=AXLES), last)
+    found = structure.structured(SimpleNamespace(about=LAW, rows=rows, vehicle=vehicle, axles=AXLES), last)
     assert found.size == pytest.approx(expected, abs=0.35)
     # A friction of 3e-3 on each axle by itself is 1.5e-3 on all four, of a deceleration of 1 m/s2 the share 9.81 times that.
     swing = np.sqrt(2.0 * correlation) * 9.81 * 3e-3 / np.sqrt(AXLES)

@@ -1,5 +1,7 @@
 """Variants, and what a search and a refit said of them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from wsp_env.diagnosis.candidates import Candidate, Variant
@@ -11,6 +13,8 @@ from wsp_env.diagnosis.trials import Trial
 GRADIENT = Variant("track_gradient", ("rise",), {})
 GAIN = Variant("brake_gain_imbalance", ("gain",), {"axle": 2.0})
 TERM = Variant("discovered", ("coefficient_1",), {"slot_1": 0.0}, (100.0,), "brake torque by braking")
+#: Weights whose deviance is the cost alone; a second one.
+PLAIN, BENT = (SimpleNamespace(deviance=lambda fitted: fitted.cost) for _ in range(2))
 
 
 def candidate(variant: Variant = GRADIENT, k: int = 1) -> Candidate:
@@ -24,4 +28,4 @@ def found(variant: Variant, evidence: float) -> Found:
 def trial(variant: Variant, evidence: float, multiple: float = 2.0) -> Trial:
     size = StopChange(0.01 * multiple, 0.0)
     beside = Model(2e-4, (0.06,))
-    return Trial(found(variant, evidence), variant, variant, None, evidence, beside, 2.0 * evidence, size, price=0.0)
+    return Trial(found(variant, evidence), variant, variant, None, evidence, beside, 2.0 * evidence, size, 0.0, PLAIN)

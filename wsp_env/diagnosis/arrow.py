@@ -105,6 +105,12 @@ class Eliminated:
         self.rest[diagonal, diagonal] += 1.0
         self.factor = linalg.cho_factor(self.rest[:nuisances, :nuisances], lower=True, check_finite=False)
 
+    @property
+    def logdet(self) -> float:
+        """Log of the determinant of the columns that have the 1."""
+        diagonals = [np.diag(root) for root in (*self._roots, self.factor[0])]
+        return 2.0 * float(sum(np.log(one).sum() for one in diagonals))
+
     def solution(self, column: int) -> tuple[list[np.ndarray], np.ndarray]:
         """Return the amplitudes of the runs' own columns and of the common nuisances, for a common column as the other side."""
         common = linalg.cho_solve(self.factor, self.rest[: self.nuisances, column], check_finite=False)

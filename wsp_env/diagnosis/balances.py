@@ -155,7 +155,11 @@ class Balances:
 
     def whitening(self, model: Model) -> "Whitening":
         """Return what makes the rows' noise, as the channels have it, white and of deviation 1."""
-        deviation = np.concatenate([part.deviation(one) for part, one in zip(self.parts, self.evaluate(model), strict=True)])
+        return self.whitening_of(self.evaluate(model))
+
+    def whitening_of(self, evaluations: Sequence[Evaluation]) -> "Whitening":
+        """Return the same where a model was evaluated."""
+        deviation = np.concatenate([part.deviation(one) for part, one in zip(self.parts, evaluations, strict=True)])
         roots = []
         for i, part in enumerate(self.parts):
             if part.momenta:

@@ -114,8 +114,11 @@ def whitening_filter(coefficients: np.ndarray, parts: Sequence[np.ndarray], coun
     return sparse.csr_array((entries, places), shape=(count, count))
 
 
-def colour(rows: Rows, evidence: Evidence, sizes: Sizes) -> sparse.csr_array | None:
+def colour(rows: Rows, evidence: Evidence, sizes: Sizes) -> np.ndarray:
+    """Return the coefficients (p,) of the autoregression of sliding wheels' rows; none: they are white."""
+    return autoregression(moments(evidence, sizes, stretches(rows)))
+
+
+def bleach(rows: Rows, coefficients: np.ndarray) -> sparse.csr_array | None:
     """Return the filter (n, n) that makes the rows of sliding wheels white; None: they are."""
-    parts = stretches(rows)
-    coefficients = autoregression(moments(evidence, sizes, parts))
-    return whitening_filter(coefficients, parts, len(rows)) if len(coefficients) else None
+    return whitening_filter(coefficients, stretches(rows), len(rows)) if len(coefficients) else None

@@ -23,7 +23,19 @@ from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
 from wsp_env.diagnosis.settle import moved, settle, settle_anew
 from wsp_env.diagnosis.structure import structured
-from wsp_env.diagnosis.trials import FORM, SURE, FormsLeft, Trial, form_of, forms, odds, trials_of, weights_of
+from wsp_env.diagnosis.trials import (
+    FORM,
+    SURE,
+    FormsLeft,
+    Trial,
+    form_of,
+    forms,
+    odds,
+    told,
+    trials_of,
+    weights_anew,
+    weights_of,
+)
 
 #: Mechanisms that are accepted at most.
 MOST = 3
@@ -233,27 +245,33 @@ def _about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Tria
     The evidence is what the parts of the recordings leave of it where that makes it no longer sure.
     About the replica that it was found with a mechanism that bends is a straight line at its end.
     """
-    own, fitted = settle(replica.recorded, trial.fitted, weights)
+    mine = trial.weights if told(trial.listed) else weights
+    own, fitted = settle(replica.recorded, trial.fitted, mine)
     if fitted.cost > _RUN_AWAY * trial.fitted.cost:
-        own, fitted = settle_anew(replica.recorded, trial.fitted, trial.variant, weights)
+        own, fitted = settle_anew(replica.recorded, trial.fitted, trial.variant, mine)
     if fitted.cost > _RUN_AWAY * trial.fitted.cost:
         return None
+    other, without_it = own, mine
+    if told(trial.listed):  # where it says that wheels slide a model without it fits nothing
+        mine, other, without_it = weights_anew(own, seen), replica, weights
+        fitted = refit(own, fitted.model, fitted.variants, mine)
     others = [one for one in fitted.variants if one is not trial.variant]
-    gone = refit(own, without(fitted.model, trial.variant), others, weights)
-    if _pulls(own, fitted.model, gone.model, weights):
+    gone = refit(other, without(fitted.model, trial.variant), others, without_it)
+    if _pulled(own, fitted.model, mine) - _pulled(other, gone.model, without_it) > PULLED**2:
         return None
-    reduction = gone.cost - fitted.cost
+    reduction = without_it.deviance(gone) - mine.deviance(fitted)
     if others:
         # It must be missing whether the forms of the others bend or not: bent, they do what it does; and free to bend, a false
         # one bends to what another false one leaves.
         bent = weights_of(own, seen, forms(own, fitted.model, others, seen.whitening))
-        beside = [refit(own, one.model, one.variants, bent).cost for one in (gone, fitted)]
-        reduction = min(reduction, beside[0] - beside[1])
+        without_bent = bent if other is own else weights_of(other, seen, forms(other, gone.model, others, seen.whitening))
+        left_without = without_bent.deviance(refit(other, gone.model, gone.variants, without_bent))
+        reduction = min(reduction, left_without - bent.deviance(refit(own, fitted.model, fitted.variants, bent)))
     evidence, size = 0.5 * reduction - trial.price, net_effect(own, fitted.model, trial.variant, seen.whitening)
-    left = agreement(own, fitted.model, trial.variant, weights, form_of(trial.listed)).left_of(evidence)
+    left = agreement(own, fitted.model, trial.variant, mine, form_of(trial.listed)).left_of(evidence)
     if odds(trial.listed, left) <= SURE:
         evidence = left
-    return Held(dataclasses.replace(trial, fitted=fitted, reduction=reduction, evidence=evidence, size=size), own)
+    return Held(dataclasses.replace(trial, fitted=fitted, reduction=reduction, evidence=evidence, size=size, weights=mine), own)
 
 
 def _best(
@@ -305,14 +323,10 @@ def _compensates(replica: Replica, trial: Trial, accepted: Sequence[Accepted], s
     return any(size(trial.fitted.model, one) > GROWN * size(trial.beside, one) for one in accepted)
 
 
-def _pulls(replica: Replica, beside: Model, before: Model, weights: Weights) -> bool:
-    """Whether a mechanism pulls nuisances from what they are: what is missing lets them relax, as they stood in for it."""
-
-    def unlikely(model: Model) -> float:
-        amplitudes = weights.projector.amplitudes(weights(replica.raw(model)))
-        return float(amplitudes @ amplitudes)
-
-    return unlikely(beside) - unlikely(before) > PULLED**2
+def _pulled(replica: Replica, model: Model, weights: Weights) -> float:
+    """Return by how much nuisances are pulled from what they are: what is missing lets them relax, as they stood in for it."""
+    amplitudes = weights.projector.amplitudes(weights(replica.raw(model)))
+    return float(amplitudes @ amplitudes)
 
 
 def belief(best: Trial, trials: Sequence[Trial], found: Sequence[Found]) -> tuple[tuple[str, ...], float]:

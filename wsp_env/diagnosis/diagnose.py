@@ -91,7 +91,7 @@ def _sound(campaign: Campaign, stops: list[PreparedStop]) -> tuple[Replica, list
         if not len(balances.rows):
             raise CampaignError(f"campaign {campaign.name}: no run has usable samples above walking pace")
         replica = baseline(balances)
-        z = replica.whitening(replica.baseline)(replica.raw(replica.baseline)) ** 2
+        z = replica.whitening(replica.about)(replica.raw(replica.baseline)) ** 2
         counts = np.bincount(balances.rows.run, minlength=len(stops))
         mean = np.bincount(balances.rows.run, weights=np.minimum(z, 1e4), minlength=len(stops)) / np.maximum(counts, 1)
         worst = int(np.argmax(mean))

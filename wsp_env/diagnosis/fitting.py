@@ -28,6 +28,15 @@ class Weights:
     whitening: Whitening
     noise: np.ndarray  # (n,) factor of each row's deviation
     projector: Projector  # off all nuisances but the law's parameters
+    constant: float = 0.0  # what -2 log likelihood has beside the sum of squares, but for the channels' noise
+
+    def deviance(self, fitted: "Fitted") -> float:
+        """Return -2 log likelihood of a fit, but for what does not depend on where wheels slide.
+
+        The channels' noise is none of that: where a wheel is on the creep curve, every row has its own slip to find (the
+        functional relation of errors in variables, A. Villegas, Annals of Mathematical Statistics 32, 1961).
+        """
+        return fitted.cost + self.constant
 
     def __call__(self, raw: np.ndarray) -> np.ndarray:
         """Return rows (n,) or (n, k) whitened."""
@@ -57,7 +66,10 @@ def weigh(
     matrix, run = whitened(groups, whitening, noise, None if sizes is None else sizes.groups), balances.rows.run
     if keep is not None:
         matrix, run = matrix[keep], run[keep]
-    return Weights(whitening, noise, Projector(matrix, np.ones(matrix.shape[1], dtype=bool), run))
+    projector = Projector(matrix, np.ones(matrix.shape[1], dtype=bool), run)
+    scale = noise if whitening.colour is None else noise / whitening.colour.diagonal()
+    constant = 2.0 * float(np.log(scale if keep is None else scale[keep]).sum()) + projector.logdet
+    return Weights(whitening, noise, projector, constant)
 
 
 def _left_to_the_weights(balances: Balances | Replica, group: Group) -> Group:

@@ -49,6 +49,11 @@ class Projector:
                 across[np.ix_(part.used, part.used)] += part.shared.T @ part.shared
         self._solved = Eliminated(Arrow(tuple(own), tuple(cross), across), common)
 
+    @property
+    def logdet(self) -> float:
+        """Log of the determinant of the rows' covariance by nuisances that all have a prior and white noise of deviation 1."""
+        return self._solved.logdet
+
     def _half(self, y: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
         """Return the inverse root of the normal matrix times the inner products of the nuisances with rows (n, k)."""
         common = np.zeros((len(self._order.common), y.shape[1]))

@@ -5,25 +5,31 @@ held-out runs, about that of the extension.
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+import functools
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from wsp_env.diagnosis.answer import FitQuality
-from wsp_env.diagnosis.balances import BALANCES
+from wsp_env.diagnosis.balances import BALANCES, Whitening
 from wsp_env.diagnosis.candidates import Variant, columns, without
+from wsp_env.diagnosis.colour import bleach
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.decide import Outcome, at_bound
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights, refit, weigh
 from wsp_env.diagnosis.gls import fit
-from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.replica import Replica, on_sensors
 from wsp_env.diagnosis.search import held_out_rows
-from wsp_env.diagnosis.trials import SURE
-from wsp_env.diagnosis.variation import law_columns
+from wsp_env.diagnosis.trials import SURE, on_a_sensor
+from wsp_env.diagnosis.variation import Group, law_columns
 
 _BEYOND = 2.0  # deviations of chi-square by which the baseline must misfit, that a share of it can be removed: assumption
+#: Rows that are asked, by those (n,) bool that are held out; None: all.
+_ROWS: Mapping[str, Callable[[np.ndarray], np.ndarray | None]] = {
+    "tuned": np.logical_not, "held out": np.asarray, "all": lambda held: None
+}  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,33 +58,44 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
     """Return mean squares relative to what noise and nuisances of their sizes leave, of tuned and of held-out runs."""
     held = held_out_rows(replica.rows)
     last = outcome.last
-    nuisances = outcome.first.groups
-    groups = [*nuisances, outcome.first.times]  # by how much channels may be early or late counts as noise
-    sizes = Sizes(np.append(last.sizes.groups[: len(nuisances)], 1.0), last.sizes.noise)
-    whitening = dataclasses.replace(outcome.first.whitening, colour=last.whitening.colour)
-
-    def weights(keep: np.ndarray | None) -> Weights:
-        return weigh(replica, whitening, groups, sizes, keep)
-
-    tuned, scored, every = weights(~held), weights(held), weights(None)
-    before = refit(replica, replica.baseline, (), tuned, ~held).model
+    first = outcome.first
+    sizes = Sizes(np.append(last.sizes.groups[: len(first.groups)], 1.0), last.sizes.noise)
     own, variants = outcome.replica, outcome.fitted.variants
+
+    def whitening_and_groups(about: Replica) -> tuple[Whitening, list[Group]]:
+        """Return what the rows vary by where wheels slide as sensors then say; channels' times count as noise."""
+        seen = last if on_sensors(about.about) else first
+        colour = bleach(about.rows, last.colour)
+        return dataclasses.replace(seen.whitening, colour=colour), [*seen.groups, seen.times]
+
+    @functools.cache
+    def weights(about: Replica, rows: str) -> Weights:
+        return weigh(about, *whitening_and_groups(about), sizes, _ROWS[rows](held))
+
+    def held_out(about: Replica, model: Model) -> np.ndarray:
+        """Return deviances (2,) of the held-out runs: alone, and predicted from the others with all that is common to both."""
+
+        def of(rows: str) -> float:
+            weighed = weights(about, rows)
+            return weighed.deviance(refit(about, model, (), weighed, _ROWS[rows](held), free_law=False))
+
+        return np.array([of("held out"), of("all") - of("tuned")])
+
+    before = refit(replica, replica.baseline, (), weights(replica, "tuned"), ~held).model
+    tuned = weights(own, "tuned")
     after = refit(own, outcome.fitted.model, variants, tuned, ~held).model if variants else before
-
-    def held_out(model: Model) -> np.ndarray:
-        """Return chi-square (2,) of the held-out runs: alone, and predicted from the others with all that is common to both."""
-        alone = refit(own, model, (), scored, held, free_law=False).cost
-        tune = refit(own, model, (), tuned, ~held, free_law=False).cost
-        return np.array([alone, refit(own, model, (), every, free_law=False).cost - tune])
-
     gains: tuple[float, ...] = ()
     if held.any() and variants:
-        whole = held_out(after)
+        whole = held_out(own, after)
         for one in outcome.accepted:
             others = [variant for variant in variants if variant is not one.trial.variant]
-            off = refit(own, without(after, one.trial.variant), others, tuned, ~held).model
+            off, about, weighed = without(after, one.trial.variant), own, tuned
+            if on_a_sensor(one.trial.variant):
+                about = Replica(replica.recorded, off) if others else replica
+                weighed = weights(about, "tuned")
+            off = refit(about, off, others, weighed, ~held).model
             # Alone they show what nuisances take over once it is learned, predicted what these take over in a few runs.
-            gains += (float(np.max(held_out(off) - whole)),)
+            gains += (float(np.max(held_out(about, off) - whole)),)
     repeated = tuple(
         0.5 * gain > SURE and not at_bound(one.trial.variant, outcome.fitted.model)
         for gain, one in zip(gains or (np.inf,) * len(outcome.accepted), outcome.accepted, strict=True)
@@ -87,12 +104,14 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
     if len(kept) < len(variants):
         for one, sure in zip(outcome.accepted, repeated, strict=True):
             after = after if sure else without(after, one.trial.variant)
-        own = Replica(replica.recorded, refit(own, after, kept, every).model) if kept else replica
-        after = refit(own, after, kept, tuned, ~held).model  # what was fitted beside the others stands by itself now
+        own = Replica(replica.recorded, refit(own, after, kept, weights(own, "all")).model) if kept else replica
+        # What was fitted beside the others stands by itself now.
+        after = refit(own, after, kept, weights(own, "tuned"), ~held).model
+    every = weights(replica, "all")
     parts = {"tune": ~held} | ({"validate": held} if held.any() else {})
     each = {name: held & (replica.rows.balance == balance) for balance, name in enumerate(BALANCES)}
     parts_and_balances = parts | {name: rows for name, rows in each.items() if rows.any()}
-    figures = left(own, after, kept, every, parts_and_balances, before)
+    figures = left(own, after, kept, weights(own, "all"), parts_and_balances, before)
     if kept:  # the baseline about its own replica
         bare = left(replica, after, kept, every, parts_and_balances, before)
         figures = {name: one._replace(before=bare[name].before) for name, one in figures.items()}
@@ -105,7 +124,7 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
         {name: _removed(figures.get(name), int(rows.sum())) for name, rows in each.items()},
         repeated,
         every,
-        weigh(replica, dataclasses.replace(whitening, colour=None), groups),
+        weigh(replica, dataclasses.replace(first.whitening, colour=None), [*first.groups, first.times]),
     )
 
 

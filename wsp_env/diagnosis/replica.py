@@ -16,17 +16,18 @@ a time, which the torque's own course shows, are evaluated under the recorded to
 
 import dataclasses
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from wsp_env.contact.degraded import adhesion_slope, degraded_adhesion
-from wsp_env.diagnosis.balances import Balances, Rows
+from wsp_env.diagnosis.balances import Balances, Blocks, Rows, Whitening
 from wsp_env.diagnosis.denoise import denoised
-from wsp_env.diagnosis.evaluate import Evaluation, Evaluator, Model
+from wsp_env.diagnosis.evaluate import Choice, Evaluation, Evaluator, Model
 from wsp_env.diagnosis.loop import foreseen
+from wsp_env.diagnosis.readings import as_read, put_right, readings_of
 from wsp_env.diagnosis.stops import (
     BLOCK_S,
     ROLLING_SHARE,
@@ -41,7 +42,7 @@ from wsp_env.plant.mechanisms import ALL
 
 _NEWTON = 12
 _FLAT_S = 0.5  # over which it is averaged how flat the curve is: that is no course of noise
-_OF_TIME = tuple(name for name, card in ALL.items() if any(one.unit == "s" and one.fitted for one in card.sizes))
+OF_TIME = tuple(name for name, card in ALL.items() if any(one.unit == "s" and one.fitted for one in card.sizes))
 _LEAST_ADHESION = 0.01  # against which an error of slip is compared: hardly braked wheels roll
 
 
@@ -50,36 +51,44 @@ class Replica:
 
     What smoothing leaves in the wheels' rows of the replica it leaves in those of the recordings: it is taken away.
 
-    A replica holds what sensors read: its baseline has none of the model's mechanisms on sensors. But they say where a wheel
-    slides; a clock that is late makes a rolling wheel look like a sliding one.
+    Where a model says that speeds are read late or wrong the recordings are put right first, and the replica is what such
+    sensors would have read. A wheel of another radius reads right: the replica holds its reading, but the radius says where it
+    slides.
     """
 
     def __init__(self, recorded: Balances, model: Model) -> None:
-        baseline = without_sensors(model)
-        self.recorded, self.baseline = recorded, baseline
-        larger = _larger_radii(recorded, baseline)
-        evaluator = Evaluator(recorded.campaign, recorded.sources)
+        readings = readings_of(model)
+        rest = _choosing(model, lambda name: name not in readings)
+        baseline = without_sensors(rest)
+        self.recorded, self.about, self.baseline = recorded, model, baseline
+        self._readings: Choice = {}
+        campaign = recorded.campaign
+        right = recorded.like(put_right(campaign, recorded.sources, readings)) if readings else recorded
+        larger = _larger_radii(right, baseline)
+        evaluator = Evaluator(campaign, right.sources)
         found = evaluator(baseline)
-        true = _true_slips(found, found if model is baseline else evaluator(model), recorded.sources, larger)
-        needed = [_needed(recorded, one, baseline, i, true[i]) for i, one in enumerate(found)]
-        made = [_rolling(recorded, one, i, *needed[i], true[i], larger) for i, one in enumerate(found)]
-        forces = Evaluator(recorded.campaign, made)(baseline)
-        braked = [_braked(recorded, stop, one) for stop, one in zip(made, forces, strict=True)]
-        self._copy = self.timed = recorded.like(braked)
-        self.rows = _rows_of_true_slips(recorded.rows, self._copy.rows, larger)
+        true = _true_slips(found, found if rest is baseline else evaluator(rest), right.sources, larger)
+        needed = [_needed(right, one, baseline, i, true[i]) for i, one in enumerate(found)]
+        made = [_rolling(right, one, i, *needed[i], true[i], larger) for i, one in enumerate(found)]
+        forces = Evaluator(campaign, made)(baseline)
+        braked = [_braked(right, stop, one) for stop, one in zip(made, forces, strict=True)]
+        self._copy = self.timed = right.like(braked)
+        self.rows = _rows_of_true_slips(right.rows, self._copy.rows, larger)
         self._kept = threading.local()  # every thread keeps its last evaluation
         # A wheel of another radius is in the replica as it slides, and what its sensor shows is linear in that radius.
         shares = [share * (larger == 0.0) for _, share in needed]
-        self._share = [averaged(share, stop.step_s) for share, stop in zip(shares, recorded.sources, strict=True)]
+        self._share = [averaged(share, stop.step_s) for share, stop in zip(shares, right.sources, strict=True)]
         self._slopes = [one.slope for one in self._copy.evaluate(baseline)]
-        if model is not baseline:  # the curve is as steep as where the wheels slide, whatever the sensors show
-            self._slopes = [one.slope for one in self._slid(self._copy, model)[-1]]
+        if rest is not baseline:  # the curve is as steep as where the wheels slide, whatever the sensors show
+            slid = self._slid(self._copy, rest)[-1]
+            self._slopes = [one.slope for one in slid]
+            self.rows = _rows_as_they_slide(self.rows, self._copy.parts, slid)
         smoothing = self._changed(baseline)  # what smoothing leaves of an exact balance
-        residuals = self._residuals() - smoothing * recorded.rows.wheels
-        expected, as_recorded = zip(*self._foreseen(braked, forces), strict=True)
-        self._copy, self.timed = recorded.like(expected), recorded.like(as_recorded)
-        self._kept = threading.local()
-        self._offset = residuals - self._changed(baseline)
+        residuals = self._residuals(right) - smoothing * right.rows.wheels
+        turned = zip(*_foreseen(right, braked, forces), strict=True)
+        self._copy, self.timed = (right.like(as_read(campaign, stops, readings) if readings else stops) for stops in turned)
+        self._kept, self._readings = threading.local(), readings
+        self._offset = residuals - self._changed(self.physical(baseline))
 
     def __getattr__(self, name: str) -> Any:
         """Return what the replica's balances have."""
@@ -95,10 +104,10 @@ class Replica:
         return last[1]
 
     def _of_times(self, model: Model) -> list[Evaluation]:
-        """Evaluate a model; what other times than the baseline's change, under the recorded torques."""
-        known = self.baseline.choice
-        others = {name: values for name, values in model.choice.items() if name not in _OF_TIME}
-        prompt = dataclasses.replace(model, choice=others | {name: known[name] for name in _OF_TIME if name in known})
+        """Evaluate a model; what other times than those that the replica is about change, under the recorded torques."""
+        known = {**self.baseline.choice, **self._readings}
+        others = {name: values for name, values in model.choice.items() if name not in OF_TIME}
+        prompt = dataclasses.replace(model, choice=others | {name: known[name] for name in OF_TIME if name in known})
         if prompt.choice == model.choice or self.timed is self._copy:
             return self._evaluated(self._copy, model)
         parts = self._evaluated(self._copy, prompt), self._evaluated(self.timed, model), self._evaluated(self.timed, prompt)
@@ -110,7 +119,7 @@ class Replica:
         The recordings' residual is linear in the measured less the replica's slip. So is a sensor's error, at the slope of the
         baseline, as far as the measured slip is not kept: with the error as it is both cancel.
         """
-        if without_sensors(model) is model:
+        if on_sensors(model) == self._readings:
             return copy.evaluate(model)
         whole, without, errors, slid = self._slid(copy, model)
         return [
@@ -129,47 +138,72 @@ class Replica:
     def _slid(
         self, copy: Balances, model: Model
     ) -> tuple[list[Evaluation], list[Evaluation], list[np.ndarray], list[Evaluation]]:
-        """Return a model without contacts, without sensors, their errors of the slip (T, A), it where wheels truly slide."""
-        whole, without = copy.evaluate_forces(model), copy.evaluate(without_sensors(model))
+        """Return a model without contacts, and with the replica's sensors only; misread slips (T, A); it as wheels slide."""
+        whole, without = copy.evaluate_forces(model), copy.evaluate(self.physical(model))
         errors = [one.slip - other.slip for one, other in zip(without, whole, strict=True)]
         slid = copy.evaluate_slid(model, [(1.0 - kept) * error for kept, error in zip(self._share, errors, strict=True)])
         return whole, without, errors, slid
+
+    def physical(self, model: Model) -> Model:
+        """Return a model whose sensors read as the replica's do."""
+        if on_sensors(model) == self._readings:
+            return model
+        true = without_sensors(model)
+        return dataclasses.replace(true, choice={**true.choice, **self._readings})
+
+    def whitening(self, model: Model) -> Whitening:
+        """Return what makes the rows' noise white where wheels slide as a model says."""
+        return self._copy.whitening_of(self.evaluate(model))
 
     def raw(self, model: Model) -> np.ndarray:
         """Residuals (n,) of a model: those of the recordings at the baseline and what the model changes."""
         return self._changed(model) + self._offset
 
-    def _foreseen(self, braked: Sequence[PreparedStop], said: Sequence[Evaluation]) -> list[tuple[PreparedStop, PreparedStop]]:
-        """Return the replica's stops with the slips that are foreseen before each block, by what the baseline says of them.
-
-        Under the torques that were to be expected, and under the recorded ones.
-        """
-        recorded, found = self.recorded, []
-        for mine, stop, part, one in zip(braked, recorded.sources, recorded.parts, said, strict=True):
-            block = part.length * round(part.stop.step_s / stop.step_s)
-            holds = 2.0 * recorded.radius * one.load * one.slope
-            found.append(foreseen(mine, stop.torque, holds, block, recorded.radius, recorded.inertia))
-        return found
-
     def _changed(self, model: Model) -> np.ndarray:
         parts = zip(self._copy.parts, self.evaluate(model), strict=True)
         return np.concatenate([part.residuals(one) for part, one in parts])
 
-    def _residuals(self) -> np.ndarray:
+    def _residuals(self, right: Balances) -> np.ndarray:
         """Residuals (n,) of the recordings at the baseline."""
-        result, rows = self.recorded.raw(self.baseline), self.rows
-        pairs = zip(self.recorded.evaluate(self.baseline), self.evaluate(self.baseline), strict=True)
+        result, rows = right.raw(self.baseline), self.rows
+        pairs = zip(right.evaluate(self.baseline), self.evaluate(self.baseline), strict=True)
         for i, (one, copy) in enumerate(pairs):
             expected = copy.adhesion + self._slopes[i] * (one.slip - copy.slip)
-            wheels = self.recorded.parts[i].wheel_rows(one.force / (2.0 * one.load) - expected)
+            wheels = right.parts[i].wheel_rows(one.force / (2.0 * one.load) - expected)
             result[(rows.run == i) & rows.wheels] = wheels
         return result
 
 
+def on_sensors(model: Model) -> dict[str, Mapping[str, float]]:
+    """Return the mechanisms of a model that act on what sensors read."""
+    return {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on == "sensor"}
+
+
 def without_sensors(model: Model) -> Model:
     """Return a model without mechanisms on sensors; itself where it has none."""
-    true = {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on != "sensor"}
-    return model if len(true) == len(model.choice) else dataclasses.replace(model, choice=true)
+    sensors = on_sensors(model)
+    return _choosing(model, lambda name: name not in sensors)
+
+
+def _choosing(model: Model, kept: Callable[[str], bool]) -> Model:
+    """Return a model with some of its mechanisms; itself where these are all."""
+    choice = {name: values for name, values in model.choice.items() if kept(name)}
+    return model if len(choice) == len(model.choice) else dataclasses.replace(model, choice=choice)
+
+
+def _foreseen(
+    right: Balances, braked: Sequence[PreparedStop], said: Sequence[Evaluation]
+) -> list[tuple[PreparedStop, PreparedStop]]:  # fmt: skip
+    """Return the replica's stops with the slips that are foreseen before each block, by what the baseline says of them.
+
+    Under the torques that were to be expected, and under the recorded ones.
+    """
+    found = []
+    for mine, stop, part, one in zip(braked, right.sources, right.parts, said, strict=True):
+        block = part.length * round(part.stop.step_s / stop.step_s)
+        holds = 2.0 * right.radius * one.load * one.slope
+        found.append(foreseen(mine, stop.torque, holds, block, right.radius, right.inertia))
+    return found
 
 
 def _rows_of_true_slips(recorded: Rows, copied: Rows, larger: np.ndarray) -> Rows:
@@ -177,6 +211,17 @@ def _rows_of_true_slips(recorded: Rows, copied: Rows, larger: np.ndarray) -> Row
     turned = recorded.wheels & (larger[recorded.axle] != 0.0)
     slip, work = (np.where(turned, copy, own) for copy, own in ((copied.slip, recorded.slip), (copied.work, recorded.work)))
     return dataclasses.replace(recorded, slip=slip, work=work)
+
+
+def _rows_as_they_slide(rows: Rows, parts: Sequence[Blocks], slid: Sequence[Evaluation]) -> Rows:
+    """Return rows with the slip and the work of wheels as they truly slide, whatever sensors show."""
+    found: dict[str, list[np.ndarray]] = {"slip": [], "work": []}
+    for part, one in zip(parts, slid, strict=True):
+        work = one.force * one.slip / np.maximum(one.speed, 1.0)[:, None]
+        for name, values in (("slip", one.slip), ("work", work)):
+            mine = part.wheel_rows(values)
+            found[name].append(part.joined(mine, brakes=mine))
+    return dataclasses.replace(rows, **{name: np.concatenate(values) for name, values in found.items()})
 
 
 def _larger_radii(recorded: Balances, model: Model) -> np.ndarray:

@@ -9,6 +9,7 @@ free up to `LARGE` and with its size small (a spike and a slab, George and McCul
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -16,7 +17,7 @@ from scipy import linalg
 from wsp_env.diagnosis.arrow import inverse_of
 from wsp_env.diagnosis.balances import Rows, Whitening
 from wsp_env.diagnosis.candidates import Candidate, Variant, columns, parameter_of, switched, without
-from wsp_env.diagnosis.colour import colour
+from wsp_env.diagnosis.colour import bleach, colour
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Evaluation, Model
 from wsp_env.diagnosis.interest import Compared, StopChange, only_sensors
@@ -35,7 +36,7 @@ _SAMPLES = 4.0
 #: Evidence from which on a mechanism counts as seen: 95 % at a prior of one in fifty.
 SEEN = float(np.log(19.0 * 50.0))
 #: Iterations by which sizes that were found beside coloured noise are found again beside white noise and small mechanisms.
-_AGAIN = 6
+AGAIN = 6
 #: Stretches of a single run that are held out in turn [s]: some slides long.
 _STRETCH_S = 4.0
 
@@ -62,12 +63,14 @@ class Screen:
     """All candidates about a model."""
 
     model: Model
+    about: Model  # that of the replica
     base: np.ndarray  # (n,) raw residuals of the recordings
     whitening: Whitening
     groups: tuple[Group, ...]  # nuisances
     small: Group  # mechanisms at sizes that do not matter
     times: Group  # those of them whose size is a time
     sizes: Sizes  # of the nuisances
+    colour: np.ndarray  # (p,) autoregression of sliding wheels' rows
     found: tuple[Found, ...]  # best first
     second: Mapping[str, Found]  # the next best variant of a name
 
@@ -150,14 +153,11 @@ def screen(
     accepted : those that are on
 
     """
-    base, plain = replica.raw(model), replica.whitening(replica.baseline)
+    base = replica.raw(model)
     nothing = np.zeros((len(base), 0))
     on = [columns(replica, model, base, one) for one in accepted]
     free = Group("accepted mechanisms", np.column_stack([nothing, *on]), np.inf, True)
-    groups = nuisances(replica, model, base, plain)
-    alone = Evidence(replica, plain, [*groups, free], base, nothing)
-    begin = alone.solve()
-    whitening = dataclasses.replace(plain, colour=colour(replica.rows, alone, begin))
+    groups, whitening, coefficients, begin = noise_of(replica, model, base, [free])
     law = _Law(replica, model, base, whitening)
     listed = list(pool.map(lambda one: candidate(replica, model, base, law, one), tried))
     named = [one for one in listed if not one.variant.family]
@@ -170,10 +170,29 @@ def screen(
     times = small._replace(columns=small.columns[:, np.array(late, dtype=bool)])
     terms = law.net(np.column_stack([nothing, *(one.columns / one.scale for one in unnamed)]))[0]
     evidence = Evidence(replica, whitening, [*groups, free, small], base, terms)
-    sizes = evidence.solve(_AGAIN, Sizes(np.append(begin.groups, 1.0), begin.noise))
+    sizes = evidence.solve(AGAIN, Sizes(np.append(begin.groups, 1.0), begin.noise))
     found, second = _judged(evidence, sizes, named, unnamed)
     kept = Sizes(sizes.groups[: len(groups)], sizes.noise)
-    return Screen(model, base, whitening, groups, small, times, kept, tuple(found), second)
+    return Screen(model, replica.about, base, whitening, groups, small, times, kept, coefficients, tuple(found), second)
+
+
+class Noise(NamedTuple):
+    """What the recordings vary by about a model, but for mechanisms that do not matter."""
+
+    groups: tuple[Group, ...]  # nuisances
+    whitening: Whitening
+    colour: np.ndarray  # (p,) autoregression of sliding wheels' rows
+    sizes: Sizes  # of nuisances and of what is free
+
+
+def noise_of(replica: Replica, model: Model, base: np.ndarray, free: Sequence[Group]) -> Noise:
+    """Return what residuals `base` (n,) of a model vary by; `free`: columns of what may have any size."""
+    plain = replica.whitening(replica.about)
+    groups = nuisances(replica, model, base, plain)
+    alone = Evidence(replica, plain, [*groups, *free], base, np.zeros((len(base), 0)))
+    begin = alone.solve()
+    coefficients = colour(replica.rows, alone, begin)
+    return Noise(groups, dataclasses.replace(plain, colour=bleach(replica.rows, coefficients)), coefficients, begin)
 
 
 def net_effect(replica: Replica, model: Model, variant: Variant, whitening: Whitening) -> StopChange:

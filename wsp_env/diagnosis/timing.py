@@ -34,7 +34,7 @@ class Times(NamedTuple):
 
 def times(replica: Replica) -> Times:
     """Estimate when each axle's wheel speed and torque were read, at most a sample from the axles' mean."""
-    whitening = replica.whitening(replica.baseline)
+    whitening = replica.whitening(replica.about)
     base = replica.raw(replica.baseline)
     groups = nuisances(replica, replica.baseline, base, whitening)
     evidence = Evidence(replica, whitening, groups, base, np.zeros((len(base), 0)))

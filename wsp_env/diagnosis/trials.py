@@ -3,25 +3,30 @@
 import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
 
 from wsp_env.diagnosis.balances import Whitening
 from wsp_env.diagnosis.candidates import Variant, near, refined, switched, without
-from wsp_env.diagnosis.covariance import Sizes
+from wsp_env.diagnosis.colour import bleach
+from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh
 from wsp_env.diagnosis.interest import StopChange
-from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.search import Found, Screen, net_effect
-from wsp_env.diagnosis.variation import Group, Net, law_columns, segment_columns, shapes
+from wsp_env.diagnosis.replica import OF_TIME, Replica, on_sensors
+from wsp_env.diagnosis.search import AGAIN, Found, Screen, net_effect, noise_of
+from wsp_env.diagnosis.settle import moved
+from wsp_env.diagnosis.variation import Group, Net, law_columns, nuisances, segment_columns, shapes
 from wsp_env.plant.mechanisms import ALL
 
 #: Mechanisms that are refitted in every round.
 TRIED = 4
 #: Shares of the linear step at which a refit may begin.
 _SHARES = (2.0, 1.0, 0.5, 0.25, 0.1)
+_TOLD = 6  # replicas that are made about what is late, each about the fit to the one before, at most
+_SETTLED = 1.0  # deviations by which it still moves where it has come to rest
 #: Log odds that a name of the library is missing in a campaign before it is seen: one in fifty (assumption).
 PRIOR = -float(np.log(50.0))
 #: The same of a term without a name: the library holds what practice meets (assumption: three in four), and there are three
@@ -50,18 +55,24 @@ class Trial:
     reduction: float  # of chi-square, by the refit
     size: StopChange  # net
     price: float  # what its sizes and variants take from half of the reduction
+    weights: Weights  # that it was fitted under
 
 
 def form_of(variant: Variant) -> float:
     """Share of an effect that nature's form may differ by; none where it is what a sensor shows by geometry or by its clock."""
     if variant.family:
         return FORM_TERM
-    return 0.0 if ALL[variant.name].signature.exact and _on_a_sensor(variant) else FORM
+    return 0.0 if ALL[variant.name].signature.exact and on_a_sensor(variant) else FORM
 
 
-def _on_a_sensor(variant: Variant) -> bool:
+def on_a_sensor(variant: Variant) -> bool:
     """Whether a mechanism acts on what sensors read."""
     return ALL[variant.name].signature.acts_on == "sensor"
+
+
+def told(variant: Variant) -> bool:
+    """Whether a mechanism is compared about recordings of its own: one on sensors, or of a time."""
+    return on_a_sensor(variant) or variant.name in OF_TIME
 
 
 def odds(variant: Variant, evidence: float) -> float:
@@ -73,6 +84,8 @@ def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, 
     """Refit the mechanisms that promise most; the best first."""
     promising = sorted(seen.found, key=lambda one: -odds(one.candidate.variant, one.evidence))[:TRIED]
     promising = [one for one in promising if odds(one.candidate.variant, one.evidence) > 0.0]
+    if any(one.name in OF_TIME for one in promising):  # wheels that are late are a brake that is, and a clock that is early
+        promising += [one for one in seen.found if one.name in OF_TIME and one not in promising]
     if not promising:
         return []
     # A refit moves where a mechanism acts only from near: its next best place or band may be the better one to begin with.
@@ -81,37 +94,14 @@ def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, 
     start = refit(replica, fitted.model, fitted.variants, weights)
 
     def trial(one: Found) -> Trial:
-        listed = one.candidate.variant
-        change = -one.amplitude * listed.moves()
-        best, free = start, listed
-        # The linear step may lead astray: the refit begins where the way to it leaves least. Where it acts may be found better
-        # than it was searched, or be lost.
-        on_the_way = [switched(start.model, listed, listed.null() + share * change) for share in _SHARES]
-        first, second = sorted(on_the_way, key=lambda model: cost(replica, model, weights))[:2]
-        there, wide = near(listed), refined(near(listed))
-        narrow = [(there, first)] if wide.sizes != there.sizes else []
-        for tried, begin in ((wide, first), *narrow, (wide, second)):
-            again = refit(replica, begin, (*start.variants, tried), weights)
-            if again.cost < best.cost or best is start:
-                best, free = again, tried
-            if best.cost < start.cost - 0.8 * one.reduction:
-                break
-        # Those before may fit better now for a reason of their own: no merit of the one that was tried.
-        alone = refit(replica, without(best.model, free), start.variants, weights)
-        before = min(start, alone, key=lambda one: one.cost)
-        reduction, about = before.cost - best.cost, replica
-        if _on_a_sensor(listed):
-            # Where wheels slide the sensor itself says: asked again about a replica in which it says so. Without it that one
-            # fits nothing, so that it is compared with the replica in which sensors say nothing.
-            about = Replica(replica.recorded, switched(start.model, there, there.null() + change))
-            again = refit(about, switched(start.model, there, there.null() + change), (*start.variants, there), weights)
-            if start.cost - again.cost > reduction:
-                best, free, before, reduction = again, there, start, start.cost - again.cost
-            else:
-                about = replica
+        searched = _told if told(one.candidate.variant) else _nearby
+        tried = searched(replica, seen, start, weights, one)
         price = 0.5 * one.reduction - one.evidence
-        size = net_effect(about, best.model, free, seen.whitening)
-        return Trial(one, listed, free, best, 0.5 * reduction - price, before.model, reduction, size, price)
+        size = net_effect(tried.about, tried.fitted.model, tried.variant, seen.whitening)
+        return Trial(
+            one, one.candidate.variant, tried.variant, tried.fitted, 0.5 * tried.reduction - price, tried.before,
+            tried.reduction, size, price, tried.weights,
+        )  # fmt: skip
 
     best: dict[str, Trial] = {}
     for one in sorted(pool.map(trial, promising), key=lambda one: -odds(one.listed, one.evidence)):
@@ -119,10 +109,83 @@ def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, 
     return list(best.values())
 
 
+class _Tried(NamedTuple):
+    """The best fit of a mechanism beside those accepted before."""
+
+    about: Replica
+    variant: Variant  # with what the refit moves free
+    fitted: Fitted
+    before: Model  # the same without it, fitted alike
+    reduction: float  # of the deviance
+    weights: Weights
+
+
+def _nearby(replica: Replica, seen: Screen, start: Fitted, weights: Weights, one: Found) -> _Tried:
+    """Fit a mechanism from where the way to its linear step leaves least.
+
+    The linear step may lead astray. Where a mechanism acts may be found better than it was searched, or be lost.
+    """
+    listed = one.candidate.variant
+    best, free = start, listed
+    values = listed.null() - np.multiply.outer(_SHARES, one.amplitude * listed.moves())
+    on_the_way = [switched(start.model, listed, each) for each in values]
+    first, second = sorted(on_the_way, key=lambda model: cost(replica, model, weights))[:2]
+    there, wide = near(listed), refined(near(listed))
+    narrow = [(there, first)] if wide.sizes != there.sizes else []
+    for tried, begin in ((wide, first), *narrow, (wide, second)):
+        again = refit(replica, begin, (*start.variants, tried), weights)
+        if again.cost < best.cost or best is start:
+            best, free = again, tried
+        if best.cost < start.cost - 0.8 * one.reduction:
+            break
+    # Those before may fit better now for a reason of their own: no merit of the one that was tried.
+    alone = refit(replica, without(best.model, free), start.variants, weights)
+    before = min(start, alone, key=lambda one: one.cost)
+    return _Tried(replica, free, best, before.model, before.cost - best.cost, weights)
+
+
+def _told(replica: Replica, seen: Screen, start: Fitted, weights: Weights, one: Found) -> _Tried:
+    """Fit a mechanism on sensors, or of a time, about replicas of its own, each with the sizes of nuisances that it asks for.
+
+    Recordings that are put right fit nothing without it, and where something is late everything else seems to vary more: the
+    stiffness of the contact from run to run, say. So both are compared by their deviances.
+    """
+    listed = one.candidate.variant
+    variant = near(listed)
+    model = switched(start.model, variant, variant.null() - one.amplitude * listed.moves())
+    before: Fitted | None = None
+    for _ in range(_TOLD):
+        about = Replica(replica.recorded, model)
+        mine = weights_anew(about, seen)
+        fitted = refit(about, model, (*start.variants, variant), mine)
+        model = fitted.model
+        if before is not None and moved(before, fitted) < _SETTLED:
+            break
+        before = fitted
+    return _Tried(about, variant, fitted, start.model, weights.deviance(start) - mine.deviance(fitted), mine)
+
+
 def weights_of(replica: Replica, seen: Screen, forms: Sequence[Group] = ()) -> Weights:
-    """Return the weights of a screen, mechanisms at sizes too small to matter among them, and `forms` if there are any."""
+    """Return the weights of a screen, mechanisms at sizes too small to matter among them, and `forms` if there are any.
+
+    About a replica whose wheels slide elsewhere than the screen's, as sensors say something else, of the same sizes there.
+    """
     sizes = Sizes(np.concatenate([seen.sizes.groups, np.ones(1 + len(forms))]), seen.sizes.noise)
-    return weigh(replica, seen.whitening, [*seen.groups, seen.small, *forms], sizes)
+    whitening, groups = seen.whitening, seen.groups
+    if on_sensors(replica.about) != on_sensors(seen.about):
+        whitening = dataclasses.replace(replica.whitening(replica.about), colour=bleach(replica.rows, seen.colour))
+        groups = nuisances(replica, replica.about, replica.raw(replica.about), whitening)
+    return weigh(replica, whitening, [*groups, seen.small, *forms], sizes)
+
+
+def weights_anew(replica: Replica, seen: Screen) -> Weights:
+    """Return the weights of a screen with the sizes of nuisances that are found about a replica."""
+    base = replica.raw(replica.about)
+    noise = noise_of(replica, replica.about, base, [])
+    every = [*noise.groups, seen.small]
+    evidence = Evidence(replica, noise.whitening, every, base, np.zeros((len(base), 0)))
+    sizes = evidence.solve(AGAIN, Sizes(np.append(noise.sizes.groups, 1.0), noise.sizes.noise))
+    return weigh(replica, noise.whitening, every, sizes)
 
 
 def forms(replica: Replica, model: Model, variants: Sequence[Variant], whitening: Whitening) -> list[Group]:

@@ -15,7 +15,7 @@ import numpy as np
 from wsp_env.diagnosis.balances import ACTUATOR, Balances, Rows, Whitening
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.forces import Forces
-from wsp_env.diagnosis.replica import Replica, without_sensors
+from wsp_env.diagnosis.replica import Replica
 
 #: Lengths over which mu_cd is alike along the track [m]. The short one is, of those tried, the likeliest on a campaign of 2 %
 #: over 5 to 20 m; how large it is the recordings say, as a wheel passes many such lengths. The long one is that of rails of
@@ -132,7 +132,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
     own = (rows.axle[:, None] == np.arange(axles)).astype(float)
     forces = Forces(balances, model)
     # Times are seen by the recorded torques, and by wheels as they slide, whatever sensors show.
-    timed = Forces(balances.timed, without_sensors(model)) if isinstance(balances, Replica) else forces
+    timed = Forces(balances.timed, balances.physical(model)) if isinstance(balances, Replica) else forces
     steepness, radius, uncertain = _slips(balances, model)
     turning = forces.turning()
     slides = (friction * rows.slides)[:, None]

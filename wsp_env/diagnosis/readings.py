@@ -1,0 +1,103 @@
+"""Recordings whose speeds are read late or wrong, put right as a model says; and what such sensors would read.
+
+Wheel speeds that are read late are not made prompt: that would take their noise's rate into them, and friction's, which no
+model foresees. What belongs to the same instant is made as late: filtered alike, the torques and the vehicle's speed balance
+the wheels as they are read (all balances but the law's are linear, and the law is alike over such a time).
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import lfilter
+
+from wsp_env.diagnosis.evaluate import Choice, Evaluation, Evaluator, Model
+from wsp_env.diagnosis.stops import PreparedStop
+from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.plant.longitudinal import along
+from wsp_env.plant.mechanisms import ALL
+from wsp_env.recordings import Campaign
+
+_ITERATIONS = 3  # of what is read from what is true: a late reading's rate is read late, too
+
+
+def readings_of(model: Model) -> Choice:
+    """Return the mechanisms of a model that change what is read; a wheel of another radius reads right."""
+    sensors = {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on == "sensor"}
+    return {name: values for name, values in sensors.items() if "radii" not in ALL[name].acts}
+
+
+def put_right(campaign: Campaign, stops: Sequence[PreparedStop], readings: Choice) -> list[PreparedStop]:
+    """Return stops with the vehicle's speed that was true, and all but the wheels as late as these are read."""
+    evaluator = Evaluator(campaign, stops)
+    lag = _lag(evaluator.vehicle, readings)
+    found = evaluator.forces(_model(stops, readings))
+    return [_as_late(_with_speed(stop, one), lag) for stop, one in zip(stops, found, strict=True)]
+
+
+def as_read(campaign: Campaign, stops: Sequence[PreparedStop], readings: Choice) -> list[PreparedStop]:
+    """Return stops as sensors read them, so that a model with these sensors says of them what it says of true ones."""
+    read = list(stops)
+    for _ in range(_ITERATIONS):
+        evaluator = Evaluator(campaign, read)
+        found = zip(read, evaluator.forces(_model(stops, readings)), stops, strict=True)
+        read = [_less(one, _undone(one, said, evaluator.vehicle), stop) for one, said, stop in found]
+    return read
+
+
+def _model(stops: Sequence[PreparedStop], readings: Choice) -> Model:
+    """Return a model with nothing but readings; nobody asks for its friction."""
+    return Model(0.0, (1.0,) * len(stops), readings)
+
+
+def _lag(vehicle: Vehicle, readings: Choice) -> float:
+    """Return by how much wheel speeds are read late [s]: what is undone of a speed that rises by 1 rad/s2."""
+    rising = np.ones((1, vehicle.axles))
+    return float(along.true_wheel_acceleration(along.model(vehicle, readings), np.zeros_like(rising), rising)[0, 0])
+
+
+def _with_speed(stop: PreparedStop, one: Evaluation) -> PreparedStop:
+    return dataclasses.replace(stop, speed=one.speed, recorded_speed=one.recorded_speed)
+
+
+def _as_late(stop: PreparedStop, lag_s: float) -> PreparedStop:
+    """Return a stop with all but the wheels' speeds filtered by a lag."""
+    if lag_s == 0.0:
+        return stop
+
+    def late(values: np.ndarray) -> np.ndarray:
+        return _filtered(values, lag_s, stop.step_s)
+
+    return dataclasses.replace(
+        stop, speed=late(stop.speed), recorded_speed=late(stop.recorded_speed), torque=late(stop.torque),
+        pressed=None if stop.pressed is None else late(stop.pressed),
+    )  # fmt: skip
+
+
+def _filtered(values: np.ndarray, lag_s: float, step_s: float) -> np.ndarray:
+    """Return values (T, ...) filtered by lag dy/dt + y = x, exact for lines between samples; before them the first goes on."""
+    kept, steps = np.exp(-step_s / lag_s), lag_s / step_s
+    numerator = [1.0 - steps * (1.0 - kept), steps * (1.0 - kept) - kept]
+    behind = lag_s / step_s * (values[1:2] - values[:1])  # a line is late by the lag
+    start = values[:1] - behind
+    result: np.ndarray = lfilter(numerator, [1.0, -kept], values, axis=0, zi=start - numerator[0] * values[:1])[0]
+    return result
+
+
+def _undone(read: PreparedStop, one: Evaluation, vehicle: Vehicle) -> PreparedStop:
+    """Return what a model says of what was read."""
+    wheel = (one.speed[:, None] - one.slip) / vehicle.wheel_radius_m
+    rate = (one.force * vehicle.wheel_radius_m - one.torque) / vehicle.wheelset_inertia_kgm2
+    return dataclasses.replace(_with_speed(read, one), wheel=wheel, wheel_rate=rate)
+
+
+def _less(read: PreparedStop, found: PreparedStop, true: PreparedStop) -> PreparedStop:
+    """Return a reading less what it is beyond the truth once it is undone."""
+
+    def less(name: str) -> np.ndarray:
+        result: np.ndarray = getattr(read, name) - (getattr(found, name) - getattr(true, name))
+        return result
+
+    return dataclasses.replace(
+        read, speed=less("speed"), recorded_speed=less("recorded_speed"), wheel=less("wheel"), wheel_rate=less("wheel_rate")
+    )
