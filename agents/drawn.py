@@ -3,7 +3,7 @@
 Held-out stops with nominal brakes, and with brakes, radii, sensors and wear drawn. Controllers are told the nominal vehicle.
 Prints each one's figures over those that the lower envelope of the others' fronts (see `agents.rivals`), measured in the same
 world, has at its own slip, the distance with its standard error; by `--json` the means. Of several trainings (`--runs`) it
-prints mean and range as well.
+prints mean, confidence interval and range as well.
 """
 
 import dataclasses
@@ -21,6 +21,7 @@ from agents.rivals import at_slip, classical, envelope
 from wsp_env.evaluation.controller import Controller
 from wsp_env.evaluation.policy import load_policy
 from wsp_env.evaluation.runner import Conduct
+from wsp_env.evaluation.summary import interval
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.port import Measurement, Stop
@@ -275,7 +276,10 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def over_seeds(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return mean and range of the trainings among the rows as a table in Markdown; `beyond` counts those beyond the front."""
+    """Return mean, 95 % confidence interval and range of the trainings among the rows as a table in Markdown.
+
+    `beyond` counts those beyond the front.
+    """
     lines = [
         "| world | law | trainings | distance | least to most | slip [m/s] | deviation | energy | worst lock [s] | beyond |",
         "|:--|:--|--:|--:|--:|--:|--:|--:|--:|--:|",
@@ -284,7 +288,8 @@ def over_seeds(rows: Sequence[Mapping[str, Any]]) -> str:
         own = [row for row in rows if (row["world"], row["law"]) == (name, law) and row["controller"].startswith(_RUN)]
         found = {key: np.array([row[key] for row in own]) for key in ("distance_m_ratio", "mean_slip_mps", "worst_locked_s")}
         ratio = found["distance_m_ratio"]
-        cells = [name, law, f"{len(own)}", f"{ratio.mean():.3f}", f"{ratio.min():.3f} to {ratio.max():.3f}"]
+        mean, error = interval(ratio)
+        cells = [name, law, f"{len(own)}", f"{mean:.3f} ± {error:.3f}", f"{ratio.min():.3f} to {ratio.max():.3f}"]
         cells += [f"{found['mean_slip_mps'].mean():.2f}"]
         cells += [f"{np.mean([row[f'{figure}_ratio'] for row in own]):.2f}" for figure in REPORTED[1:3]]
         cells += [f"{found['worst_locked_s'].max():.2f}", f"{sum(row['beyond_front'] for row in own)}"]

@@ -180,7 +180,7 @@ def test_the_error_of_a_ratio_of_distances_is_that_of_its_scatter_over_the_draws
     assert np.isnan(standard_error(stops(rival), [stops(rival) | {"locked_s": np.ones(60)}], alone))
 
 
-def test_of_several_trainings_mean_and_range_are_told_and_nobody_else_counts():
+def test_of_several_trainings_mean_interval_and_range_are_told_and_nobody_else_counts():
     ratios = {"distance_m": 0.97, "slip_deviation_mps": 0.8, "contact_energy_mj": 0.9, "air_nl": 2.0}
     row = {f"{figure}_ratio": value for figure, value in ratios.items()} | {"world": "all", "law": "classic"}
     row |= {"mean_slip_mps": 0.5, "worst_locked_s": 0.0, "beyond_front": False}
@@ -192,7 +192,7 @@ def test_of_several_trainings_mean_and_range_are_told_and_nobody_else_counts():
         row | others | {"controller": "rules 3", "distance_m_ratio": 2.0},
     ]
     assert over_seeds(rows).splitlines()[2:] == [
-        "| all | classic | 2 | 0.960 | 0.950 to 0.970 | 0.60 | 0.80 | 0.90 | 0.30 | 1 |"
+        "| all | classic | 2 | 0.960 ± 0.127 | 0.950 to 0.970 | 0.60 | 0.80 | 0.90 | 0.30 | 1 |"
     ]
 
 
