@@ -21,7 +21,7 @@ from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
-from wsp_env.diagnosis.settle import moved, settle, settle_anew
+from wsp_env.diagnosis.settle import RUN_AWAY, moved, settle, settle_anew
 from wsp_env.diagnosis.structure import structured
 from wsp_env.diagnosis.trials import (
     FORM,
@@ -33,14 +33,11 @@ from wsp_env.diagnosis.trials import (
     odds,
     told,
     trials_of,
-    weights_anew,
     weights_of,
 )
 
 #: Mechanisms that are accepted at most.
 MOST = 3
-#: Times its cost by which a model fits worse about its own replica, from which on its mechanism has run away (assumption).
-_RUN_AWAY = 2.0
 #: Smallest effects of interest from which on a size matters: one, less what its form may err by at 95 %,
 #: 1 / (1 + 1.645 FORM), rounded.
 MATTERS = 0.75
@@ -179,7 +176,7 @@ def _exchanged(
         taken = {variant.title for variant in others}
         tried = []
         for rival in one.rivals:
-            if rival.listed.title not in taken:
+            if rival.listed.title not in taken and not told(rival.listed):  # that was compared about its own replica
                 begin = switched(rest.model, rival.variant, values_in(rival.fitted.model, rival.variant))
                 again = refit(replica, begin, [*others, rival.variant], weights)
                 reduction = rest.cost - again.cost
@@ -245,21 +242,20 @@ def _about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Tria
     The evidence is what the parts of the recordings leave of it where that makes it no longer sure.
     About the replica that it was found with a mechanism that bends is a straight line at its end.
     """
-    mine = trial.weights if told(trial.listed) else weights
-    own, fitted = settle(replica.recorded, trial.fitted, mine)
-    if fitted.cost > _RUN_AWAY * trial.fitted.cost:
-        own, fitted = settle_anew(replica.recorded, trial.fitted, trial.variant, mine)
-    if fitted.cost > _RUN_AWAY * trial.fitted.cost:
-        return None
-    other, without_it = own, mine
-    if told(trial.listed):  # where it says that wheels slide a model without it fits nothing
-        mine, other, without_it = weights_anew(own, seen), replica, weights
-        fitted = refit(own, fitted.model, fitted.variants, mine)
+    if told(trial.listed):  # it was; and where it says that wheels slide, a model without it fits nothing
+        own, fitted, mine, other = trial.about, trial.fitted, trial.weights, replica
+    else:
+        own, fitted = settle(replica.recorded, trial.fitted, weights)
+        if fitted.cost > RUN_AWAY * trial.fitted.cost:
+            own, fitted = settle_anew(replica.recorded, trial.fitted, trial.variant, weights)
+        if fitted.cost > RUN_AWAY * trial.fitted.cost:
+            return None
+        mine, other = weights, own
     others = [one for one in fitted.variants if one is not trial.variant]
-    gone = refit(other, without(fitted.model, trial.variant), others, without_it)
-    if _pulled(own, fitted.model, mine) - _pulled(other, gone.model, without_it) > PULLED**2:
+    gone = refit(other, without(fitted.model, trial.variant), others, weights)
+    if _pulled(own, fitted.model, mine) - _pulled(other, gone.model, weights) > PULLED**2:
         return None
-    reduction = without_it.deviance(gone) - mine.deviance(fitted)
+    reduction = weights.deviance(gone) - mine.deviance(fitted)
     if others:
         # It must be missing whether the forms of the others bend or not: bent, they do what it does; and free to bend, a false
         # one bends to what another false one leaves.

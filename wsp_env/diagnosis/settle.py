@@ -20,6 +20,8 @@ _SETTLED = 0.5
 #: Share of the first move that the last one is at most where it comes to rest: a move that is not halved in so many has none
 #: (assumption).
 _COMES_TO_REST = 0.5
+#: Times its cost by which a model fits worse about its own replica, from which on its mechanism has run away (assumption).
+RUN_AWAY = 2.0
 #: Shares of a mechanism's size from which a fit that has run away begins anew: where it bends, the straight line about the
 #: baseline ends short of its size or beyond it.
 _SHARES = (0.5, 0.75, 1.25, 1.5)

@@ -17,7 +17,7 @@ from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import OF_TIME, Replica, on_sensors
 from wsp_env.diagnosis.search import AGAIN, Found, Screen, net_effect, noise_of
-from wsp_env.diagnosis.settle import moved
+from wsp_env.diagnosis.settle import RUN_AWAY, settle, settle_anew
 from wsp_env.diagnosis.variation import Group, Net, law_columns, nuisances, segment_columns, shapes
 from wsp_env.plant.mechanisms import ALL
 
@@ -25,8 +25,6 @@ from wsp_env.plant.mechanisms import ALL
 TRIED = 4
 #: Shares of the linear step at which a refit may begin.
 _SHARES = (2.0, 1.0, 0.5, 0.25, 0.1)
-_TOLD = 6  # replicas that are made about what is late, each about the fit to the one before, at most
-_SETTLED = 1.0  # deviations by which it still moves where it has come to rest
 #: Log odds that a name of the library is missing in a campaign before it is seen: one in fifty (assumption).
 PRIOR = -float(np.log(50.0))
 #: The same of a term without a name: the library holds what practice meets (assumption: three in four), and there are three
@@ -56,6 +54,7 @@ class Trial:
     size: StopChange  # net
     price: float  # what its sizes and variants take from half of the reduction
     weights: Weights  # that it was fitted under
+    about: Replica  # that it was fitted to
 
 
 def form_of(variant: Variant) -> float:
@@ -100,7 +99,7 @@ def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, 
         size = net_effect(tried.about, tried.fitted.model, tried.variant, seen.whitening)
         return Trial(
             one, one.candidate.variant, tried.variant, tried.fitted, 0.5 * tried.reduction - price, tried.before,
-            tried.reduction, size, price, tried.weights,
+            tried.reduction, size, price, tried.weights, tried.about,
         )  # fmt: skip
 
     best: dict[str, Trial] = {}
@@ -152,17 +151,18 @@ def _told(replica: Replica, seen: Screen, start: Fitted, weights: Weights, one: 
     """
     listed = one.candidate.variant
     variant = near(listed)
+    variants = (*start.variants, variant)
     model = switched(start.model, variant, variant.null() - one.amplitude * listed.moves())
-    before: Fitted | None = None
-    for _ in range(_TOLD):
-        about = Replica(replica.recorded, model)
-        mine = weights_anew(about, seen)
-        fitted = refit(about, model, (*start.variants, variant), mine)
-        model = fitted.model
-        if before is not None and moved(before, fitted) < _SETTLED:
-            break
-        before = fitted
-    return _Tried(about, variant, fitted, start.model, weights.deviance(start) - mine.deviance(fitted), mine)
+    first = Replica(replica.recorded, model)
+    near_by = weights_of(first, seen)
+    begun = refit(first, model, variants, near_by)
+    about, fitted = settle(replica.recorded, begun, near_by)
+    if fitted.cost > RUN_AWAY * begun.cost:
+        about, fitted = settle_anew(replica.recorded, begun, variant, near_by)
+    mine = weights_anew(about, seen)
+    again = refit(about, fitted.model, variants, mine)
+    gained = weights.deviance(start) - mine.deviance(again) if np.isfinite(fitted.cost) else -np.inf  # it came to rest
+    return _Tried(about, variant, again, start.model, gained, mine)
 
 
 def weights_of(replica: Replica, seen: Screen, forms: Sequence[Group] = ()) -> Weights:
