@@ -59,6 +59,12 @@ def vehicle_of(campaign: Campaign) -> Vehicle:
     return plant_vehicle(campaign.vehicle, campaign.contact, campaign.name, payload_kg=0.0, brake=_brake(campaign))
 
 
+def read_late(vehicle: Vehicle, choice: Choice) -> float:
+    """Return by how much wheel speeds are read late [s]: what is undone of a speed that rises by 1 rad/s2."""
+    rising = np.ones((1, vehicle.axles))
+    return float(along.true_wheel_acceleration(along.model(vehicle, choice), np.zeros_like(rising), rising)[0, 0])
+
+
 def _brake(campaign: Campaign) -> Brake:
     """Return a brake whose pressures fit the recorded torques: a mechanism may depend on the pressure."""
     per_bar = torque_per_bar(campaign)

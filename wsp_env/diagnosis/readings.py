@@ -11,10 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import lfilter
 
-from wsp_env.diagnosis.evaluate import Choice, Evaluation, Evaluator, Model
+from wsp_env.diagnosis.evaluate import Choice, Evaluation, Evaluator, Model, read_late
 from wsp_env.diagnosis.stops import PreparedStop
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.longitudinal import along
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import Campaign
 
@@ -30,7 +29,7 @@ def readings_of(model: Model) -> Choice:
 def put_right(campaign: Campaign, stops: Sequence[PreparedStop], readings: Choice) -> list[PreparedStop]:
     """Return stops with the vehicle's speed that was true, and all but the wheels as late as these are read."""
     evaluator = Evaluator(campaign, stops)
-    lag = _lag(evaluator.vehicle, readings)
+    lag = read_late(evaluator.vehicle, readings)
     found = evaluator.forces(_model(stops, readings))
     return [_as_late(_with_speed(stop, one), lag) for stop, one in zip(stops, found, strict=True)]
 
@@ -48,12 +47,6 @@ def as_read(campaign: Campaign, stops: Sequence[PreparedStop], readings: Choice)
 def _model(stops: Sequence[PreparedStop], readings: Choice) -> Model:
     """Return a model with nothing but readings; nobody asks for its friction."""
     return Model(0.0, (1.0,) * len(stops), readings)
-
-
-def _lag(vehicle: Vehicle, readings: Choice) -> float:
-    """Return by how much wheel speeds are read late [s]: what is undone of a speed that rises by 1 rad/s2."""
-    rising = np.ones((1, vehicle.axles))
-    return float(along.true_wheel_acceleration(along.model(vehicle, readings), np.zeros_like(rising), rising)[0, 0])
 
 
 def _with_speed(stop: PreparedStop, one: Evaluation) -> PreparedStop:
