@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from scipy import linalg
-from test_diagnosis_replica import LAW, sound  # noqa: F401
+from test_diagnosis_replica import LAW, campaign_of
 
 from wsp_env.diagnosis.balances import Balances, Whitening
 from wsp_env.diagnosis.candidates import Variant, values_in
@@ -14,12 +14,19 @@ from wsp_env.diagnosis.fitting import Fitted, Weights, refit, weigh
 from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.readings import _filtered, as_read, put_right, readings_of
 from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.stops import prepare
 from wsp_env.diagnosis.variation import Group
 
 LAG_S = 0.04
 LAG = {"wheel_speed_lag": {"lag_s": LAG_S}}
 CLOCK = {"clock_offset": {"offset_s": 0.15}}
 LATE = dataclasses.replace(LAW, choice=LAG)
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    campaign = campaign_of(tmp_path_factory.mktemp("sound") / "c")
+    return Balances(campaign, prepare(campaign)[0])
 
 
 def late_wheels(balances: Balances) -> Balances:
@@ -42,7 +49,7 @@ def test_a_lag_filters_a_line_and_a_swing_as_its_equation_says():
 
 
 @pytest.mark.parametrize("readings", [LAG, CLOCK, LAG | CLOCK, {"misread_speed": {"coefficient": 0.01, "feature": 1.0}}])
-def test_of_stops_as_sensors_read_them_a_model_with_the_sensors_says_what_it_says_of_true_ones(sound, readings):  # noqa: F811
+def test_of_stops_as_sensors_read_them_a_model_with_the_sensors_says_what_it_says_of_true_ones(sound, readings):
     stops = as_read(sound.campaign, sound.sources, readings)
     model = dataclasses.replace(LAW, choice=readings)
     assert readings_of(model) == readings
@@ -55,7 +62,7 @@ def test_a_wheel_of_another_radius_reads_right():
     assert readings_of(Model(2e-4, (0.06,), {"wheel_radius": {"change": 0.01, "axle": 1.0}})) == {}
 
 
-def test_late_wheels_balance_what_is_made_as_late(sound):  # noqa: F811
+def test_late_wheels_balance_what_is_made_as_late(sound):
     """The wheel's own balance is linear: filtered, it holds for filtered torques and forces."""
     (stop, *_), (read, *_) = sound.sources, late_wheels(sound).sources
     (right,) = put_right(sound.campaign, [read], LAG)
@@ -66,7 +73,7 @@ def test_late_wheels_balance_what_is_made_as_late(sound):  # noqa: F811
     assert np.abs(missed[inside]).max() < 0.02 * np.abs(before[inside]).max()
 
 
-def test_about_a_lag_late_wheels_are_explained_and_its_size_is_found(sound):  # noqa: F811
+def test_about_a_lag_late_wheels_are_explained_and_its_size_is_found(sound):
     recorded = late_wheels(sound)
     clean, bare, own = Replica(sound, LAW), Replica(recorded, LAW), Replica(recorded, LATE)
 
@@ -80,7 +87,7 @@ def test_about_a_lag_late_wheels_are_explained_and_its_size_is_found(sound):  # 
     assert values_in(found.model, lag)[0] == pytest.approx(LAG_S, rel=0.15)
 
 
-def test_about_a_late_clock_rows_have_the_slip_that_was(sound):  # noqa: F811
+def test_about_a_late_clock_rows_have_the_slip_that_was(sound):
     """By which it is told whether a wheel slides, and what its rows vary by."""
 
     def late(stop):
