@@ -20,7 +20,8 @@ from wsp_env.diagnosis.decide import Outcome, at_bound
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights, refit, weigh
 from wsp_env.diagnosis.gls import fit
-from wsp_env.diagnosis.replica import Replica, on_sensors
+from wsp_env.diagnosis.readings import on_sensors
+from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import held_out_rows
 from wsp_env.diagnosis.trials import SURE, on_a_sensor
 from wsp_env.diagnosis.variation import Group, law_columns

@@ -20,10 +20,14 @@ from wsp_env.recordings import Campaign
 _ITERATIONS = 3  # of what is read from what is true: a late reading's rate is read late, too
 
 
+def on_sensors(model: Model) -> Choice:
+    """Return the mechanisms of a model that act on what sensors read."""
+    return {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on == "sensor"}
+
+
 def readings_of(model: Model) -> Choice:
     """Return the mechanisms of a model that change what is read; a wheel of another radius reads right."""
-    sensors = {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on == "sensor"}
-    return {name: values for name, values in sensors.items() if "radii" not in ALL[name].acts}
+    return {name: values for name, values in on_sensors(model).items() if "radii" not in ALL[name].acts}
 
 
 def put_right(campaign: Campaign, stops: Sequence[PreparedStop], readings: Choice) -> list[PreparedStop]:

@@ -16,7 +16,7 @@ a time, which the torque's own course shows, are evaluated under the recorded to
 
 import dataclasses
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ from wsp_env.diagnosis.balances import Balances, Blocks, Rows, Whitening
 from wsp_env.diagnosis.denoise import denoised
 from wsp_env.diagnosis.evaluate import Choice, Evaluation, Evaluator, Model
 from wsp_env.diagnosis.loop import foreseen
-from wsp_env.diagnosis.readings import as_read, put_right, readings_of
+from wsp_env.diagnosis.readings import as_read, on_sensors, put_right, readings_of
 from wsp_env.diagnosis.stops import (
     BLOCK_S,
     ROLLING_SHARE,
@@ -172,11 +172,6 @@ class Replica:
             wheels = right.parts[i].wheel_rows(one.force / (2.0 * one.load) - expected)
             result[(rows.run == i) & rows.wheels] = wheels
         return result
-
-
-def on_sensors(model: Model) -> dict[str, Mapping[str, float]]:
-    """Return the mechanisms of a model that act on what sensors read."""
-    return {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on == "sensor"}
 
 
 def without_sensors(model: Model) -> Model:

@@ -15,7 +15,8 @@ from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh
 from wsp_env.diagnosis.interest import StopChange
-from wsp_env.diagnosis.replica import OF_TIME, Replica, on_sensors
+from wsp_env.diagnosis.readings import on_sensors
+from wsp_env.diagnosis.replica import OF_TIME, Replica
 from wsp_env.diagnosis.search import AGAIN, Found, Screen, net_effect, noise_of
 from wsp_env.diagnosis.settle import RUN_AWAY, settle, settle_anew
 from wsp_env.diagnosis.variation import Group, Net, law_columns, nuisances, segment_columns, shapes
