@@ -11,6 +11,7 @@ from scipy.stats import norm
 from trial_cases import BENT, GAIN, GRADIENT, PLAIN, TERM, candidate, found, trial
 
 from wsp_env.diagnosis import decide
+from wsp_env.diagnosis.answer import Estimate
 from wsp_env.diagnosis.balances import NOISES, Whitening
 from wsp_env.diagnosis.candidates import Variant, parameter_of, refined, switched, values_in, without
 from wsp_env.diagnosis.covariance import Evidence, Sizes
@@ -313,7 +314,11 @@ def own(monkeypatch):
     monkeypatch.setattr(decide, "refit", lambda replica, model, variants, _: Fitted(model, tuple(variants), (), (), 100.0))
     monkeypatch.setattr(decide, "net_effect", lambda *_: StopChange(0.04, 0.0))
 
-    def ask(cost: float, pulls: bool = False, left: float = 20.0, again: float | None = None) -> decide.Held | None:
+    def ask(
+        cost: float, pulls: bool = False, left: float = 20.0, again: float | None = None,
+        interval: tuple[float, float] = (0.001, 0.003),
+    ) -> decide.Held | None:  # fmt: skip
+        monkeypatch.setattr(decide, "estimates", lambda *_: {"rise": Estimate(0.002, "-", interval)})
         monkeypatch.setattr(decide, "settle", lambda *_: ("own replica", dataclasses.replace(one.fitted, cost=cost)))
         anew = dataclasses.replace(one.fitted, cost=cost if again is None else again)
         monkeypatch.setattr(decide, "settle_anew", lambda *_: ("another replica", anew))
@@ -351,6 +356,7 @@ def test_beside_others_it_must_be_missing_whether_their_forms_bend_or_not(monkey
     monkeypatch.setattr(decide, "net_effect", lambda *_: StopChange(0.04, 0.0))
     monkeypatch.setattr(decide, "_pulled", lambda *_: 0.0)
     monkeypatch.setattr(decide, "agreement", lambda *_: SimpleNamespace(left_of=lambda evidence: 20.0))
+    monkeypatch.setattr(decide, "estimates", lambda *_: {"rise": Estimate(0.002, "-", (0.001, 0.003))})
     one = dataclasses.replace(trial(GRADIENT, 30.0), fitted=whole)
     held = decide._about_its_own(SimpleNamespace(recorded=None), SimpleNamespace(whitening=None), PLAIN, one)
     assert held.trial.reduction == expected
@@ -358,9 +364,16 @@ def test_beside_others_it_must_be_missing_whether_their_forms_bend_or_not(monkey
 
 
 def test_what_runs_away_about_its_own_replica_does_not_hold(own):
-    assert own(150.0).replica == "own replica"
+    """It fits worse there than the model without it did, which left 160, by more than three deviations of such a sum."""
+    assert own(160.0 + 2.9 * 320.0**0.5).replica == "own replica"
+    assert own(160.0 + 3.1 * 320.0**0.5) is None
     assert own(250.0) is None
     assert own(250.0, again=60.0).replica == "another replica"  # it settles from elsewhere
+
+
+@pytest.mark.parametrize(("interval", "holds"), [((1e-6, 0.004), True), ((-1e-6, 0.004), False), ((-0.004, -1e-6), True)])
+def test_a_name_whose_own_interval_leaves_it_open_does_not_hold(own, interval, holds):
+    assert (own(60.0, interval=interval) is not None) == holds
 
 
 def test_what_pulls_nuisances_or_is_not_alike_in_the_runs_does_not_hold(own):

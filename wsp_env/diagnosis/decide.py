@@ -16,12 +16,13 @@ import numpy as np
 from wsp_env.diagnosis.agreement import agreement
 from wsp_env.diagnosis.candidates import Variant, parameter_of, switched, values_in, without
 from wsp_env.diagnosis.discovered import curves, terms
+from wsp_env.diagnosis.estimates import estimates, leave_it_open
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
-from wsp_env.diagnosis.settle import RUN_AWAY, moved, settle, settle_anew
+from wsp_env.diagnosis.settle import has_run_away, moved, settle, settle_anew
 from wsp_env.diagnosis.structure import structured
 from wsp_env.diagnosis.trials import (
     FORM,
@@ -33,6 +34,7 @@ from wsp_env.diagnosis.trials import (
     odds,
     told,
     trials_of,
+    weights_anew,
     weights_of,
 )
 
@@ -47,6 +49,8 @@ INDISTINCT = 10.0
 GROWN = 1.7
 #: Deviations by which a mechanism moves under the nuisances' sizes beside it, from which on all is asked again about it there.
 MOVES = 1.0
+#: Replicas that are weighed anew at most until a mechanism on sensors rests.
+_WEIGHED = 4
 #: Deviations by which a nuisance may be pulled further beside a mechanism than without it: what cancels it is no finding.
 PULLED = 4.0
 
@@ -136,7 +140,7 @@ def select(
         replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen)
         seen = _screened(replica, fitted, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
         # What was missing made everything else seem to vary more, and so itself seem smaller.
-        own, again = settle(replica.recorded, fitted, weights_of(replica, seen))
+        own, again = _settled_beside(replica, fitted, accepted, seen)
         if np.isfinite(again.cost) and moved(fitted, again) > MOVES:
             replica, fitted, accepted = _sized(own, again, accepted, seen)
             seen = _screened(replica, fitted, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
@@ -151,6 +155,24 @@ def _screened(
     """Return the names that are left, and what has none, about what was accepted."""
     left = [one for one in tried if one.name not in fitted.model.choice]
     return screen(replica, fitted.model, [*left, *unnamed], pool, fitted.variants)
+
+
+def _settled_beside(
+    replica: Replica, fitted: Fitted, accepted: Sequence[Accepted], seen: Screen
+) -> tuple[Replica, Fitted]:  # fmt: skip
+    """Settle under the sizes of nuisances beside what was accepted.
+
+    Where wheels are read later, or their speeds otherwise, other rows slide: then every replica is weighed anew.
+    """
+    if not any(told(one.trial.listed) for one in accepted):
+        return settle(replica.recorded, fitted, weights_of(replica, seen))
+    own, again = replica, fitted
+    for _ in range(_WEIGHED):
+        before, own = again, Replica(replica.recorded, again.model)
+        again = refit(own, before.model, before.variants, weights_anew(own, seen))
+        if moved(before, again) < MOVES:
+            break
+    return own, again
 
 
 def _beside(
@@ -246,9 +268,10 @@ def _about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Tria
         own, fitted, mine, other = trial.about, trial.fitted, trial.weights, replica
     else:
         own, fitted = settle(replica.recorded, trial.fitted, weights)
-        if fitted.cost > RUN_AWAY * trial.fitted.cost:
+        without_it = trial.fitted.cost + trial.reduction
+        if has_run_away(fitted, without_it):
             own, fitted = settle_anew(replica.recorded, trial.fitted, trial.variant, weights)
-        if fitted.cost > RUN_AWAY * trial.fitted.cost:
+        if has_run_away(fitted, without_it):
             return None
         mine, other = weights, own
     others = [one for one in fitted.variants if one is not trial.variant]
@@ -263,6 +286,8 @@ def _about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Tria
         without_bent = bent if other is own else weights_of(other, seen, forms(other, gone.model, others, seen.whitening))
         left_without = without_bent.deviance(refit(other, gone.model, gone.variants, without_bent))
         reduction = min(reduction, left_without - bent.deviance(refit(own, fitted.model, fitted.variants, bent)))
+    if leave_it_open(estimates(own, fitted, trial.variant, mine, reduction), trial.variant):
+        return None
     evidence, size = 0.5 * reduction - trial.price, net_effect(own, fitted.model, trial.variant, seen.whitening)
     left = agreement(own, fitted.model, trial.variant, mine, form_of(trial.listed)).left_of(evidence)
     if odds(trial.listed, left) <= SURE:

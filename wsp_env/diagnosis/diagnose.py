@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from wsp_env.diagnosis.agreement import agreement
 from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, FitQuality, Named, Verdict, Worth
 from wsp_env.diagnosis.balances import Balances
-from wsp_env.diagnosis.candidates import parameter_of, unavailable, variants, without
+from wsp_env.diagnosis.candidates import unavailable, variants, without
 from wsp_env.diagnosis.data_first import data_first
 from wsp_env.diagnosis.decide import Accepted, Outcome, select
 from wsp_env.diagnosis.discovered import OF_WHEELS, equation, looks_like, slot_of, slot_of_title
 from wsp_env.diagnosis.effects import course, curve, held_out
+from wsp_env.diagnosis.estimates import estimates
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import baseline, sliding
 from wsp_env.diagnosis.locate import locate, residual_map
@@ -27,7 +27,6 @@ from wsp_env.diagnosis.structure import Structure, structured
 from wsp_env.diagnosis.timing import aligned, times
 from wsp_env.diagnosis.trials import FORM, form_of
 from wsp_env.diagnosis.words import next_test, sentence
-from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import Campaign, CampaignError
 
 #: A run whose residuals are so many times the others' is left out as damaged.
@@ -210,24 +209,7 @@ def _worth(outcome: Outcome, extended: Model, missing: list[Accepted]) -> Worth:
 
 
 def _estimates(outcome: Outcome, one: Accepted) -> dict[str, Estimate]:
-    """Return the fitted parameters with their 90 % intervals."""
-    at = outcome.fitted.variants.index(one.trial.variant)
-    variant, values, covariance = one.trial.variant, outcome.fitted.values[at], outcome.fitted.covariance[at]
-    own = 0.0 if ALL[variant.name].signature.exact else form_of(variant)
-    runs = agreement(outcome.replica, outcome.fitted.model, variant, outcome.weights, own)
-    found, sizes = {}, [name for name in variant.sizes if parameter_of(variant.name, name).kind == "size"]
-    for j, name in enumerate(variant.sizes):
-        parameter = parameter_of(variant.name, name)
-        value = float(np.clip(values[j], parameter.low, parameter.high))
-        change = 0.0 if parameter.kind == "shape" else value - parameter.null  # of a size only forms and runs say something
-        bends = sizes == [name] and len(variant.sizes) > 1 and change != 0.0  # with the shapes that are fitted beside it
-        absent = abs(change) / np.sqrt(max(one.trial.reduction, 1e-12)) if bends else np.inf
-        interval = runs.interval(value, float(np.sqrt(max(covariance[j, j], 0.0))), change, own * change, absent)
-        low, high = np.clip(interval, parameter.low, parameter.high)
-        found[name] = Estimate(value, parameter.unit, (float(low), float(high)))
-    for name, fixed in variant.fixed.items():
-        found[name] = Estimate(float(fixed), parameter_of(variant.name, name).unit, (float(fixed), float(fixed)))
-    return found
+    return estimates(outcome.replica, outcome.fitted, one.trial.variant, outcome.weights, one.trial.reduction)
 
 
 def _named(replica: Replica, outcome: Outcome, one: Accepted, found: Quality) -> Named:

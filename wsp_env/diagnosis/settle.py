@@ -20,8 +20,8 @@ _SETTLED = 0.5
 #: Share of the first move that the last one is at most where it comes to rest: a move that is not halved in so many has none
 #: (assumption).
 _COMES_TO_REST = 0.5
-#: Times its cost by which a model fits worse about its own replica, from which on its mechanism has run away (assumption).
-RUN_AWAY = 2.0
+#: Deviations of a sum of squares by which a model fits worse about its own replica, from which on its mechanism has run away.
+_AWAY = 3.0
 #: Shares of a mechanism's size from which a fit that has run away begins anew: where it bends, the straight line about the
 #: baseline ends short of its size or beyond it.
 _SHARES = (0.5, 0.75, 1.25, 1.5)
@@ -39,6 +39,15 @@ def settle(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Replic
             return replica, fitted
     rests = moves[-1] < _COMES_TO_REST * moves[0]
     return replica, fitted if rests else dataclasses.replace(fitted, cost=np.inf)
+
+
+def has_run_away(fitted: Fitted, before: float) -> bool:
+    """Whether a model about its own replica fits worse than a sum of squares `before`, by more than such a sum scatters.
+
+    About its own replica a model is right by construction, so that what goes with it says nothing of a mechanism that ran away;
+    how well the model fits there does.
+    """
+    return fitted.cost > before + _AWAY * float(np.sqrt(2.0 * before))
 
 
 def moved(before: Fitted, after: Fitted) -> float:

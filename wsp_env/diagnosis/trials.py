@@ -18,7 +18,7 @@ from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.readings import on_sensors
 from wsp_env.diagnosis.replica import OF_TIME, Replica
 from wsp_env.diagnosis.search import AGAIN, Found, Screen, net_effect, noise_of
-from wsp_env.diagnosis.settle import RUN_AWAY, settle, settle_anew
+from wsp_env.diagnosis.settle import has_run_away, settle, settle_anew
 from wsp_env.diagnosis.variation import Group, Net, law_columns, nuisances, segment_columns, shapes
 from wsp_env.plant.mechanisms import ALL
 
@@ -158,7 +158,7 @@ def _told(replica: Replica, seen: Screen, start: Fitted, weights: Weights, one: 
     near_by = weights_of(first, seen)
     begun = refit(first, model, variants, near_by)
     about, fitted = settle(replica.recorded, begun, near_by)
-    if fitted.cost > RUN_AWAY * begun.cost:
+    if has_run_away(fitted, begun.cost):
         about, fitted = settle_anew(replica.recorded, begun, variant, near_by)
     mine = weights_anew(about, seen)
     again = refit(about, fitted.model, variants, mine)

@@ -1,0 +1,53 @@
+"""The fitted parameters of a mechanism with their intervals, and whether these leave it open that it is there at all."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from wsp_env.diagnosis.agreement import agreement
+from wsp_env.diagnosis.answer import Estimate
+from wsp_env.diagnosis.candidates import Variant, parameter_of
+from wsp_env.diagnosis.fitting import Fitted, Weights
+from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.trials import form_of
+from wsp_env.plant.mechanisms import ALL
+
+
+def estimates(
+    replica: Replica, fitted: Fitted, variant: Variant, weights: Weights, reduction: float
+) -> dict[str, Estimate]:  # fmt: skip
+    """Return the parameters of a mechanism that is on, with their 90 % intervals.
+
+    Parameters
+    ----------
+    fitted : to the replica, under the weights
+    reduction : of chi-square, by the mechanism
+
+    """
+    at = fitted.variants.index(variant)
+    values, covariance = fitted.values[at], fitted.covariance[at]
+    own = 0.0 if ALL[variant.name].signature.exact else form_of(variant)
+    runs = agreement(replica, fitted.model, variant, weights, own)
+    found, sizes = {}, _sizes(variant)
+    for j, name in enumerate(variant.sizes):
+        parameter = parameter_of(variant.name, name)
+        value = float(np.clip(values[j], parameter.low, parameter.high))
+        change = 0.0 if parameter.kind == "shape" else value - parameter.null  # of a size only forms and runs say something
+        bends = sizes == [name] and len(variant.sizes) > 1 and change != 0.0  # with the shapes that are fitted beside it
+        absent = abs(change) / np.sqrt(max(reduction, 1e-12)) if bends else np.inf
+        interval = runs.interval(value, float(np.sqrt(max(covariance[j, j], 0.0))), change, own * change, absent)
+        low, high = np.clip(interval, parameter.low, parameter.high)
+        found[name] = Estimate(value, parameter.unit, (float(low), float(high)))
+    for name, fixed in variant.fixed.items():
+        found[name] = Estimate(float(fixed), parameter_of(variant.name, name).unit, (float(fixed), float(fixed)))
+    return found
+
+
+def leave_it_open(found: Mapping[str, Estimate], variant: Variant) -> bool:
+    """Whether the intervals of all sizes hold what they are where the mechanism is not there."""
+    nulls = {name: parameter_of(variant.name, name).null for name in _sizes(variant)}
+    return all(found[name].interval90[0] <= null <= found[name].interval90[1] for name, null in nulls.items())
+
+
+def _sizes(variant: Variant) -> list[str]:
+    return [name for name in variant.sizes if parameter_of(variant.name, name).kind == "size"]
