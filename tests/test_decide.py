@@ -366,9 +366,10 @@ def test_beside_others_it_must_be_missing_whether_their_forms_bend_or_not(monkey
 def test_what_runs_away_about_its_own_replica_does_not_hold(own):
     """It fits worse there than the model without it did, which left 160, by more than three deviations of such a sum."""
     assert own(160.0 + 2.9 * 320.0**0.5).replica == "own replica"
-    assert own(160.0 + 3.1 * 320.0**0.5) is None
-    assert own(250.0) is None
+    away = 3.1 * 320.0**0.5
+    assert own(160.0 + away).trial.evidence == pytest.approx(-0.5 * away - 3.0)  # it was not seen
     assert own(250.0, again=60.0).replica == "another replica"  # it settles from elsewhere
+    assert own(np.inf) is None  # nor did it come to rest: nothing tells
 
 
 @pytest.mark.parametrize(("interval", "holds"), [((1e-6, 0.004), True), ((-1e-6, 0.004), False), ((-0.004, -1e-6), True)])

@@ -271,8 +271,10 @@ def _about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Tria
         without_it = trial.fitted.cost + trial.reduction
         if has_run_away(fitted, without_it):
             own, fitted = settle_anew(replica.recorded, trial.fitted, trial.variant, weights)
-        if has_run_away(fitted, without_it):
+        if not np.isfinite(fitted.cost):
             return None
+        if has_run_away(fitted, without_it):  # what spoke for it, on a straight line, is not there: it was not seen
+            return Held(dataclasses.replace(trial, evidence=0.5 * (without_it - fitted.cost) - trial.price), own)
         mine, other = weights, own
     others = [one for one in fitted.variants if one is not trial.variant]
     gone = refit(other, without(fitted.model, trial.variant), others, weights)
