@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from plant_cases import a_plant, a_stop, run
@@ -34,6 +34,7 @@ def law_of(name):
 @given(st.floats(1e-3, 12.0), st.floats(2.0, 50.0), st.floats(0.01, 0.2), st.floats(0.0, 1.0))
 @settings(max_examples=25, deadline=None)
 def test_derivatives_are_the_slopes_of_the_law(name, slip, speed, mu_cd, layer):
+    assume(name != "capped" or abs(slip / speed - FITTED_CREEPAGE) > 1e-3)  # at the cap the curve has a kink, and two slopes
     law, on = law_of(name), Surface(mu_cd, 0.28, layer, 0.0)
     here, h = traction(slip, speed, LOAD, on, TAU, law), 1e-5
     step = min(h, 2e-4 * slip)  # on little friction a wheel slides from some mm/s on: the curve bends on that scale
