@@ -20,7 +20,8 @@ _SETTLED = 0.5
 #: Share of the first move that the last one is at most where it comes to rest: a move that is not halved in so many has none
 #: (assumption).
 _COMES_TO_REST = 0.5
-#: Deviations of a sum of squares by which a model fits worse about its own replica, from which on its mechanism has run away.
+#: Deviations of a sum of squares by which a model fits worse about its own replica, from which on its mechanism has run away
+#: (assumption: what chance alone reaches once in a thousand).
 _AWAY = 3.0
 #: Shares of a mechanism's size from which a fit that has run away begins anew: where it bends, the straight line about the
 #: baseline ends short of its size or beyond it.
