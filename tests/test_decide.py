@@ -325,7 +325,7 @@ def own(monkeypatch):
         pulled = {True: 5.0**2, False: 0.0}[pulls]
         monkeypatch.setattr(decide, "_pulled", lambda _, model, __: pulled * ("track_gradient" in model.choice))
         monkeypatch.setattr(decide, "agreement", lambda *_: SimpleNamespace(left_of=lambda evidence: left))
-        return decide._about_its_own(SimpleNamespace(recorded=None), SimpleNamespace(whitening=None), PLAIN, one)
+        return decide._about_its_own(SimpleNamespace(recorded=None, sample_s=0.01), SimpleNamespace(whitening=None), PLAIN, one)
 
     return ask
 
@@ -358,7 +358,7 @@ def test_beside_others_it_must_be_missing_whether_their_forms_bend_or_not(monkey
     monkeypatch.setattr(decide, "agreement", lambda *_: SimpleNamespace(left_of=lambda evidence: 20.0))
     monkeypatch.setattr(decide, "estimates", lambda *_: {"rise": Estimate(0.002, "-", (0.001, 0.003))})
     one = dataclasses.replace(trial(GRADIENT, 30.0), fitted=whole)
-    held = decide._about_its_own(SimpleNamespace(recorded=None), SimpleNamespace(whitening=None), PLAIN, one)
+    held = decide._about_its_own(SimpleNamespace(recorded=None, sample_s=0.01), SimpleNamespace(whitening=None), PLAIN, one)
     assert held.trial.reduction == expected
     assert held.trial.evidence == 0.5 * expected
 

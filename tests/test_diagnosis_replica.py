@@ -80,8 +80,10 @@ def test_a_replica_about_a_brake_s_mechanism_has_its_torque_once(sound):
 def test_the_slip_that_a_force_needs_is_where_the_law_gives_it(sound):
     """A slide's measured slip is kept whole, that of a wheel on the steep part of the curve not at all."""
     law, load = sound.vehicle.contact.law, MASS_KG * 9.81 / (2 * AXLES)
-    for i, (stop, one) in enumerate(zip(sound.sources, Evaluator(sound.campaign, sound.sources)(LAW), strict=True)):
-        slip, share = _needed(sound, one, LAW, i, one.slip)
+    evaluator = Evaluator(sound.campaign, sound.sources)
+    found = evaluator(LAW)
+    needed = _needed(sound, evaluator, LAW, found, [one.slip for one in found])
+    for i, (stop, one, slip, share) in enumerate(zip(sound.sources, found, *needed, strict=True)):
         limit = least_slip(stop.speed)[:, None]
         inside = np.abs(slip) < 0.99 * limit
         given = degraded_adhesion(slip, stop.speed[:, None], load, LAW.mu_cd[i], LAW.tau, law)
@@ -98,13 +100,36 @@ def test_the_slip_that_a_force_needs_is_where_the_law_gives_it(sound):
         assert np.abs(share[minimum_filter1d(steep, around, axis=0)]).max() < 1e-9
 
 
+@pytest.mark.parametrize(
+    "choice",
+    [
+        {"load_transfer": {"body_height_m": 1.2, "pivot_height_m": 0.4}},
+        {"initial_slope": {"factor": 0.6}},
+        {"vehicle_mass": {"extra": 0.1}},
+    ],
+)
+def test_the_slip_that_a_force_needs_is_where_the_extended_model_gives_it(sound, choice):
+    """Other loads, another slope: a wheel that rolls is where the model that the replica is about puts it."""
+    model, evaluator = Model(LAW.tau, LAW.mu_cd, choice), Evaluator(sound.campaign, sound.sources)
+    found = evaluator(model)
+    slips, _ = _needed(sound, evaluator, model, found, [one.slip for one in found])
+    there = evaluator(model, [(one.slip - slip) / sound.radius for one, slip in zip(found, slips, strict=True)])
+    for stop, one, slip in zip(sound.sources, there, slips, strict=True):
+        needed = one.force / (2.0 * one.load)
+        inside = (np.abs(slip) < 0.99 * least_slip(stop.speed)[:, None]) & (needed > -0.05)
+        assert inside.sum() > 100
+        assert np.abs(one.slip - slip).max() < 1e-9  # the vehicle's speed stays as it was found
+        assert np.abs(one.adhesion - needed)[inside].max() < 1e-6
+
+
 def test_a_clock_s_error_is_no_slide(sound):
     """A speed that is read 0.1 m/s too high while all wheels roll gives the replica no slip."""
     stop = sound.sources[0]
     rolls = stop.time < 0.7  # of a stop that coasts for a second
     fast = Balances(sound.campaign, [dataclasses.replace(stop, speed=stop.speed + 0.1)])
-    one = Evaluator(sound.campaign, fast.sources)(Model(LAW.tau, LAW.mu_cd[:1]))[0]
-    slip, share = _needed(fast, one, LAW, 0, one.slip)
+    evaluator, model = Evaluator(sound.campaign, fast.sources), Model(LAW.tau, LAW.mu_cd[:1])
+    (one,) = found = evaluator(model)
+    (slip,), (share,) = _needed(fast, evaluator, model, found, [one.slip])
     assert (one.slip[rolls] > 0.05).all()
     assert np.abs((share * one.slip + (1.0 - share) * slip)[rolls]).max() < 0.01
 

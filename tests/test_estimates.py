@@ -4,7 +4,7 @@ import pytest
 
 from wsp_env.diagnosis.answer import Estimate
 from wsp_env.diagnosis.candidates import Variant
-from wsp_env.diagnosis.estimates import leave_it_open
+from wsp_env.diagnosis.estimates import leave_it_open, within_a_sample
 
 PADS = Variant("pad_friction", ("per_speed_s_per_m", "per_temperature_1_per_k"), {})
 PATCH = Variant("adhesion_patch", ("change", "start_m", "length_m"), {})
@@ -27,3 +27,16 @@ def test_where_something_acts_does_not_tell_that_it_is_there():
     shapes = ((200.0, 210.0), (40.0, 60.0))
     assert leave_it_open(estimates(PATCH, (-0.1, 0.4), *shapes), PATCH)
     assert not leave_it_open(estimates(PATCH, (0.1, 0.4), *shapes), PATCH)
+
+
+@pytest.mark.parametrize(
+    ("interval", "within"),
+    [((0.031, 0.068), True), ((0.052, 0.068), False), ((-0.4, -0.2), False), ((-0.4, -0.04), True), ((-0.01, 0.02), True)],
+)
+def test_a_time_that_may_be_less_than_a_sample_says_nothing(interval, within):
+    clock = Variant("clock_offset", ("offset_s",), {})
+    assert within_a_sample(estimates(clock, interval), clock, 0.05) == within
+
+
+def test_what_is_no_time_has_no_sample():
+    assert not within_a_sample(estimates(PADS, (0.0, 0.001), (0.0, 1e-4)), PADS, 0.05)

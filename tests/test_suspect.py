@@ -17,7 +17,7 @@ from wsp_env.diagnosis.stops import prepare
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import CampaignError, CampaignWarning, demo_campaign, read_campaign, tune
 from wsp_env.recordings.suspect import suspects
-from wsp_env.recordings.suspect.delays import _onset
+from wsp_env.recordings.suspect.delays import _delay, _onset, _weighed, _Witnesses
 from wsp_env.recordings.suspect.factors import level
 from wsp_env.recordings.suspect.momentum import axle_gain
 from wsp_env.recordings.suspect.search import Search
@@ -380,3 +380,16 @@ def test_a_brake_that_fills_slowly_is_late_by_its_level_but_not_by_its_beginning
     first, late, slow = (np.array(_onset(traces, axle)) for axle in range(3))
     assert late - first == pytest.approx([0.3, 0.3], abs=1e-3)
     assert slow - first == pytest.approx([0.15 / 0.5 - 0.15 / 4.0, 0.0], abs=1e-3)
+
+
+def test_errors_grow_by_what_runs_contradict_each_other():
+    assert _weighed([(1.0, 0.1), (1.1, 0.1)])[2] == 1.0
+    assert _weighed([(1.0, 0.1), (2.0, 0.1)]) == pytest.approx((1.5, 0.1 / np.sqrt(2.0), 10.0 / np.sqrt(2.0)))
+    assert np.isnan(_weighed([(np.nan, np.inf)])[0])
+
+
+@pytest.mark.parametrize(("torques", "told"), [((0.0, 0.05, -0.05), True), ((-0.7, 0.6, -0.4), False)])
+def test_a_wheel_is_late_only_where_the_same_comparison_is_at_one(torques, told):
+    """A brake that releases slowly looks like a late wheel, and like a torque that is late in one run and early in another."""
+    runs = [{0: _Witnesses(np.nan, 0.0, -0.15, 0.04, torque, 0.1)} for torque in torques]
+    assert _delay(runs, 0) == (("wheel_speed", pytest.approx(-0.15)) if told else None)

@@ -58,11 +58,39 @@ def test_a_refit_begins_where_the_way_to_the_linear_step_leaves_least(monkeypatc
     assert begun[1] == pytest.approx(best)
 
 
+@pytest.mark.parametrize(("milliseconds", "deviation", "within"), [(5.0, 2.0, True), (9.0, 2.0, False), (-30.0, 1.0, False)])
+def test_a_time_below_a_sample_is_not_looked_at_further(milliseconds, deviation, within):
+    clock = Variant("clock_offset", ("offset_s",), {})
+    fitted = Fitted(None, (clock,), (np.array([1e-3 * milliseconds]),), (np.array([[1e-6 * deviation**2]]),), 0.0)
+    assert trials._in_a_sample(fitted, 0.01) == within
+    other = dataclasses.replace(fitted, variants=(GRADIENT,))
+    assert not trials._in_a_sample(other, 1e9)
+
+
+def test_a_form_at_its_end_is_left_for_one_that_is_not(monkeypatch):
+    """A patch whose edges would be as long as they may be, though it fits best, is taken as it was searched."""
+    patch = Variant("adhesion_patch", ("change",), {"start_m": 300.0, "length_m": 60.0, "edge_m": 1.0}, (-0.3,))
+
+    def refit(_, model, variants, __):
+        wide = bool(variants) and "edge_m" in variants[-1].sizes
+        if wide:
+            model = switched(model, variants[-1], np.array([-0.2, 300.0, 60.0, 100.0]))
+        return Fitted(model, tuple(variants), (), (), 60.0 if wide else 80.0 if variants else 100.0)
+
+    monkeypatch.setattr(trials, "refit", refit)
+    monkeypatch.setattr(trials, "cost", lambda *_: 0.0)
+    one = dataclasses.replace(found(patch, 5.0), reduction=20.0)
+    start = Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0)
+    tried = trials._nearby(None, None, start, None, one)
+    assert tried.variant.sizes == ("change",)
+    assert tried.reduction == pytest.approx(20.0)
+
+
 def test_a_term_s_form_may_miss_more_than_a_name_s():
     assert trials.form_of(TERM) > trials.form_of(GRADIENT) == FORM
 
 
-@pytest.mark.parametrize(("factor", "way", "made"), [(0.0, 8.0, 2), (0.4, 8.0, 4), (0.95, 80.0, 6)])
+@pytest.mark.parametrize(("factor", "way", "made"), [(0.0, 8.0, 2), (0.4, 8.0, 4), (0.95, 80.0, 8)])
 def test_replicas_are_made_until_sizes_settle(monkeypatch, factor, way, made):
     """Each refit goes a share of the rest of the way, in deviations."""
     replicas = []
@@ -77,6 +105,33 @@ def test_replicas_are_made_until_sizes_settle(monkeypatch, factor, way, made):
     _, fitted = settle.settle(None, first, None)
     assert len(replicas) == made
     assert fitted.values[0][0] == pytest.approx(way * (1.0 - factor**made))
+
+
+def test_where_a_replica_fits_worse_half_of_the_way_is_gone(monkeypatch):
+    """A refit always asks for as much again; about replicas beyond a size the model fits worse."""
+    far, cost = 0.011, 1000.0
+
+    def refit(replica, model, variants, _):
+        rise = model.choice[GRADIENT.name]["rise"]
+        end = rise + 0.004 if variants else rise
+        worse = 1e6 * max(replica - far, 0.0)
+        return Fitted(
+            switched(model, GRADIENT, np.array([end])), tuple(variants), (np.array([end]),), (1e-8 * np.eye(1),), cost + worse
+        )
+
+    monkeypatch.setattr(settle, "Replica", lambda _, model: model.choice[GRADIENT.name]["rise"])
+    monkeypatch.setattr(settle, "refit", refit)
+    begin = Fitted(
+        switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.008])),
+        (GRADIENT,),
+        (np.array([0.008]),),
+        (1e-8 * np.eye(1),),
+        cost,
+    )
+    replica, fitted = settle.settle(None, begin, None)
+    assert far - 0.001 < replica <= far + 3.0 * np.sqrt(2.0 * cost) / 1e6
+    assert fitted.values[0][0] == replica  # what the replica is about, not what a refit asks for beyond
+    assert fitted.cost < cost + 3.0 * np.sqrt(2.0 * cost)
 
 
 @pytest.mark.parametrize("truth", [0.0098, 0.0152, 0.031])
@@ -122,9 +177,11 @@ def test_the_form_of_what_was_accepted_lends_evidence_to_what_looks_like_it(monk
     monkeypatch.setattr(trials, "without", lambda model, _: "off" if model == "on" else "without")
     replica = SimpleNamespace(raw=rows.get)
     screen = SimpleNamespace(whitening=lambda columns: columns)
-    trial = SimpleNamespace(fitted=SimpleNamespace(model="on"), variant=GRADIENT)
+    trial = SimpleNamespace(fitted=SimpleNamespace(model="on"), variant=GRADIENT, reduction=1e4)
     least = trials.FormsLeft(replica, "accepted", [(GAIN, 1000.0)], screen)
     assert least(trial) == pytest.approx(max(trials.SURE, (1.645 * FORM) ** 2 * 1000.0 * alike**2), rel=1e-6)
+    trial.reduction = 80.0  # of its own it can take no more than what looks like the form
+    assert least(trial) == pytest.approx(max(trials.SURE, 40.0 * alike**2), rel=1e-6)
     rows["off"] = weak  # where the form hardly acts it leaves little
     assert least(trial) == trials.SURE
     assert trials.FormsLeft(replica, "accepted", [], screen)(trial) == trials.SURE

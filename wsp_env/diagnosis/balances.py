@@ -125,6 +125,11 @@ class Balances:
         self.parts = [Blocks(stop, self) for stop in self.stops]
         self.rows = _joined([part.rows(i) for i, part in enumerate(self.parts)])
 
+    @property
+    def sample_s(self) -> float:
+        """Longest time between two samples of a recording [s]."""
+        return max(stop.step_s for stop in self.sources)
+
     def evaluate(self, model: Model) -> list[Evaluation]:
         """Return what a model says of every stop; the last one is kept."""
         last: tuple[Model, list[Evaluation]] | None = getattr(self._kept, "last", None)

@@ -147,6 +147,19 @@ def values_in(model: Model, variant: Variant) -> np.ndarray:
     return np.array([present.get(name, parameter_of(variant.name, name).null) for name in variant.sizes])
 
 
+def at_bound(variant: Variant, model: Model) -> bool:
+    """Whether what was fitted ended where it may not go on, a size at either end or a shape at its upper one.
+
+    The recordings ask for something else. A shape at its lower end is a simpler one: no delay, no least speed.
+    """
+    for name, value in zip(variant.sizes, values_in(model, variant), strict=True):
+        parameter = parameter_of(variant.name, name)
+        low = parameter.low if parameter.kind == "size" else -np.inf
+        if value != parameter.null and not low < value < parameter.high:
+            return True
+    return False
+
+
 def columns(balances: Balances | Replica, model: Model, base: np.ndarray, variant: Variant) -> np.ndarray:
     """Return the change of the residuals (n, k) by a step of each free parameter, about the variant's values in the model.
 

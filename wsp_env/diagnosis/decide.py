@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.diagnosis.agreement import agreement
-from wsp_env.diagnosis.candidates import Variant, parameter_of, switched, values_in, without
+from wsp_env.diagnosis.candidates import Variant, at_bound, switched, values_in, without
 from wsp_env.diagnosis.discovered import curves, terms
-from wsp_env.diagnosis.estimates import estimates, leave_it_open
+from wsp_env.diagnosis.estimates import estimates, leave_it_open, within_a_sample
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.interest import StopChange
@@ -280,7 +280,7 @@ def _about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Tria
     gone = refit(other, without(fitted.model, trial.variant), others, weights)
     if _pulled(own, fitted.model, mine) - _pulled(other, gone.model, weights) > PULLED**2:
         return None
-    reduction = weights.deviance(gone) - mine.deviance(fitted)
+    reduction = trial.reduction if told(trial.listed) else weights.deviance(gone) - mine.deviance(fitted)
     if others:
         # It must be missing whether the forms of the others bend or not: bent, they do what it does; and free to bend, a false
         # one bends to what another false one leaves.
@@ -288,8 +288,11 @@ def _about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Tria
         without_bent = bent if other is own else weights_of(other, seen, forms(other, gone.model, others, seen.whitening))
         left_without = without_bent.deviance(refit(other, gone.model, gone.variants, without_bent))
         reduction = min(reduction, left_without - bent.deviance(refit(own, fitted.model, fitted.variants, bent)))
-    if leave_it_open(estimates(own, fitted, trial.variant, mine, reduction), trial.variant):
+    found = estimates(own, fitted, trial.variant, mine, reduction)
+    if leave_it_open(found, trial.variant):
         return None
+    if within_a_sample(found, trial.variant, replica.sample_s):
+        reduction = 0.0  # no recording of these samples tells it from nothing
     evidence, size = 0.5 * reduction - trial.price, net_effect(own, fitted.model, trial.variant, seen.whitening)
     left = agreement(own, fitted.model, trial.variant, mine, form_of(trial.listed)).left_of(evidence)
     if odds(trial.listed, left) <= SURE:
@@ -322,19 +325,6 @@ def _best(
 def _refused(replica: Replica, accepted: Sequence[Accepted], seen: Screen, trial: Trial) -> bool:
     """Whether a mechanism contradicts itself, whatever its evidence."""
     return at_bound(trial.variant, trial.fitted.model) or _compensates(replica, trial, accepted, seen)
-
-
-def at_bound(free: Variant, model: Model) -> bool:
-    """Whether what was fitted ended where it may not go on, a size at either end or a shape at its upper one.
-
-    The recordings ask for something else. A shape at its lower end is a simpler one: no delay, no least speed.
-    """
-    for name, value in zip(free.sizes, values_in(model, free), strict=True):
-        parameter = parameter_of(free.name, name)
-        low = parameter.low if parameter.kind == "size" else -np.inf
-        if value != parameter.null and not low < value < parameter.high:
-            return True
-    return False
 
 
 def _compensates(replica: Replica, trial: Trial, accepted: Sequence[Accepted], seen: Screen) -> bool:

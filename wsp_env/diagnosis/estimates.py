@@ -49,5 +49,17 @@ def leave_it_open(found: Mapping[str, Estimate], variant: Variant) -> bool:
     return all(found[name].interval90[0] <= null <= found[name].interval90[1] for name, null in nulls.items())
 
 
+def within_a_sample(found: Mapping[str, Estimate], variant: Variant, sample_s: float) -> bool:
+    """Whether all sizes are times whose intervals leave it open that they are less than a sample.
+
+    Channels of one logger are read within a sample of each other, and between two samples a pressure may do anything.
+    """
+    sizes = [(found[name], parameter_of(variant.name, name)) for name in _sizes(variant)]
+    return all(
+        one.unit == "s" and estimate.interval90[0] - one.null <= sample_s and estimate.interval90[1] - one.null >= -sample_s
+        for estimate, one in sizes
+    )
+
+
 def _sizes(variant: Variant) -> list[str]:
     return [name for name in variant.sizes if parameter_of(variant.name, name).kind == "size"]

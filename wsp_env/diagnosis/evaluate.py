@@ -98,18 +98,21 @@ class Evaluator:
         )  # fmt: skip
 
     def __call__(self, model: Model, faster: Sequence[np.ndarray] | None = None) -> list[Evaluation]:
-        """Return what the model says of every stop; of wheels that are by some speeds (T, A) `faster` [rad/s], where given."""
+        """Return what the model says of every stop; of wheels that are by some speeds (T, A) `faster` [rad/s], where given.
+
+        What the vehicle's speed is, the wheels as they were say.
+        """
         own = self._choices(model)
         if any(one != own[0] for one in own):
             parts = enumerate(zip(self._each, self._alone(model, own), strict=True))
             return [one(m, faster and faster[i : i + 1])[0] for i, (one, m) in parts]
         m, trajectory, belief = along.model(self.vehicle, own[0]), self._trajectory, self._belief(model.mu_cd, model.tau)
-        if faster is not None:
-            trajectory = trajectory.measured(wheel_speed_radps=trajectory.wheel_speed_radps + np.concatenate(faster))
-        if faster is not None or mechanisms.work_moves(m.mechanisms):
+        if mechanisms.work_moves(m.mechanisms):
             speed, shift = self._held(m, trajectory, belief)
         else:
             speed, shift = self._last(self._speed_of, along.moving(m.mechanisms))
+        if faster is not None:
+            trajectory = trajectory.measured(wheel_speed_radps=trajectory.wheel_speed_radps + np.concatenate(faster))
         return self._evaluations(m, along.along(trajectory.measured(speed_mps=speed), belief, m), shift)
 
     def forces(self, model: Model) -> list[Evaluation]:

@@ -13,10 +13,10 @@ import numpy as np
 
 from wsp_env.diagnosis.answer import FitQuality
 from wsp_env.diagnosis.balances import BALANCES, Whitening
-from wsp_env.diagnosis.candidates import Variant, columns, without
+from wsp_env.diagnosis.candidates import Variant, at_bound, columns, without
 from wsp_env.diagnosis.colour import bleach
 from wsp_env.diagnosis.covariance import Sizes
-from wsp_env.diagnosis.decide import Outcome, at_bound
+from wsp_env.diagnosis.decide import Outcome
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights, refit, weigh
 from wsp_env.diagnosis.gls import fit

@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from wsp_env.contact.degraded import adhesion_slope, degraded_adhesion
 from wsp_env.diagnosis.balances import Balances, Blocks, Rows, Whitening
 from wsp_env.diagnosis.denoise import denoised
 from wsp_env.diagnosis.evaluate import Choice, Evaluation, Evaluator, Model
@@ -68,15 +67,15 @@ class Replica:
         evaluator = Evaluator(campaign, right.sources)
         found = evaluator(baseline)
         true = _true_slips(found, found if rest is baseline else evaluator(rest), right.sources, larger)
-        needed = [_needed(right, one, baseline, i, true[i]) for i, one in enumerate(found)]
-        made = [_rolling(right, one, i, *needed[i], true[i], larger) for i, one in enumerate(found)]
+        needed, kept = _needed(right, evaluator, baseline, found, true)
+        made = [_rolling(right, one, i, needed[i], kept[i], true[i], larger) for i, one in enumerate(found)]
         forces = Evaluator(campaign, made)(baseline)
         braked = [_braked(right, stop, one) for stop, one in zip(made, forces, strict=True)]
         self._copy = self.timed = right.like(braked)
         self.rows = _rows_of_true_slips(right.rows, self._copy.rows, larger)
         self._kept = threading.local()  # every thread keeps its last evaluation
         # A wheel of another radius is in the replica as it slides, and what its sensor shows is linear in that radius.
-        shares = [share * (larger == 0.0) for _, share in needed]
+        shares = [share * (larger == 0.0) for share in kept]
         self._share = [averaged(share, stop.step_s) for share, stop in zip(shares, right.sources, strict=True)]
         self._slopes = [one.slope for one in self._copy.evaluate(baseline)]
         if rest is not baseline:  # the curve is as steep as where the wheels slide, whatever the sensors show
@@ -169,7 +168,7 @@ class Replica:
         pairs = zip(right.evaluate(self.baseline), self.evaluate(self.baseline), strict=True)
         for i, (one, copy) in enumerate(pairs):
             expected = copy.adhesion + self._slopes[i] * (one.slip - copy.slip)
-            wheels = right.parts[i].wheel_rows(one.force / (2.0 * one.load) - expected)
+            wheels = right.parts[i].wheel_rows(one.force / (2.0 * copy.load) - expected)
             result[(rows.run == i) & rows.wheels] = wheels
         return result
 
@@ -272,25 +271,37 @@ def _true_slips(
     return true
 
 
-def _needed(balances: Balances, one: Evaluation, model: Model, index: int, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the slip (T, A) that the wheels' forces need on the creep curve's steep part, and the share kept of the measured.
+def _needed(
+    balances: Balances, evaluator: Evaluator, model: Model, found: Sequence[Evaluation], true: Sequence[np.ndarray]
+) -> tuple[list[np.ndarray], list[np.ndarray]]:  # fmt: skip
+    """Return the slips (T, A) that wheels' forces need on the creep curve's steep part, and the shares kept of the measured.
 
     The measured slip is kept where it is a slide's, and where the curve is so flat at both slips that an error hardly moves the
-    adhesion; blended between, so that no wheel jumps. What a sensor's error shows of a rolling wheel is no slide: the true slip
-    (T, A) tells.
+    adhesion; blended between, so that no wheel jumps. What a sensor's error shows of a rolling wheel is no slide: the true
+    slips (T, A) tell. The curve is the model's, whatever it says of loads and friction.
     """
-    law, stop = balances.vehicle.contact.law, balances.sources[index]
-    load = stop.mass * balances.vehicle.gravity_mps2 / (2 * balances.axles)
-    v = np.maximum(stop.speed, 0.1)[:, None]
-    aim = np.clip(one.force / (2.0 * load), -0.05, None)
-    slip, most = np.zeros_like(one.slip), least_slip(v)
+    speeds = [np.maximum(stop.speed, 0.1)[:, None] for stop in balances.sources]
+
+    def at(slips: Sequence[np.ndarray]) -> list[Evaluation]:
+        return evaluator(model, [(one.slip - slip) / balances.radius for one, slip in zip(found, slips, strict=True)])
+
+    slips = [np.zeros_like(one.slip) for one in found]
     for _ in range(_NEWTON):
-        f = degraded_adhesion(slip, v, load, model.mu_cd[index], model.tau, law)
-        slope = adhesion_slope(slip, v, load, model.mu_cd[index], model.tau, law)
-        slip = np.clip(slip + (aim - f) / np.maximum(slope, 0.05 / v), -most, most)
-    measured = adhesion_slope(np.clip(true, 0.0, None), v, load, model.mu_cd[index], model.tau, law)
-    steep = SLIP_MPS * np.maximum(slope, measured) / np.maximum(aim, _LEAST_ADHESION)
-    slides = (true / most - 0.7) / 0.6
-    flat = uniform_filter1d(np.clip(2.0 * (1.0 - steep), 0.0, 1.0), 2 * round(0.5 * _FLAT_S / stop.step_s) + 1, axis=0)
-    share: np.ndarray = np.clip(np.maximum(slides, flat), 0.0, 1.0)
-    return slip, share
+        there = at(slips)
+        slips = [
+            np.clip(one.slip + (_aim(one) - one.adhesion) / np.maximum(one.slope, 0.05 / v), -least_slip(v), least_slip(v))
+            for one, v in zip(there, speeds, strict=True)
+        ]
+    measured = at([np.clip(slip, 0.0, None) for slip in true])
+    shares = []
+    for one, other, slip, v, stop in zip(there, measured, true, speeds, balances.sources, strict=True):
+        steep = SLIP_MPS * np.maximum(one.slope, other.slope) / np.maximum(_aim(one), _LEAST_ADHESION)
+        slides = (slip / least_slip(v) - 0.7) / 0.6
+        flat = uniform_filter1d(np.clip(2.0 * (1.0 - steep), 0.0, 1.0), 2 * round(0.5 * _FLAT_S / stop.step_s) + 1, axis=0)
+        shares.append(np.clip(np.maximum(slides, flat), 0.0, 1.0))
+    return slips, shares
+
+
+def _aim(one: Evaluation) -> np.ndarray:
+    """Return the adhesion (T, A) that a wheel's force needs."""
+    return np.clip(one.force / (2.0 * one.load), -0.05, None)

@@ -139,7 +139,7 @@ def _samples(replica: Replica, name: str, size: str, move: float) -> float:
     if parameter.unit != "s" and not parameter.rolled:
         return np.inf
     seconds = abs(move) / (float(np.median(replica.rows.speed)) if parameter.rolled else 1.0)
-    return seconds / max(source.step_s for source in replica.sources)
+    return seconds / replica.sample_s
 
 
 def screen(

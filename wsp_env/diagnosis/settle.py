@@ -4,6 +4,7 @@ What a mechanism does bends: about the baseline it is linear over a part of its 
 """
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from wsp_env.diagnosis.replica import Replica
 
 #: Replicas that are made, each about the fit to the one before: the first may be far from the recordings, and of a wheel that
 #: is turned by a per cent so may the second. At least, and at most.
-_REPLICAS = 2, 6
+_REPLICAS = 2, 8
 #: Deviations by which a size still moves from replica to replica, below which it has settled.
 _SETTLED = 0.5
 #: Share of the first move that the last one is at most where it comes to rest: a move that is not halved in so many has none
@@ -28,18 +29,54 @@ _AWAY = 3.0
 _SHARES = (0.5, 0.75, 1.25, 1.5)
 
 
+class _Made(NamedTuple):
+    """A replica, what it was made about, and the model fitted to it."""
+
+    replica: Replica
+    about: Fitted
+    fitted: Fitted
+
+
 def settle(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Replica, Fitted]:
-    """Return the replica about an extended model, and the model fitted to it: of infinite cost if it does not come to rest."""
-    moves = []
+    """Return the replica about an extended model, and the model fitted to it: of infinite cost if it does not come to rest.
+
+    Where the next replica fits the recordings worse, the way there was too long: half of it is gone.
+    """
+    moves: list[float] = []
+    last, least = None, np.inf
     for made in range(1, _REPLICAS[1] + 1):
         replica = Replica(recorded, fitted.model)
-        again = refit(replica, fitted.model, fitted.variants, weights)
-        moves.append(moved(fitted, again))
-        fitted = again
+        one = _Made(replica, fitted, refit(replica, fitted.model, fitted.variants, weights))
+        if last is not None and has_run_away(one.fitted, least):
+            if moved(last.about, fitted) < _SETTLED:
+                break
+            fitted = _halfway(last.about, fitted)
+            continue
+        last, fitted, least = one, one.fitted, min(least, one.fitted.cost)
+        moves.append(moved(one.about, fitted))
         if made >= _REPLICAS[0] and moves[-1] < _SETTLED:
             return replica, fitted
+    assert last is not None
+    if len(moves) < made:  # further on it is worse
+        return last.replica, _held(last, weights)
     rests = moves[-1] < _COMES_TO_REST * moves[0]
-    return replica, fitted if rests else dataclasses.replace(fitted, cost=np.inf)
+    return last.replica, fitted if rests else dataclasses.replace(fitted, cost=np.inf)
+
+
+def _halfway(near: Fitted, far: Fitted) -> Fitted:
+    """Return a fit between two, to be made a replica about."""
+    tau, mu_cd = 0.5 * (near.model.tau + far.model.tau), 0.5 * (np.array(near.model.mu_cd) + np.array(far.model.mu_cd))
+    model = dataclasses.replace(far.model, tau=tau, mu_cd=tuple(mu_cd.tolist()))
+    values = tuple(0.5 * (one + other) for one, other in zip(near.values, far.values, strict=True))
+    for variant, each in zip(far.variants, values, strict=True):
+        model = switched(model, variant, each)
+    return dataclasses.replace(far, model=model, values=values)
+
+
+def _held(made: _Made, weights: Weights) -> Fitted:
+    """Return the fit of the law alone, mechanisms as they are in the replica."""
+    law = refit(made.replica, made.about.model, (), weights)
+    return dataclasses.replace(made.fitted, model=law.model, values=made.about.values, cost=law.cost)
 
 
 def has_run_away(fitted: Fitted, before: float) -> bool:

@@ -39,7 +39,7 @@ def times(replica: Replica) -> Times:
     groups = nuisances(replica, replica.baseline, base, whitening)
     evidence = Evidence(replica, whitening, groups, base, np.zeros((len(base), 0)))
     amplitude = evidence.amplitudes(evidence.solve(_ITERATIONS))
-    sample = max(stop.step_s for stop in replica.sources)
+    sample = replica.sample_s
     found = []
     for name in (WHEEL_TIME, TORQUE_TIME):
         at = evidence.names.index(name)

@@ -1,7 +1,8 @@
 """Tries mechanisms: each refitted together with what was accepted before, with the evidence that it then has."""
 
 import dataclasses
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from typing import NamedTuple
 
@@ -9,7 +10,7 @@ import numpy as np
 from scipy import linalg
 
 from wsp_env.diagnosis.balances import Whitening
-from wsp_env.diagnosis.candidates import Variant, near, refined, switched, without
+from wsp_env.diagnosis.candidates import Variant, at_bound, near, parameter_of, refined, switched, without
 from wsp_env.diagnosis.colour import bleach
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Model
@@ -84,18 +85,23 @@ def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, 
     """Refit the mechanisms that promise most; the best first."""
     promising = sorted(seen.found, key=lambda one: -odds(one.candidate.variant, one.evidence))[:TRIED]
     promising = [one for one in promising if odds(one.candidate.variant, one.evidence) > 0.0]
-    if any(one.name in OF_TIME for one in promising):  # wheels that are late are a brake that is, and a clock that is early
-        promising += [one for one in seen.found if one.name in OF_TIME and one not in promising]
     if not promising:
         return []
+    # What is late bends most, about the baseline its straight line says little: it is tried with whatever is found first. And
+    # wheels that are late are a brake that is, and a clock that is early.
+    if not fitted.variants or any(one.name in OF_TIME for one in promising):
+        promising += [one for one in seen.found if one.name in OF_TIME and one not in promising]
     # A refit moves where a mechanism acts only from near: its next best place or band may be the better one to begin with.
     seconds = [seen.second[one.name] for one in promising if one.name in seen.second]
     promising += [one for one in seconds if len(refined(one.candidate.variant).sizes) > len(one.candidate.variant.sizes)]
     start = refit(replica, fitted.model, fitted.variants, weights)
+    without_it = functools.cache(lambda: _least_deviance(replica, seen, start, weights))
 
     def trial(one: Found) -> Trial:
-        searched = _told if told(one.candidate.variant) else _nearby
-        tried = searched(replica, seen, start, weights, one)
+        if told(one.candidate.variant):
+            tried = _told(replica, seen, start, weights, without_it, one)
+        else:
+            tried = _nearby(replica, seen, start, weights, one)
         price = 0.5 * one.reduction - one.evidence
         size = net_effect(tried.about, tried.fitted.model, tried.variant, seen.whitening)
         return Trial(
@@ -126,7 +132,7 @@ def _nearby(replica: Replica, seen: Screen, start: Fitted, weights: Weights, one
     The linear step may lead astray. Where a mechanism acts may be found better than it was searched, or be lost.
     """
     listed = one.candidate.variant
-    best, free = start, listed
+    best, free, ends = start, listed, True
     values = listed.null() - np.multiply.outer(_SHARES, one.amplitude * listed.moves())
     on_the_way = [switched(start.model, listed, each) for each in values]
     first, second = sorted(on_the_way, key=lambda model: cost(replica, model, weights))[:2]
@@ -134,9 +140,10 @@ def _nearby(replica: Replica, seen: Screen, start: Fitted, weights: Weights, one
     narrow = [(there, first)] if wide.sizes != there.sizes else []
     for tried, begin in ((wide, first), *narrow, (wide, second)):
         again = refit(replica, begin, (*start.variants, tried), weights)
-        if again.cost < best.cost or best is start:
-            best, free = again, tried
-        if best.cost < start.cost - 0.8 * one.reduction:
+        outside = at_bound(tried, again.model)  # the recordings ask for another form
+        if best is start or (outside, again.cost) < (ends, best.cost):
+            best, free, ends = again, tried, outside
+        if not ends and best.cost < start.cost - 0.8 * one.reduction:
             break
     # Those before may fit better now for a reason of their own: no merit of the one that was tried.
     alone = refit(replica, without(best.model, free), start.variants, weights)
@@ -144,11 +151,21 @@ def _nearby(replica: Replica, seen: Screen, start: Fitted, weights: Weights, one
     return _Tried(replica, free, best, before.model, before.cost - best.cost, weights)
 
 
-def _told(replica: Replica, seen: Screen, start: Fitted, weights: Weights, one: Found) -> _Tried:
+def _least_deviance(replica: Replica, seen: Screen, start: Fitted, weights: Weights) -> float:
+    """Return the deviance of what was accepted, about the present replica or one with sizes of its own."""
+    own = Replica(replica.recorded, start.model)
+    mine = weights_anew(own, seen)
+    return min(weights.deviance(start), mine.deviance(refit(own, start.model, start.variants, mine)))
+
+
+def _told(
+    replica: Replica, seen: Screen, start: Fitted, weights: Weights, without_it: Callable[[], float], one: Found
+) -> _Tried:  # fmt: skip
     """Fit a mechanism on sensors, or of a time, about replicas of its own, each with the sizes of nuisances that it asks for.
 
     Recordings that are put right fit nothing without it, and where something is late everything else seems to vary more: the
-    stiffness of the contact from run to run, say. So both are compared by their deviances.
+    stiffness of the contact from run to run, say. So both are compared by their deviances, of what is `without_it` too about a
+    replica and with sizes of its own.
     """
     listed = one.candidate.variant
     variant = near(listed)
@@ -157,13 +174,23 @@ def _told(replica: Replica, seen: Screen, start: Fitted, weights: Weights, one: 
     first = Replica(replica.recorded, model)
     near_by = weights_of(first, seen)
     begun = refit(first, model, variants, near_by)
+    gained = weights.deviance(start) - near_by.deviance(begun)
+    if odds(listed, one.evidence + 0.5 * max(gained - one.reduction, 0.0)) <= 0.0 or _in_a_sample(begun, replica.sample_s):
+        return _Tried(first, variant, begun, start.model, min(gained, 0.0), near_by)  # not seen on a straight line nor near by
     about, fitted = settle(replica.recorded, begun, near_by)
     if has_run_away(fitted, begun.cost):
         about, fitted = settle_anew(replica.recorded, begun, variant, near_by)
     mine = weights_anew(about, seen)
     again = refit(about, fitted.model, variants, mine)
-    gained = weights.deviance(start) - mine.deviance(again) if np.isfinite(fitted.cost) else -np.inf  # it came to rest
+    gained = without_it() - mine.deviance(again) if np.isfinite(fitted.cost) else -np.inf  # it came to rest
     return _Tried(about, variant, again, start.model, gained, mine)
+
+
+def _in_a_sample(fitted: Fitted, sample_s: float) -> bool:
+    """Whether the last mechanism of a fit is a time that is surely less than a sample: no recording of these tells it."""
+    variant, spread = fitted.variants[-1], np.sqrt(np.diag(fitted.covariance[-1]))
+    times = [parameter_of(variant.name, name).unit == "s" for name in variant.sizes]
+    return all(times) and bool((np.abs(fitted.values[-1] - variant.null()) + 2.0 * spread < sample_s).all())
 
 
 def weights_of(replica: Replica, seen: Screen, forms: Sequence[Group] = ()) -> Weights:
@@ -219,8 +246,8 @@ class FormsLeft:
 
     Nature's form differs from that of what was accepted by a share of its effect (`form_of`). That share, at 95 %, squared of
     the other's evidence is lent to a further mechanism as far as its effect looks like such a form, the law tuned anew: by the
-    squared cosine between both, over the directions of the form by how strongly it acts along them. A drag that grows with the
-    speed is no coupler that swings.
+    squared cosine between both, over the directions of the form by how strongly it acts along them; and no more than the share
+    of the further one's own evidence that looks like it. A drag that grows with the speed is no coupler that swings.
 
     Parameters
     ----------
@@ -246,4 +273,5 @@ class FormsLeft:
         on, off = trial.fitted.model, without(trial.fitted.model, trial.variant)
         effect = self._seen((self._replica.raw(off) - self._replica.raw(on))[:, None])[:, 0]
         square = max(float(effect @ effect), np.finfo(float).tiny)
-        return max(SURE, sum(lent * float(np.sum((basis.T @ effect) ** 2)) / square for basis, lent in self._lent))
+        alike = [(float(np.sum((basis.T @ effect) ** 2)) / square, lent) for basis, lent in self._lent]
+        return max(SURE, sum(share * min(lent, 0.5 * max(trial.reduction, 0.0)) for share, lent in alike))

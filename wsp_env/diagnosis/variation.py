@@ -150,7 +150,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
     differs = own @ apart
     lines = [_line(values, slides[:, 0] != 0.0) for values in (rows.slip, rows.speed, rows.work)]
     gain = _EXPECTED["measured gain" if balances.campaign.vehicle.torque_is_measured else "gain"]
-    sample = max(stop.step_s for stop in balances.sources) * _UNIFORM  # in which channels are read: within one of each other
+    sample = balances.sample_s * _UNIFORM  # in which channels are read: within one of each other
     groups = [
         Group("offset", segments, np.inf, True),
         Group("tau", law[:, :1], LOG_TAU, True),

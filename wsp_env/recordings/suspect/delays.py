@@ -94,16 +94,18 @@ def _delay(runs: list[dict[int, "_Witnesses"]], axle: int) -> tuple[str, float] 
         return None
     onset = _median([one.onset for one in heard])
     apart = _shared([one.apart for one in heard])
-    wheel, error = _weighed([(one.wheel, one.wheel_error) for one in heard])
-    wheel_is_late = abs(wheel) > max(_LEAST_S, _SURE * error)
+    wheel, error, scatter = _weighed([(one.wheel, one.wheel_error) for one in heard])
+    torque, torque_error, other_scatter = _weighed([(one.torque, one.torque_error) for one in heard])
+    # Both come from one comparison: where the runs contradict each other in either, a brake does what no record tells.
+    scatter = max(scatter, other_scatter)
+    wheel_is_late = abs(wheel) > max(_LEAST_S, _SURE * scatter * error)
     if np.isfinite(apart):
         return _told_apart(apart, onset, wheel, wheel_is_late)
     if wheel_is_late:
         return "wheel_speed", wheel
     if abs(onset) > _BRAKE_LAG_S:
         return "brake_torque", onset
-    torque, torque_error = _weighed([(one.torque, one.torque_error) for one in heard])
-    confirmed = bool(onset) and torque / onset > _LATE and abs(torque) > _SURE * torque_error
+    confirmed = bool(onset) and torque / onset > _LATE and abs(torque) > _SURE * scatter * torque_error
     # The creepage of rolling wheels is a poor witness: noise moves the onsets of two gentle stops alike by some hundredths.
     return ("brake_torque", onset) if abs(onset) > 0.5 * _BRAKE_LAG_S and confirmed else None
 
@@ -219,10 +221,15 @@ def _shared(values: list[float]) -> float:
     return known[(len(known) - 1) // 2] if len(known) > 1 or (known and len(values) == 1) else np.nan
 
 
-def _weighed(values: list[tuple[float, float]]) -> tuple[float, float]:
-    """Return the mean of values with errors, and its error; nan and infinity of none."""
+def _weighed(values: list[tuple[float, float]]) -> tuple[float, float, float]:
+    """Return the mean of values with errors, its error, and the factor by which these are too small, at least 1.
+
+    The factor is what the values' scatter asks for (R. T. Birge, Physical Review 40, 1932). Of none the mean is nan.
+    """
     known = np.array([one for one in values if np.isfinite(one).all()]).reshape(-1, 2)
     if not len(known):
-        return np.nan, np.inf
+        return np.nan, np.inf, 1.0
     weights = known[:, 1] ** -2.0
-    return float(weights @ known[:, 0] / weights.sum()), float(weights.sum() ** -0.5)
+    mean, error = float(weights @ known[:, 0] / weights.sum()), float(weights.sum() ** -0.5)
+    missed = float(weights @ (known[:, 0] - mean) ** 2) / max(len(known) - 1, 1)
+    return mean, error, max(1.0, missed**0.5)
