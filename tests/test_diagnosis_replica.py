@@ -18,7 +18,7 @@ from wsp_env.diagnosis.evaluate import Evaluator, Model
 from wsp_env.diagnosis.forces import Forces
 from wsp_env.diagnosis.replica import _FLAT_S, Replica, _needed
 from wsp_env.diagnosis.search import _Law, candidate
-from wsp_env.diagnosis.stops import BLOCK_S, SLIP_MPS, VEHICLE_BLOCK_S, PreparedStop, least_slip, prepare
+from wsp_env.diagnosis.stops import BLOCK_S, SLIP_MPS, VEHICLE_BLOCK_S, PreparedStop, least_slip, prepare, smooth_wheels
 from wsp_env.diagnosis.swings import swings
 from wsp_env.diagnosis.variation import Group, law_columns
 from wsp_env.recordings import Campaign, read_campaign
@@ -198,6 +198,25 @@ def test_columns_of_a_torque_s_zero_are_what_an_offset_does(sound):
         assert change[slow] == pytest.approx(expected[slow], abs=1e-3 * np.abs(expected[slow]).max())
         wheels = sound.rows.wheels & (sound.rows.axle == axle)
         assert expected[wheels] == pytest.approx(1.0 * largest / (2.0 * sound.radius * MASS_KG * 9.81 / (2 * AXLES)), rel=1e-6)
+
+
+def test_columns_of_an_unround_sensor_are_what_its_reading_does(sound):
+    """A pulse wheel off its centre, at some angle as a recording begins; its reading is smoothed as every wheel speed."""
+    share, phase, axle = 1e-4, 0.7, 2
+    columns = Forces(sound, LAW).unround_wheels().reshape(len(sound.rows.run), len(sound.stops), 2, AXLES)
+    moved = []
+    for stop in sound.sources:
+        shown = stop.wheel * np.sin(np.cumsum(stop.wheel, axis=0) * stop.step_s + phase) * (np.arange(AXLES) == axle)
+        wheel, rate, jerk, _ = smooth_wheels(share * shown, np.zeros_like(shown), stop.step_s)
+        moved.append(dataclasses.replace(
+            stop, wheel=stop.wheel + wheel, wheel_rate=stop.wheel_rate + rate, wheel_jerk=stop.wheel_jerk + jerk
+        ))  # fmt: skip
+    change = (sound.like(moved).raw(LAW) - sound.raw(LAW)) / share
+    mine = columns[..., axle].sum(axis=1) @ np.array([np.cos(phase), np.sin(phase)])
+    wheels = sound.rows.wheels & (sound.rows.axle == axle)
+    assert np.corrcoef(change[wheels], mine[wheels])[0, 1] > 0.98
+    assert change[wheels] @ mine[wheels] / (mine[wheels] @ mine[wheels]) == pytest.approx(1.0, abs=0.1)
+    assert not columns[sound.rows.run == 0, 1].any()  # every recording begins at an angle of its own
 
 
 def test_times_below_some_samples_are_no_effects(sound):

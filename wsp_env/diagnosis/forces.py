@@ -7,6 +7,8 @@ import numpy as np
 from wsp_env.diagnosis.balances import Balances, Blocks
 from wsp_env.diagnosis.evaluate import Evaluation, Model
 from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.stops import smooth_wheels
+from wsp_env.diagnosis.thinning import averaged
 from wsp_env.plant.card import APPLIED_SHARE
 
 
@@ -60,6 +62,28 @@ class Forces:
             mine = np.nonzero(part.used)[1][:, None] == np.arange(balances.axles)
             less_slip = part.joined(part.wheel_rows(one.slope * balances.radius * stop.wheel_rate)[:, None] * mine)
             found.append(self._rows(part, one, balances.inertia * stop.wheel_jerk, lost) + less_slip)
+        return np.vstack(found)
+
+    def unround_wheels(self) -> np.ndarray:
+        """Columns (n, 2 A runs) by what each wheel sensor shows once a turn in each run, over the wheel's speed.
+
+        A pulse wheel that sits off its centre reads too fast in one half of a turn: by its sine and its cosine, as nobody knows
+        where a recording begins.
+        """
+        balances, found = self._balances, []
+        for i, ((part, one), stop) in enumerate(zip(self._parts, balances.sources, strict=True)):
+            angle = np.cumsum(stop.wheel, axis=0) * stop.step_s
+            mine = np.nonzero(part.used)[1][:, None] == np.arange(balances.axles)
+            columns = []
+            for wave in (np.sin(angle), np.cos(angle)):
+                smoothed = smooth_wheels(stop.wheel * wave, np.zeros_like(wave), stop.step_s)
+                shown, rate = (averaged(values, stop.step_s) for values in smoothed[:2])
+                lost = balances.inertia * shown / (balances.radius * one.mass)
+                less_slip = part.joined(part.wheel_rows(one.slope * balances.radius * shown)[:, None] * mine)
+                columns.append(self._rows(part, one, balances.inertia * rate, lost) + less_slip)
+            wide = np.zeros((len(columns[0]), len(self._parts), 2 * balances.axles))
+            wide[:, i] = np.column_stack(columns)
+            found.append(wide.reshape(len(wide), -1))
         return np.vstack(found)
 
     def late_torques(self) -> np.ndarray:

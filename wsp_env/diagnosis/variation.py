@@ -40,6 +40,7 @@ _EXPECTED = {
     "zero": 0.001 * _UNIFORM,  # of a torque over the largest: sensors are set to zero before a test
     "inertia": 0.03,  # of a wheelset: wheels wear
     "radius": 0.0005 * _UNIFORM,  # of an axle's wheels
+    "turn": 0.001 * _UNIFORM,  # of a wheel speed, once a turn: a pulse wheel a tenth of a millimetre off its centre
     "stiffness": 0.03 * _UNIFORM,  # of the creep curve
     "track": 0.02 * _UNIFORM,  # of mu_cd along the track
     "friction": 0.008,  # of an axle's friction: from run to run, in time
@@ -162,6 +163,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("torque in time", forces.courses(_COURSE_NODE_S), _EXPECTED["torque"]),
         Group(ONSET, forces.onsets(_ONSET_NODE_S, _ONSET_NODES), _EXPECTED["onset"]),
         Group(WHEEL_TIME, timed.late_wheels() @ apart, sample, True),
+        Group("once a turn of a wheel sensor", timed.unround_wheels(), _EXPECTED["turn"]),
         Group(TORQUE_TIME, timed.late_torques() @ apart, sample, True),
         Group("inertia", np.column_stack([turning, turning.sum(axis=1)]), _EXPECTED["inertia"], True),
         Group("radius", radius[:, None] * own, _EXPECTED["radius"], True, "radius of a run"),
