@@ -141,7 +141,8 @@ def test_what_a_worker_raises_is_raised():
 
 
 PARENT = """
-import sys, time
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell starts what runs in its background deaf to it
 sys.path.insert(0, {tests!r})
 import test_limits
 from wsp_env.executor import Processes

@@ -9,34 +9,20 @@ import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from typing import NamedTuple
 
 import numpy as np
 
-from wsp_env.diagnosis.agreement import agreement
 from wsp_env.diagnosis.candidates import Variant, at_bound, switched, values_in, without
 from wsp_env.diagnosis.discovered import curves, terms
-from wsp_env.diagnosis.estimates import estimates, leave_it_open, within_a_sample
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
-from wsp_env.diagnosis.settle import has_run_away, moved, settle, settle_anew
+from wsp_env.diagnosis.settle import moved, settle
+from wsp_env.diagnosis.standing import MOVES, Held, about_its_own, weighed_anew
 from wsp_env.diagnosis.structure import structured
-from wsp_env.diagnosis.trials import (
-    FORM,
-    SURE,
-    FormsLeft,
-    Trial,
-    form_of,
-    forms,
-    odds,
-    told,
-    trials_of,
-    weights_anew,
-    weights_of,
-)
+from wsp_env.diagnosis.trials import FORM, SURE, FormsLeft, Trial, odds, told, trials_of, weights_of
 
 #: Mechanisms that are accepted at most.
 MOST = 3
@@ -47,12 +33,6 @@ MATTERS = 0.75
 INDISTINCT = 10.0
 #: Factor by which a mechanism may grow beside a further one: twice what its own form may err by, at 90 % (assumption).
 GROWN = 1.7
-#: Deviations by which a mechanism moves under the nuisances' sizes beside it, from which on all is asked again about it there.
-MOVES = 1.0
-#: Replicas that are weighed anew at most until a mechanism on sensors rests.
-_WEIGHED = 4
-#: Deviations by which a nuisance may be pulled further beside a mechanism than without it: what cancels it is no finding.
-PULLED = 4.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,7 +96,7 @@ def select(
         progress(f"refitting {len(accepted) + 1} of {MOST}")
         weights = weights_of(replica, seen)
         refuses = functools.partial(_refused, replica, accepted, seen)
-        stands = functools.partial(_about_its_own, replica, seen, weights)
+        stands = functools.partial(about_its_own, replica, seen, weights)
         forms_left = FormsLeft(replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen)
         trials = trials_of(replica, seen, fitted, weights, pool)
         best, refused = _best(trials, refuses, stands, forms_left)
@@ -124,7 +104,7 @@ def select(
             left = left or [
                 one
                 for one in trials
-                if not accepted and refused.get(one.listed.title, 0.0) > 0.0 and one.size.multiple >= MATTERS
+                if not accepted and refused.get(one.listed.title, 0.0) > SURE and one.size.multiple >= MATTERS
             ]
             if by_curves or not (left or structured(replica, seen).unexplained):
                 break
@@ -166,12 +146,7 @@ def _settled_beside(
     """
     if not any(told(one.trial.listed) for one in accepted):
         return settle(replica.recorded, fitted, weights_of(replica, seen))
-    own, again = replica, fitted
-    for _ in range(_WEIGHED):
-        before, own = again, Replica(replica.recorded, again.model)
-        again = refit(own, before.model, before.variants, weights_anew(own, seen))
-        if moved(before, again) < MOVES:
-            break
+    own, again, _ = weighed_anew(replica, fitted, seen)
     return own, again
 
 
@@ -209,7 +184,7 @@ def _exchanged(
         for better in sorted(tried, key=lambda rival: -rival.evidence):
             if better.evidence <= before or bool(better.listed.family) > bool(one.trial.listed.family):
                 break
-            held = None if at_bound(better.variant, better.fitted.model) else _about_its_own(replica, seen, weights, better)
+            held = None if at_bound(better.variant, better.fitted.model) else about_its_own(replica, seen, weights, better)
             if held is not None and odds(held.trial.listed, held.trial.evidence) > SURE:
                 kept = [other for other in accepted if other is not one]
                 others_tried = [*tried, dataclasses.replace(one.trial, evidence=before)]
@@ -251,55 +226,6 @@ def _preferred(trials: Sequence[Trial]) -> list[Trial]:
     return sorted(trials, key=lambda one: (bool(one.listed.family) or one.evidence < least, -one.evidence))
 
 
-class Held(NamedTuple):
-    """A trial, and the replica that it was fitted to."""
-
-    trial: Trial
-    replica: Replica
-
-
-def _about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Trial) -> Held | None:
-    """Return a trial about a replica of its own, with the size and the evidence that it has there; None: it does not hold.
-
-    The evidence is what the parts of the recordings leave of it where that makes it no longer sure.
-    About the replica that it was found with a mechanism that bends is a straight line at its end.
-    """
-    if told(trial.listed):  # it was; and where it says that wheels slide, a model without it fits nothing
-        own, fitted, mine, other = trial.about, trial.fitted, trial.weights, replica
-    else:
-        own, fitted = settle(replica.recorded, trial.fitted, weights)
-        without_it = trial.fitted.cost + trial.reduction
-        if has_run_away(fitted, without_it):
-            own, fitted = settle_anew(replica.recorded, trial.fitted, trial.variant, weights)
-        if not np.isfinite(fitted.cost):
-            return None
-        if has_run_away(fitted, without_it):  # what spoke for it, on a straight line, is not there: it was not seen
-            return Held(dataclasses.replace(trial, evidence=0.5 * (without_it - fitted.cost) - trial.price), own)
-        mine, other = weights, own
-    others = [one for one in fitted.variants if one is not trial.variant]
-    gone = refit(other, without(fitted.model, trial.variant), others, weights)
-    if _pulled(own, fitted.model, mine) - _pulled(other, gone.model, weights) > PULLED**2:
-        return None
-    reduction = trial.reduction if told(trial.listed) else weights.deviance(gone) - mine.deviance(fitted)
-    if others:
-        # It must be missing whether the forms of the others bend or not: bent, they do what it does; and free to bend, a false
-        # one bends to what another false one leaves.
-        bent = weights_of(own, seen, forms(own, fitted.model, others, seen.whitening))
-        without_bent = bent if other is own else weights_of(other, seen, forms(other, gone.model, others, seen.whitening))
-        left_without = without_bent.deviance(refit(other, gone.model, gone.variants, without_bent))
-        reduction = min(reduction, left_without - bent.deviance(refit(own, fitted.model, fitted.variants, bent)))
-    found = estimates(own, fitted, trial.variant, mine, reduction)
-    if leave_it_open(found, trial.variant):
-        return None
-    if within_a_sample(found, trial.variant, replica.sample_s):
-        reduction = 0.0  # no recording of these samples tells it from nothing
-    evidence, size = 0.5 * reduction - trial.price, net_effect(own, fitted.model, trial.variant, seen.whitening)
-    left = agreement(own, fitted.model, trial.variant, mine, form_of(trial.listed)).left_of(evidence)
-    if odds(trial.listed, left) <= SURE:
-        evidence = left
-    return Held(dataclasses.replace(trial, fitted=fitted, reduction=reduction, evidence=evidence, size=size, weights=mine), own)
-
-
 def _best(
     trials: Sequence[Trial], refuses: Callable[[Trial], bool], stands: Callable[[Trial], Held | None],
     least: Callable[[Trial], float],
@@ -334,12 +260,6 @@ def _compensates(replica: Replica, trial: Trial, accepted: Sequence[Accepted], s
         return net_effect(replica, model, one.trial.variant, seen.whitening).multiple
 
     return any(size(trial.fitted.model, one) > GROWN * size(trial.beside, one) for one in accepted)
-
-
-def _pulled(replica: Replica, model: Model, weights: Weights) -> float:
-    """Return by how much nuisances are pulled from what they are: what is missing lets them relax, as they stood in for it."""
-    amplitudes = weights.projector.amplitudes(weights(replica.raw(model)))
-    return float(amplitudes @ amplitudes)
 
 
 def belief(best: Trial, trials: Sequence[Trial], found: Sequence[Found]) -> tuple[tuple[str, ...], float]:

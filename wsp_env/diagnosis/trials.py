@@ -95,7 +95,7 @@ def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, 
     seconds = [seen.second[one.name] for one in promising if one.name in seen.second]
     promising += [one for one in seconds if len(refined(one.candidate.variant).sizes) > len(one.candidate.variant.sizes)]
     start = refit(replica, fitted.model, fitted.variants, weights)
-    without_it = functools.cache(lambda: _least_deviance(replica, seen, start, weights))
+    without_it = functools.cache(lambda: least_deviance(replica, seen, start, weights))
 
     def trial(one: Found) -> Trial:
         if told(one.candidate.variant):
@@ -151,10 +151,10 @@ def _nearby(replica: Replica, seen: Screen, start: Fitted, weights: Weights, one
     return _Tried(replica, free, best, before.model, before.cost - best.cost, weights)
 
 
-def _least_deviance(replica: Replica, seen: Screen, start: Fitted, weights: Weights) -> float:
+def least_deviance(replica: Replica, seen: Screen, start: Fitted, weights: Weights) -> float:
     """Return the deviance of what was accepted, about the present replica or one with sizes of its own."""
     own = Replica(replica.recorded, start.model)
-    mine = weights_anew(own, seen)
+    mine = anew(own, seen)()
     return min(weights.deviance(start), mine.deviance(refit(own, start.model, start.variants, mine)))
 
 
@@ -180,7 +180,7 @@ def _told(
     about, fitted = settle(replica.recorded, begun, near_by)
     if has_run_away(fitted, begun.cost):
         about, fitted = settle_anew(replica.recorded, begun, variant, near_by)
-    mine = weights_anew(about, seen)
+    mine = anew(about, seen)()
     again = refit(about, fitted.model, variants, mine)
     gained = without_it() - mine.deviance(again) if np.isfinite(fitted.cost) else -np.inf  # it came to rest
     return _Tried(about, variant, again, start.model, gained, mine)
@@ -206,14 +206,19 @@ def weights_of(replica: Replica, seen: Screen, forms: Sequence[Group] = ()) -> W
     return weigh(replica, whitening, [*groups, seen.small, *forms], sizes)
 
 
-def weights_anew(replica: Replica, seen: Screen) -> Weights:
-    """Return the weights of a screen with the sizes of nuisances that are found about a replica."""
+def anew(replica: Replica, seen: Screen) -> Callable[..., Weights]:
+    """Return what gives the weights of a screen, and of `forms`, with the sizes of nuisances that are found about a replica."""
     base = replica.raw(replica.about)
     noise = noise_of(replica, replica.about, base, [])
     every = [*noise.groups, seen.small]
     evidence = Evidence(replica, noise.whitening, every, base, np.zeros((len(base), 0)))
     sizes = evidence.solve(AGAIN, Sizes(np.append(noise.sizes.groups, 1.0), noise.sizes.noise))
-    return weigh(replica, noise.whitening, every, sizes)
+
+    def weights(forms: Sequence[Group] = ()) -> Weights:
+        beside = Sizes(np.concatenate([sizes.groups, np.ones(len(forms))]), sizes.noise)
+        return weigh(replica, noise.whitening, [*every, *forms], beside)
+
+    return weights
 
 
 def forms(replica: Replica, model: Model, variants: Sequence[Variant], whitening: Whitening) -> list[Group]:

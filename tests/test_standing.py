@@ -1,0 +1,144 @@
+"""Whether what was tried holds about a replica of its own."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from trial_cases import BENT, GAIN, GRADIENT, PLAIN, trial
+
+from wsp_env.diagnosis import standing
+from wsp_env.diagnosis.answer import Estimate
+from wsp_env.diagnosis.balances import Whitening
+from wsp_env.diagnosis.candidates import switched, values_in
+from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.fitting import Fitted, Weights
+from wsp_env.diagnosis.gls import Projector
+from wsp_env.diagnosis.interest import StopChange
+from wsp_env.diagnosis.trials import PRIOR, SURE
+
+#: What is asked of a replica and of a screen.
+REPLICA, SEEN = SimpleNamespace(recorded=None, sample_s=0.01), SimpleNamespace(whitening=None)
+
+
+@pytest.fixture
+def own(monkeypatch):
+    """What is said of a gradient about a replica of its own: it cost 100 before, and costs 100 without it there."""
+    on = switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.002]))
+    one = dataclasses.replace(trial(GRADIENT, 30.0), fitted=Fitted(on, (GRADIENT,), (), (), 100.0), price=3.0)
+    monkeypatch.setattr(standing, "refit", lambda replica, model, variants, _: Fitted(model, tuple(variants), (), (), 100.0))
+    monkeypatch.setattr(standing, "net_effect", lambda *_: StopChange(0.04, 0.0))
+
+    def ask(
+        cost: float, pulls: bool = False, left: float = 20.0, again: float = np.nan, least: float = np.nan,
+        interval: tuple[float, float] = (0.001, 0.003),
+    ) -> standing.Held | None:  # fmt: skip
+        monkeypatch.setattr(standing, "estimates", lambda *_: {"rise": Estimate(0.002, "-", interval)})
+        monkeypatch.setattr(standing, "settle", lambda *_: ("own replica", dataclasses.replace(one.fitted, cost=cost)))
+        anew = dataclasses.replace(one.fitted, cost=again)
+        monkeypatch.setattr(standing, "weighed_anew", lambda *said: (f"{said[1].cost}, {said[3]}", anew, lambda: PLAIN))
+        monkeypatch.setattr(standing, "least_deviance", lambda *_: least)
+        pulled = {True: 5.0**2, False: 0.0}[pulls]
+        monkeypatch.setattr(standing, "_pulled", lambda _, model, __: pulled * ("track_gradient" in model.choice))
+        monkeypatch.setattr(standing, "agreement", lambda *_: SimpleNamespace(left_of=lambda evidence: left))
+        return standing.about_its_own(REPLICA, SEEN, PLAIN, one)
+
+    return ask
+
+
+def test_a_trial_has_the_evidence_and_size_that_it_has_about_its_own_replica(own):
+    """What goes with it there, less the price of its variants."""
+    held = own(60.0)
+    assert held.replica == "own replica"
+    assert held.trial.evidence == 0.5 * 40.0 - 3.0
+    assert (held.trial.fitted.cost, held.trial.reduction) == (60.0, 40.0)
+    assert held.trial.size == StopChange(0.04, 0.0)
+
+
+@pytest.mark.parametrize(("plain", "bent", "expected"), [(60.0, 60.0, 40.0), (60.0, 95.0, 5.0), (95.0, 60.0, 5.0)])
+def test_beside_others_it_must_be_missing_whether_their_forms_bend_or_not(monkeypatch, plain, bent, expected):
+    """Without the gradient each costs 100; with it so much, the forms of the gain before it at rest and bent."""
+    both = switched(switched(Model(2e-4, (0.06,)), GAIN, np.array([0.1])), GRADIENT, np.array([0.002]))
+    whole = Fitted(both, (GAIN, GRADIENT), (), (), plain)
+
+    def refit(_, model, variants, weights):
+        cost = 100.0 if GRADIENT not in variants else bent if weights is BENT else plain
+        return Fitted(model, tuple(variants), (), (), cost)
+
+    monkeypatch.setattr(standing, "refit", refit)
+    monkeypatch.setattr(standing, "settle", lambda *_: ("own replica", whole))
+    monkeypatch.setattr(standing, "forms", lambda _, __, variants, ___: variants)
+    monkeypatch.setattr(standing, "weights_of", lambda _, __, forms: BENT if list(forms) == [GAIN] else "wrong forms")
+    monkeypatch.setattr(standing, "net_effect", lambda *_: StopChange(0.04, 0.0))
+    monkeypatch.setattr(standing, "_pulled", lambda *_: 0.0)
+    monkeypatch.setattr(standing, "agreement", lambda *_: SimpleNamespace(left_of=lambda evidence: 20.0))
+    monkeypatch.setattr(standing, "estimates", lambda *_: {"rise": Estimate(0.002, "-", (0.001, 0.003))})
+    one = dataclasses.replace(trial(GRADIENT, 30.0), fitted=whole)
+    held = standing.about_its_own(REPLICA, SEEN, PLAIN, one)
+    assert held.trial.reduction == expected
+    assert held.trial.evidence == 0.5 * expected
+
+
+def test_what_runs_away_about_its_own_replica_is_asked_under_the_weights_that_it_has_there(own):
+    """It fits worse there than the model without it did, which left 160, by more than three deviations of such a sum.
+
+    Weights that were learned without it say what everything varied by while it was missing: both are compared by their
+    deviances, each under weights of its own, and without it the least counts.
+    """
+    assert own(160.0 + 2.9 * 320.0**0.5).replica == "own replica"
+    away = 160.0 + 3.1 * 320.0**0.5
+    held = own(away, again=60.0, least=96.0)
+    assert held.replica == f"{away}, 160.0"  # begun there, and left where it costs more than without it
+    assert held.trial.reduction == 36.0
+    assert held.trial.evidence == 0.5 * 36.0 - 3.0
+    assert own(away, again=98.0).trial.evidence == 0.5 * 2.0 - 3.0  # it was not seen; the least is not asked then
+    assert own(np.inf, again=60.0, least=96.0).replica == "100.0, 160.0"  # where it did not come to rest: from the trial
+
+
+@pytest.mark.parametrize(("most", "moves"), [(np.inf, [2.5, 1.25, 0.625]), (100.0, [2.5, 1.25, 0.625]), (99.0, [2.5])])
+def test_weighed_anew_a_fit_settles_under_the_weights_of_every_replica(monkeypatch, most, moves):
+    """Each fit goes half of the way that is left; one that moves less than a deviation, or costs more, is the last."""
+    deviation = 0.008
+    begin = Fitted(Model(2e-4, (0.06,)), (GRADIENT,), (np.array([0.0]),), (np.eye(1) * deviation**2,), 100.0)
+    monkeypatch.setattr(standing, "Replica", lambda recorded, model: ("about", model))
+    monkeypatch.setattr(standing, "anew", lambda own, seen: lambda: SimpleNamespace(deviance=lambda one: one.cost, of=own))
+
+    def refit(own, model, variants, weights):
+        assert weights.of == own == ("about", model)
+        value = 0.5 * (values_in(model, GRADIENT) + 0.04)
+        return dataclasses.replace(begin, model=switched(model, GRADIENT, value), values=(value,))
+
+    monkeypatch.setattr(standing, "refit", refit)
+    own, fitted, weights_with = standing.weighed_anew(REPLICA, begin, SEEN, most)
+    assert fitted.values[0] == pytest.approx(deviation * sum(moves))
+    assert values_in(own[1], GRADIENT) == pytest.approx(deviation * sum(moves[:-1]))
+    assert weights_with().of == own
+
+
+@pytest.mark.parametrize(("interval", "holds"), [((1e-6, 0.004), True), ((-1e-6, 0.004), False), ((-0.004, -1e-6), True)])
+def test_a_name_whose_own_interval_leaves_it_open_does_not_hold(own, interval, holds):
+    assert (own(60.0, interval=interval) is not None) == holds
+
+
+def test_what_pulls_nuisances_or_is_not_alike_in_the_runs_does_not_hold(own):
+    assert own(60.0, pulls=True) is None
+    left = SURE - PRIOR - 0.1
+    assert own(60.0, left=left).trial.evidence == left  # which is no longer sure
+    assert own(60.0, left=SURE - PRIOR + 0.1).trial.evidence == 0.5 * 40.0 - 3.0
+
+
+@pytest.mark.parametrize(("cancels", "expected"), [(False, False), (True, True)])
+def test_what_pulls_a_nuisance_is_no_finding(cancels, expected):
+    """A nuisance of deviation 1 is the mechanism's own effect: it stood in for it, or is needed to cancel it."""
+    effect = np.random.default_rng(2).standard_normal(50)
+    projector = Projector(effect[:, None], np.ones(1, dtype=bool))
+    weights = Weights(Whitening(np.ones(50), ()), np.ones(50), projector)
+    sizes = {True: 0.0, False: 9.0}  # of the recordings' effect
+
+    class Replica:
+        def raw(self, model: Model) -> np.ndarray:
+            return effect * (sizes[cancels] - 9.0 * ("track_gradient" in model.choice))
+
+    on = switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.002]))
+    beside, before = (standing._pulled(Replica(), one, weights) for one in (on, Model(2e-4, (0.06,))))
+    assert (beside - before > standing.PULLED**2) == expected
