@@ -87,12 +87,23 @@ def test_what_runs_away_about_its_own_replica_is_asked_under_the_weights_that_it
     """
     assert own(160.0 + 2.9 * 320.0**0.5).replica == "own replica"
     away = 160.0 + 3.1 * 320.0**0.5
-    held = own(away, again=60.0, least=96.0)
+    held = own(away, again=40.0, least=96.0)
     assert held.replica == f"{away}, 160.0"  # begun there, and left where it costs more than without it
-    assert held.trial.reduction == 36.0
-    assert held.trial.evidence == 0.5 * 36.0 - 3.0
-    assert own(away, again=98.0).trial.evidence == 0.5 * 2.0 - 3.0  # it was not seen; the least is not asked then
-    assert own(np.inf, again=60.0, least=96.0).replica == "100.0, 160.0"  # where it did not come to rest: from the trial
+    assert held.trial.reduction == 56.0
+    assert held.trial.evidence == 0.5 * 56.0 - 3.0
+    assert own(np.inf, again=40.0, least=96.0).replica == "100.0, 160.0"  # where it did not come to rest: from the trial
+
+
+def test_what_runs_away_must_explain_as_much_under_the_weights_of_its_own_replica_but_for_its_form(own):
+    """It had 30. Where less than 0.8 squared of that is left, it was not seen; if it never came to rest, nothing tells."""
+    away, no_less = 160.0 + 3.1 * 320.0**0.5, 2.0 * (0.64 * 30.0 + 3.0)
+    lost = pytest.approx(0.5 * (160.0 - away) - 3.0)
+    assert own(away, again=100.0 - no_less - 0.1, least=100.0).trial.evidence == pytest.approx(0.64 * 30.0 + 0.05)
+    assert own(away, again=100.0 - no_less - 0.1, least=99.8).trial.evidence == lost
+    assert own(away, again=100.0 - no_less + 0.1).trial.evidence == lost  # the least is not asked
+    assert own(np.inf, again=98.0) is None
+    assert own(away, again=40.0, least=96.0, pulls=True).trial.evidence == lost
+    assert own(away, again=40.0, least=96.0, interval=(-0.001, 0.003)).trial.evidence == lost
 
 
 @pytest.mark.parametrize(("most", "moves"), [(np.inf, [2.5, 1.25, 0.625]), (100.0, [2.5, 1.25, 0.625]), (99.0, [2.5])])

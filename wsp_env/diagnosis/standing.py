@@ -40,7 +40,7 @@ def about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Trial
 
     The evidence is what the parts of the recordings leave of it where that makes it no longer sure.
     """
-    mine, ran_away = weights, False
+    mine, ran_away, refused = weights, False, None
     weights_with: Callable[..., Weights] | None = None
     if told(trial.listed):  # it was; and where it says that wheels slide, a model without it fits nothing
         own, fitted, mine, other = trial.about, trial.fitted, trial.weights, replica
@@ -50,16 +50,25 @@ def about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Trial
         without_it = dataclasses.replace(trial.fitted, cost=trial.fitted.cost + trial.reduction)
         ran_away = has_run_away(fitted, without_it.cost)
     if ran_away:  # under what everything varied by without it; so both are asked again, each under what it leaves itself
-        begin, most = fitted if np.isfinite(fitted.cost) else trial.fitted, weights.deviance(without_it)
-        own, fitted, weights_with = weighed_anew(replica, begin, seen, most)
+        begin = trial.fitted
+        if np.isfinite(
+            fitted.cost
+        ):  # what spoke for it, on a straight line, is not there: if it does not hold, it was not seen
+            begin, lost = fitted, 0.5 * (without_it.cost - fitted.cost) - trial.price
+            refused = Held(dataclasses.replace(trial, evidence=lost), own)
+        own, fitted, weights_with = weighed_anew(replica, begin, seen, weights.deviance(without_it))
         mine, other = weights_with(), replica
     others = [one for one in fitted.variants if one is not trial.variant]
     gone = refit(other, without(fitted.model, trial.variant), others, weights)
     if _pulled(own, fitted.model, mine) - _pulled(other, gone.model, weights) > PULLED**2:
-        return None
+        return refused
     reduction = trial.reduction if told(trial.listed) else weights.deviance(gone) - mine.deviance(fitted)
-    if ran_away and odds(trial.listed, 0.5 * reduction - trial.price) > SURE:
-        reduction = least_deviance(replica, seen, gone, weights) - mine.deviance(fitted)
+    if ran_away:  # what is there explains no less than it was found with, but for its form
+        least = 2.0 * ((1.0 - form_of(trial.listed)) ** 2 * trial.evidence + trial.price)
+        if reduction > least:
+            reduction = least_deviance(replica, seen, gone, weights) - mine.deviance(fitted)
+        if reduction <= least:
+            return refused
     if others:
         # It must be missing whether the forms of the others bend or not: bent, they do what it does; and free to bend, a false
         # one bends to what another false one leaves.
@@ -69,7 +78,7 @@ def about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Trial
         reduction = min(reduction, left_without - bent.deviance(refit(own, fitted.model, fitted.variants, bent)))
     found = estimates(own, fitted, trial.variant, mine, reduction)
     if leave_it_open(found, trial.variant):
-        return None
+        return refused
     if within_a_sample(found, trial.variant, replica.sample_s):
         reduction = 0.0  # no recording of these samples tells it from nothing
     evidence, size = 0.5 * reduction - trial.price, net_effect(own, fitted.model, trial.variant, seen.whitening)
