@@ -22,7 +22,7 @@ from wsp_env.diagnosis.trials import SURE, Trial, anew, form_of, forms, least_de
 
 #: Deviations by which a mechanism moves under the nuisances' sizes beside it, from which on all is asked again about it there.
 MOVES = 1.0
-#: Replicas that are weighed anew at most until a mechanism on sensors rests.
+#: Replicas that are weighed anew at most until a mechanism rests.
 _WEIGHED = 4
 #: Deviations by which a nuisance may be pulled further beside a mechanism than without it: what cancels it is no finding.
 PULLED = 4.0
