@@ -51,9 +51,7 @@ def about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Trial
         ran_away = has_run_away(fitted, without_it.cost)
     if ran_away:  # under what everything varied by without it; so both are asked again, each under what it leaves itself
         begin = trial.fitted
-        if np.isfinite(
-            fitted.cost
-        ):  # what spoke for it, on a straight line, is not there: if it does not hold, it was not seen
+        if np.isfinite(fitted.cost):  # what spoke for it on a straight line is not there: if it does not hold, it was not seen
             begin, lost = fitted, 0.5 * (without_it.cost - fitted.cost) - trial.price
             refused = Held(dataclasses.replace(trial, evidence=lost), own)
         own, fitted, weights_with = weighed_anew(replica, begin, seen, weights.deviance(without_it))
