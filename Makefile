@@ -11,11 +11,12 @@ JOBS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint plain coverage fuzz studio cluster platforms docs benchmark picture clean
+.PHONY: help demo test long lint plain coverage fuzz studio cluster platforms docs benchmark picture clean
 
 help:
 	@echo "make demo       from recordings to the physics that their validation concealed; writes out/demo.html"
-	@echo "make test       lint, the documentation, the contact laws as plain Python, and the whole test suite"
+	@echo "make test       lint, the documentation, the contact laws as plain Python, and the tests but for the longest"
+	@echo "make long       the tests that take more than 20 s each"
 	@echo "make lint       ruff, mypy, import-linter"
 	@echo "make coverage   the share of lines and branches that the whole test suite reaches; a table in out/coverage.txt"
 	@echo "make fuzz       20,000 damaged files at every reader and every JSON and TOML file; none may crash, hang or trace back"
@@ -29,9 +30,13 @@ help:
 demo: $(VENV)/.demo
 	$(BIN)/wsp demo
 
-# The whole suite comes last: its summary is the last line.
-test: lint docs plain $(VENV)/.dev
-	$(BIN)/pytest --numprocesses $(JOBS)
+# What has one process each runs side by side; the suite comes last: its summary is the last line.
+test: $(VENV)/.dev $(VENV)/.docs
+	$(MAKE) --jobs $(JOBS) lint docs plain
+	$(BIN)/pytest --numprocesses $(JOBS) -m "not long"
+
+long: $(VENV)/.dev
+	$(BIN)/pytest --numprocesses $(JOBS) -m long
 
 studio: $(VENV)/.dev
 	WSP_STUDIO_BROWSER=1 $(BIN)/pytest tests/test_studio_browser.py

@@ -21,17 +21,18 @@ settings.load_profile("wsp")
 
 
 #: Files that take half a minute and more, in the order in which they are begun: one begun last would keep a process waiting.
-#: The first compiles the plant, which most others need. The second compiles its own meanwhile, and takes as long: of two
-#: processes none compiles what the other does.
-LONG = (
+#: The first compiles the plant, which most others need. The second needs none of it meanwhile: of two processes none compiles
+#: what the other does.
+BEGUN_FIRST = (
     "test_diagnosis.py",
-    "test_mechanism_cards.py",
+    "test_creep_curves.py",
     "test_package.py",
     "test_concealed_proof.py",
-    "test_contact_port.py",
-    "test_misread_speed.py",
     "test_diagnosis_actuator.py",
     "test_bound.py",
+    "test_mechanism_cards.py",
+    "test_contact_port.py",
+    "test_misread_speed.py",
 )
 
 
@@ -49,7 +50,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put long files first."""
-    items.sort(key=lambda item: LONG.index(item.path.name) if item.path.name in LONG else len(LONG))
+    first = {name: place for place, name in enumerate(BEGUN_FIRST)}
+    items.sort(key=lambda item: first.get(item.path.name, len(first)))
 
 
 @pytest.fixture(scope="module", autouse=True)

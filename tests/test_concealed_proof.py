@@ -308,6 +308,7 @@ def test_black_box_learns_from_the_other_folds():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_every_step_on_a_small_bank(small_bank, tmp_path, monkeypatch):
     """One case is diagnosed, two are put to the rivals; the others were, it seems, before the commands were broken off."""
     out = tmp_path / "bank"

@@ -103,6 +103,8 @@ def test_the_elements_of_fastsim_are_fine_enough():
     assert traction(0.0, 20.0, LOAD, Surface(mu, mu), 0.0, law).df_ds == pytest.approx(kalker, rel=0.02)
 
 
+@pytest.mark.slow
+@pytest.mark.long
 def test_another_law_brakes_the_coach():
     """By strips, compiled into the plant anew: the coach stops and its energy balances."""
     plant = a_plant("coach", vehicle={"contact": ContactParameters(traction_law="fastsim")}, mu_cd=0.05, initial_speed=20.0)

@@ -97,6 +97,7 @@ def test_one_weak_brake_is_named_with_its_axle(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_return_spring_is_normal_and_hides_nothing(tmp_path):
     """Every cylinder has one: its torque over the pressure is a line that does not pass through zero."""
     assert found_in(campaign_with(tmp_path / "c", spring_nm=300.0)).verdict == "adequate"

@@ -370,6 +370,7 @@ def test_a_policy_brakes_a_stronger_brake_with_the_same_force():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_imitation_brings_the_policy_near_the_teacher(tmp_path, monkeypatch):
     """On stops that it has not seen, in states that it gets into itself, it wants what the teacher does."""
     monkeypatch.setattr(agents.imitation, "BATCH", 1024)

@@ -141,6 +141,7 @@ CARD = Card(
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_one_more_mechanism_is_one_file(tmp_path):
     """Environment, diagnosis, report and table know a mechanism of another package from its module alone."""
     package = tmp_path / "site"

@@ -55,6 +55,8 @@ def test_equation_in_words():
     assert words == "recorded speed too high by 0.2 m/s per m/s2 of deceleration, times running speed over 30 m/s"
 
 
+@pytest.mark.slow
+@pytest.mark.long
 def test_a_radar_that_pitches_is_an_error_of_the_sensor_and_no_physics_of_wheels(tmp_path):
     """On wheels that roll under the brake it looks like a late clock, a soft contact, more inertia: none of these is named."""
     folder, pitch = shutil.copytree(demo_campaign(), tmp_path / "campaign"), 0.007

@@ -21,6 +21,7 @@ ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 #: Whose code other tests run: test_tutorial.py among its commands, test_diagnosis.py, test_creep_curves.py.
 RUN_ELSEWHERE = ("tutorial.md", "diagnosis.md", "creep_curves.md")
+LONG = ("multibody.md",)
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +70,14 @@ def test_ctrl_c_while_the_libraries_are_being_loaded_is_one_line(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("document", [one for one in DOCUMENTS if one.name not in RUN_ELSEWHERE], ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "document",
+    [
+        pytest.param(one, marks=[pytest.mark.long] * (one.name in LONG), id=one.name)
+        for one in DOCUMENTS
+        if one.name not in RUN_ELSEWHERE
+    ],
+)
 def test_code_in_the_documents_runs(document, tmp_path, monkeypatch):
     (tmp_path / "agents").symlink_to(ROOT / "agents")  # read from the repository's root, written beside it
     monkeypatch.chdir(tmp_path)

@@ -280,6 +280,7 @@ def test_a_run_alone_may_begin_anywhere(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_worn_wheel_is_named_alone_where_nobody_knows_the_starts(tmp_path):
     demo = without_starts(small_demo(tmp_path / "demo"), tmp_path / "copy")
     found = diagnose(changed(demo, scaled(WHEEL, 1, 1.008)))

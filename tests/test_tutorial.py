@@ -16,6 +16,7 @@ TRUE_TAU = 2.536e-4  # [m/J] of the concealed campaign, wsp_env/data/README.md
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_tutorial_from_top_to_bottom(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")  # tables in full width
