@@ -342,7 +342,7 @@ def test_nothing_is_said_of_what_cannot_be():
 
 def test_only_what_matters_is_missing():
     kept = [decide.Accepted(trial(GRADIENT, 40.0, multiple), ("track_gradient",), 1.0) for multiple in (0.5, MATTERS, 3.0)]
-    outcome = decide.Outcome(None, None, tuple(kept), None, None)
+    outcome = decide.Outcome(None, None, tuple(kept), None, None, None)
     assert [one.trial.size.multiple for one in outcome.missing] == pytest.approx([MATTERS, 3.0])
 
 
@@ -370,7 +370,7 @@ def test_curves_are_tried_once_and_only_where_what_is_left_matters(unexplained, 
     monkeypatch.setattr(decide, "screen", screened)
     monkeypatch.setattr(decide, "terms", lambda replica, accepted=(): [TERM])
     monkeypatch.setattr(decide, "curves", lambda replica, accepted=(): [dataclasses.replace(TERM, family="a curve")])
-    monkeypatch.setattr(decide, "structured", lambda replica, seen: SimpleNamespace(unexplained=unexplained))
+    monkeypatch.setattr(decide, "structured", lambda replica, seen, weights: SimpleNamespace(unexplained=unexplained))
     monkeypatch.setattr(decide, "weights_of", lambda replica, seen: None)
     monkeypatch.setattr(decide, "FormsLeft", lambda *said: lambda one: SURE)
     monkeypatch.setattr(decide, "trials_of", lambda *said: refused)

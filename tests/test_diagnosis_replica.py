@@ -20,6 +20,7 @@ from wsp_env.diagnosis.replica import _FLAT_S, Replica, _needed
 from wsp_env.diagnosis.search import _Law, candidate
 from wsp_env.diagnosis.stops import BLOCK_S, SLIP_MPS, VEHICLE_BLOCK_S, PreparedStop, least_slip, prepare, smooth_wheels
 from wsp_env.diagnosis.swings import swings
+from wsp_env.diagnosis.trials import weights_of
 from wsp_env.diagnosis.variation import Group, law_columns
 from wsp_env.recordings import Campaign, read_campaign
 
@@ -256,8 +257,8 @@ def test_only_what_goes_on_from_row_to_row_is_structure(correlation, expected):
     sizes = Sizes(np.ones(1), np.array([1.0, 1.0, 1.0, 1.0, 3.0]))
     whitening = Whitening(np.full(n, 1e-3), ())
     last = SimpleNamespace(about=LAW, sizes=sizes, groups=[group], small=group, whitening=whitening, base=base[order])
-    vehicle = SimpleNamespace(gravity_mps2=9.81)
-    found = structure.structured(SimpleNamespace(about=LAW, rows=rows, vehicle=vehicle, axles=AXLES), last)
+    replica = SimpleNamespace(about=LAW, rows=rows, vehicle=SimpleNamespace(gravity_mps2=9.81), axles=AXLES)
+    found = structure.structured(replica, last, weights_of(replica, last))
     assert found.size == pytest.approx(expected, abs=0.35)
     # A friction of 3e-3 on each axle by itself is 1.5e-3 on all four, of a deceleration of 1 m/s2 the share 9.81 times that.
     swing = np.sqrt(2.0 * correlation) * 9.81 * 3e-3 / np.sqrt(AXLES)

@@ -68,12 +68,8 @@ class Outcome:
     accepted: tuple[Accepted, ...]
     first: Screen  # about the baseline
     last: Screen  # about the extended model
+    weights: Weights  # that the extended model's residuals are compared with
     refused: tuple[Trial, ...] = ()  # where nothing was accepted: what has evidence and matters, but does not hold
-
-    @functools.cached_property
-    def weights(self) -> Weights:
-        """What the extended model's residuals are compared with."""
-        return weights_of(self.replica, self.last)
 
     @property
     def missing(self) -> tuple[Accepted, ...]:
@@ -86,6 +82,7 @@ def select(
 ) -> Outcome:
     """Accept mechanisms one after the other; what competes is refitted side by side."""
     first = seen = screen(replica, replica.baseline, [*tried, *terms(replica)], pool)
+    weights = weights_of(replica, seen)
     by_curves = False
     fitted = Fitted(replica.baseline, (), (), (), 0.0)
     accepted: list[Accepted] = []
@@ -94,7 +91,6 @@ def select(
         if len(accepted) == MOST:
             break
         progress(f"refitting {len(accepted) + 1} of {MOST}")
-        weights = weights_of(replica, seen)
         refuses = functools.partial(_refused, replica, accepted, seen)
         stands = functools.partial(about_its_own, replica, seen, weights)
         forms_left = FormsLeft(replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen)
@@ -106,10 +102,11 @@ def select(
                 for one in trials
                 if not accepted and refused.get(one.listed.title, 0.0) > SURE and one.size.multiple >= MATTERS
             ]
-            if by_curves or not (left or structured(replica, seen).unexplained):
+            if by_curves or not (left or structured(replica, seen, weights).unexplained):
                 break
             by_curves = True  # nothing that has a form holds
             seen = _screened(replica, fitted, tried, curves(replica, [one.trial.listed for one in accepted]), pool)
+            weights = weights_of(replica, seen)
             continue
         others = [one for one in trials if one.listed.title not in {*refused, best.trial.listed.title}]
         sure = [one for one in others if odds(one.listed, one.evidence) > forms_left(one)]
@@ -119,14 +116,16 @@ def select(
         replica, fitted, accepted = _beside([*accepted, named], best, weights, seen)
         replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen)
         seen = _screened(replica, fitted, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
+        weights = weights_of(replica, seen)
         # What was missing made everything else seem to vary more, and so itself seem smaller.
-        own, again = _settled_beside(replica, fitted, accepted, seen)
+        own, again = _settled_beside(replica, fitted, accepted, seen, weights)
         if np.isfinite(again.cost) and moved(fitted, again) > MOVES:
             replica, fitted, accepted = _sized(own, again, accepted, seen)
             seen = _screened(replica, fitted, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
+            weights = weights_of(replica, seen)
         if all(one.size.multiple < MATTERS for one in (best.trial, *sure)):
             break  # told as too small; nothing that matters could be taken for it
-    return Outcome(replica, fitted, tuple(accepted), first, seen, () if accepted else tuple(left))
+    return Outcome(replica, fitted, tuple(accepted), first, seen, weights, () if accepted else tuple(left))
 
 
 def _screened(
@@ -138,14 +137,14 @@ def _screened(
 
 
 def _settled_beside(
-    replica: Replica, fitted: Fitted, accepted: Sequence[Accepted], seen: Screen
+    replica: Replica, fitted: Fitted, accepted: Sequence[Accepted], seen: Screen, weights: Weights
 ) -> tuple[Replica, Fitted]:  # fmt: skip
     """Settle under the sizes of nuisances beside what was accepted.
 
     Where wheels are read later, or their speeds otherwise, other rows slide: then every replica is weighed anew.
     """
     if not any(told(one.trial.listed) for one in accepted):
-        return settle(replica.recorded, fitted, weights_of(replica, seen))
+        return settle(replica.recorded, fitted, weights)
     own, again, _ = weighed_anew(replica, fitted, seen)
     return own, again
 
@@ -165,6 +164,8 @@ def _exchanged(
     replica: Replica, fitted: Fitted, accepted: list[Accepted], seen: Screen
 ) -> tuple[Replica, Fitted, list[Accepted]]:  # fmt: skip
     """Exchange an earlier mechanism for a rival that explains more beside what was accepted later."""
+    if len(accepted) < 2:
+        return replica, fitted, accepted
     weights = weights_of(replica, seen)
     for one in accepted[:-1]:
         now = refit(replica, fitted.model, fitted.variants, weights)
@@ -208,6 +209,8 @@ def _sized(
 
 def _still_sure(replica: Replica, accepted: list[Accepted], fitted: Fitted, seen: Screen) -> tuple[list[Accepted], Fitted]:
     """Take back what is no longer sure beside the last one: of two names for one effect the better may come second."""
+    if len(accepted) < 2:
+        return accepted, fitted
     weights = weights_of(replica, seen)
     for one in accepted[:-1]:
         beside = refit(replica, fitted.model, fitted.variants, weights)

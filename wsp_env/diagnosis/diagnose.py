@@ -109,7 +109,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     missing = [one for one in outcome.missing if one in repeated]
     worse = max(found.fit.extended[group] / found.fit.baseline[group] for group in found.fit.baseline) > _WORSE
     removed = found.fit.removed_validate
-    left = structured(outcome.replica, outcome.last)
+    left = structured(outcome.replica, outcome.last, outcome.weights)
     # What is worth nothing on runs that it was not fitted to is no finding, nor what leaves most of what could be removed.
     worthless = bool(missing) and (worse or (removed is not None and removed <= 0.0))
     unexplained = left.unexplained and (removed or 0.0) < _MOST_REMOVED

@@ -12,11 +12,11 @@ import numpy as np
 from scipy import linalg
 
 from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, BALANCES, KINEMATICS, VEHICLE, Rows
+from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.interest import PUSH
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Screen
 from wsp_env.diagnosis.stops import BLOCK_S, SLIP_MPS, VEHICLE_BLOCK_S
-from wsp_env.diagnosis.trials import weights_of
 
 #: What goes on from row to row over the channels' own noise, beside all that varies, from which on no model holds: what is as
 #: large as the noise is seen in any plot.
@@ -38,12 +38,17 @@ class Structure(NamedTuple):
         return self.size > STRUCTURED and self.multiple > 1.0
 
 
-def structured(replica: Replica, seen: Screen) -> Structure:
+def structured(replica: Replica, seen: Screen, weights: Weights) -> Structure:
     """Return what goes on from row to row in what the model of a search leaves: the largest that matters, over the balances.
 
     In the adhesion balance wheels that slide and wheels that roll under the brake are asked apart, as their noise is.
+
+    Parameters
+    ----------
+    weights : those of the search
+
     """
-    weights, rows = weights_of(replica, seen), replica.rows
+    rows = replica.rows
     rest = weights.projector.rest(weights(seen.base)) * weights.noise
     left, raw = seen.whitening.plain(rest), seen.whitening.back(rest)
     found = [Structure(0.0, BALANCES[0], 0.0)]
