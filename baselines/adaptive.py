@@ -16,7 +16,7 @@ from wsp_env.compiled import inlined, loop, plain, rebuilder
 from wsp_env.observer.guard import Guard
 from wsp_env.observer.observation import Memory, Observer, ObserverConstants, constants_of, memory_of
 from wsp_env.observer.worth import believe, slip_worth_its_price, weights_of
-from wsp_env.parameters.quantity import quantity
+from wsp_env.parameters.quantity import ParameterError, quantity
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.command import APPLIES, HOLDS, VENTS
 from wsp_env.plant.port import Measurement
@@ -82,6 +82,7 @@ class AdaptiveController:
 
     def __init__(self, parameters: AdaptiveParameters | None = None) -> None:
         self.parameters = parameters or AdaptiveParameters()
+        self._plan: Plan | None = None
 
     def reset(self, n: int, vehicle: Vehicle) -> None:
         """Begin n new stops."""
@@ -94,13 +95,18 @@ class AdaptiveController:
 
     def act(self, measurement: Measurement) -> np.ndarray:
         """Return the commands (N, A): -1 vent, 0 hold, +1 apply."""
+        if self._plan is None:
+            raise ParameterError("call reset(n, vehicle) before act")
         if not self._begun:
             if self._first is None:  # one measurement alone does not tell how often they come
                 self._first = measurement._replace(
                     time=measurement.time.copy(), wheel_speed=measurement.wheel_speed.copy(), demand=measurement.demand.copy()
                 )
                 return self._plan.command.copy()
-            self._begin(self._first, float(np.max(measurement.time - self._first.time)))
+            interval = float(np.max(measurement.time - self._first.time))
+            if not interval > 0.0:
+                raise ParameterError(f"the first two measurements are {interval:g} s apart: time must rise")
+            self._begin(self._first, interval)
         self.wheels.observe(measurement, self._plan.command)
         _control(self._settings, plain(self._plan), self._observer.state, self._observer.given)
         return self.wheels.overrule(self._plan.command).copy()

@@ -103,6 +103,7 @@ def _returning(value):
         (np.ones((2, 3)), r"returned shape \(2, 3\) at 0.00 s, expected \(2, 2\)"),
         (None, "returned NoneType instead of numbers"),
         ("vent", "returned str instead of numbers"),
+        (np.array([[1.0, 1.0], [0.0, 2.0]]), "returned 2 for axle 2 of stop 2 at 0.00 s: -1 vents, 0 holds, \\+1 applies"),
     ],
 )
 def test_what_is_no_command_is_reported(value, complaint):

@@ -13,7 +13,7 @@ MODEL = {
     "mu_cd": {"A1": 0.05, "A2": 0.04},
     "contact": {"kinetic_friction_r": 0.3},
     "mechanisms": {"leading_axle_cleaning": {"removal_m_per_j": 1.5e-5}},
-    "note": "other keys are notes",
+    "note": "of whoever wrote it",
 }
 
 
@@ -46,6 +46,9 @@ def test_options_given_by_hand_go_before_the_model(tmp_path):
     [
         ("{", "is not JSON"),
         ("[]", "must hold an object"),
+        ("{}", "is empty; it holds any of tau_m_per_J"),
+        ({"mechanism": {"load_transfer": {}}}, "'mechanism' unknown; valid: tau_m_per_J"),
+        ({"verdict": "adequate", "mechanisms": []}, "is the answer of a diagnosis; give the model.json beside it"),
         ({"mu_cd": 0.05}, "mu_cd = 0.05 must be an object"),
         ({"tau_m_per_J": "big"}, "must be a number"),
         ({"mechanisms": {"sandstorm": {}}}, "unknown mechanism sandstorm"),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from onnx import TensorProto, helper
 
+from baselines.adaptive import AdaptiveController
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.evaluate import evaluate
 from wsp_env.evaluation.policy import (
@@ -211,6 +212,45 @@ def test_a_missing_sensor_is_said():
     with pytest.raises(ParameterError, match="cylinder pressures"):
         policy.act(measurement)
     assert policy.act(measurement._replace(pressure=np.ones((1, 2)))).shape == (1, 2)
+
+
+def always_applying():
+    return Policy(Contract(**contract()), lambda observation, memory: (np.ones((len(observation), 2)), memory))
+
+
+def decide_thrice(controller, measurement, start_s):
+    for decision in range(3):
+        controller.act(measurement._replace(time=np.full(1, start_s + 0.02 * decision)))
+
+
+@pytest.mark.parametrize("controller", [always_applying, AdaptiveController])
+@pytest.mark.parametrize(
+    ("measurement", "complaint"),
+    [
+        (Measurement(np.zeros(1), np.full((1, 4), 50.0), np.ones(1)), r"reset for 1 stops of 2 axles: \(1, 2\)"),
+        (Measurement(np.zeros(1), np.full((50, 2), 50.0), np.ones(1)), r"wheel_speed has shape \(50, 2\)"),
+        (Measurement(np.zeros(1), np.full(2, 50.0), np.ones(1)), r"wheel_speed has shape \(2,\)"),
+        (Measurement(np.zeros(1), np.full((1, 2), 50.0), np.ones(2)), r"demand has shape \(2,\)"),
+        (Measurement(np.zeros(1), np.full((1, 2), 50.0), np.array([100.0])), "demand must lie between 0"),
+        (Measurement(np.zeros(1), np.full((1, 2), 50.0), np.array([np.nan])), "demand must lie between 0"),
+    ],
+)
+def test_measurements_of_another_vehicle_are_refused_before_compiled_code_sees_them(controller, measurement, complaint):
+    """At the first decisions and at a later one; a number of axles or stops too many wrote beyond the ends of arrays."""
+    sound = Measurement(np.zeros(1), np.full((1, 2), 50.0), np.ones(1))
+    for decisions in (0, 5):
+        made = controller()
+        made.reset(1, BOGIE)
+        for decision in range(decisions):
+            made.act(sound._replace(time=np.full(1, 0.02 * decision)))
+        with pytest.raises(ValueError, match=complaint):
+            decide_thrice(made, measurement, 0.02 * decisions)
+
+
+@pytest.mark.parametrize("controller", [always_applying, AdaptiveController])
+def test_who_decides_before_a_stop_begins_is_told(controller):
+    with pytest.raises(ParameterError, match="call reset"):
+        controller().act(Measurement(np.zeros(1), np.full((1, 2), 50.0), np.ones(1)))
 
 
 @pytest.mark.parametrize("sensors", [False, True])

@@ -195,6 +195,9 @@ def scaled(columns, pattern, factor):
         ("wheel", 0.0, "axle1_wheel_speed is 0 throughout: a dead channel"),
         ("speed", 3.6, "all speeds are in km/h"),
         ("torque", 1e-3, 'unit = "kN\\*m"'),
+        ("torque", -1.0, "counted negative in braking; give them scale = -1"),
+        ("axle2_wheel", -1.0, "axle2_wheel_speed negative; give scale = -1"),
+        ("vehicle_speed", 1.0 / 3.6, "vehicle_speed is 0.278 times .* in m/s and taken for km/h"),
     ],
 )
 def test_channels_in_another_unit_are_refused(tmp_path, columns, pattern, factor, said):
@@ -203,9 +206,25 @@ def test_channels_in_another_unit_are_refused(tmp_path, columns, pattern, factor
 
 
 @pytest.mark.parametrize(
+    ("entry", "wrong", "said"),
+    [
+        ("mass_kg", lambda mass: mass / 1000.0, "axles looks like tonnes; give it in kg"),
+        ("wheel_radius_m", lambda radius: 2.0 * radius, "looks like the diameter; give wheel_radius_m = 0.4"),
+    ],
+)
+def test_an_entry_of_the_vehicle_that_all_channels_contradict_is_named(tmp_path, columns, entry, wrong, said):
+    file = write_campaign(tmp_path, {"A1": columns}) / "campaign.toml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(
+        re.sub(rf"(?<=^{entry} = )[\d.]+", lambda found: str(wrong(float(found[0]))), text, flags=re.M), encoding="utf-8"
+    )
+    with pytest.raises(CampaignError, match=said):
+        read_campaign(file.parent)
+
+
+@pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda c: scaled(c, "torque", -1.0), "scale = -1"),
         (lambda c: scaled(c, "torque", 0.1), "slows .* times as much as its brakes explain"),
         (lambda c: scaled(c, "torque", 1e-6), "its brakes do not explain it"),
         (lambda c: scaled(c, "axle3_brake_torque", 0.0), "brake torque of axle 3 never changes"),

@@ -11,7 +11,9 @@ from elsewhere import Elsewhere
 
 import wsp_env  # noqa: F401  # registers the environments
 from wsp_env.cli import main
+from wsp_env.envs.model import read_model
 from wsp_env.evaluation.replay import RECORDED, SIMULATED, replay
+from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import conditions, demo_campaign, read_campaign, tune
 
 
@@ -66,6 +68,25 @@ def test_environments_take_them(campaign):
     _, info = vector.reset(seed=0, options={"condition": ["A5", "B1"]})
     assert info["speed_mps"].tolist() == [given["stops"][2]["initial_speed"], given["stops"][3]["initial_speed"]]
     assert info["mass_kg"].tolist() == [43_000.0, 43_000.0]
+
+
+def test_a_model_brings_its_law_and_its_mechanisms_to_every_row(campaign, tmp_path):
+    """On rail on which nothing slides, with one of four brakes at half of its torque."""
+    tuning = tune(campaign)
+    friction = dict.fromkeys(tuning.runs, 0.25)  # nothing slides
+    weak = {"brake_gain_imbalance": {"gain": -0.5, "axle": 1.0}}
+    file = tmp_path / "model.json"
+    file.write_text(json.dumps({"tau_m_per_J": 1e-5, "mu_cd": friction, "mechanisms": weak}), encoding="utf-8")
+    found = replay(campaign, {"none": {}}, model=read_model(str(file)))
+    assert found.tau_m_per_j == 1e-5
+    plain = replay(campaign, {"none": {}}, model=dataclasses.replace(read_model(str(file)), mechanisms={}))
+    for one, other in zip(found.courses, plain.courses, strict=True):
+        longer = one.figures["distance_m"] / other.figures["distance_m"]
+        # One brake of four lacks half of its torque: an eighth of the deceleration.
+        assert (longer == 1.0) if one.who == RECORDED else (1.05 < longer < 1.0 / (1.0 - 0.125)), (one.stop, one.who)
+    strange = dataclasses.replace(read_model(str(file)), mu_cd={"elsewhere": 0.1})
+    with pytest.raises(ParameterError, match=r"has no mu_cd of A1, .* it knows elsewhere"):
+        replay(campaign, {"none": {}}, model=strange)
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import warnings
 from types import SimpleNamespace
 
 import numpy as np
+import polars as pl
 import pytest
 from few_stops import small_demo
 from synthetic_stops import AXLES, INERTIA_KGM2, MASS_KG, RADIUS_M, SAMPLE_S, stops, write_campaign
@@ -221,6 +222,29 @@ def test_a_diagnosis_stops_at_faulty_channels(sound):
     assert found.next_test.startswith(found.suspect_channels[0].remedy)
     assert found.to_json()["suspect_channels"][0]["channel"] == channel
     assert data_first(sound).answer is None
+
+
+def standing_on(frame, duration_s, rng):
+    """Return a recording that goes on at standstill, the brakes applied."""
+    last, time = frame[-1].to_dicts()[0], 0.01 * np.arange(1, round(duration_s / 0.01) + 1)
+    fades = np.clip(1.0 - 1.1 * time / last["vehicle_speed_mps"], 0.0, None)
+    more = {}
+    for name, value in last.items():
+        noise = 30.0 * rng.standard_normal(len(time))
+        more[name] = value + (time if name == "time_s" else noise) if "speed" not in name else value * fades
+    return pl.concat([frame, pl.DataFrame(more).select(frame.columns)])
+
+
+def test_a_logger_that_runs_on_at_standstill_is_not_suspected(tmp_path):
+    """The brakes hold a vehicle that stands, and slow nothing."""
+    folder, rng = small_demo(tmp_path / "demo"), np.random.default_rng(3)
+    for file in folder.glob("*.csv"):
+        standing_on(pl.read_csv(file), 30.0, rng).write_csv(file)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        campaign = read_campaign(folder)
+    assert suspects(campaign) == ()
+    assert all(run.time_s[-1] > 40.0 for run in campaign.runs.values())
 
 
 def test_the_commands_tell_suspect_channels(tmp_path, capsys):

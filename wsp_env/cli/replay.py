@@ -45,7 +45,8 @@ class BrakedOptions:
     track
         Adhesion along the track: one mu_cd per stop, or as estimated from the recording.
     model
-        A model.json of `wsp diagnose`, whose mechanisms are switched on.
+        A model.json of `wsp diagnose` on these recordings: its tau, mu_cd and mechanisms brake, in the stops that are
+        simulated with the recorded torque, too.
     vehicle
         Gives what campaign.toml does not tell: valve times, sensors, which axles form a bogie. A name (wsp vehicle list) or a
         vehicle file, with the campaign's number of axles; none: the coach's.
@@ -71,8 +72,9 @@ def main(
 ) -> None:
     """Let controllers brake under the conditions of recorded stops; writes replay.html.
 
-    The law is tuned on the campaign; every stop gets its initial speed, demand, load, mu_cd and tau. Two rows show how far this
-    can be trusted: the stop as recorded, and the stop simulated with the recorded brake torque.
+    The law is tuned on the campaign, or taken with its mechanisms from --model; every stop gets its initial speed, demand,
+    load, mu_cd and tau. Two rows show how far this can be trusted: the stop as recorded, and the stop simulated with the
+    recorded brake torque.
 
     Parameters
     ----------
@@ -102,7 +104,7 @@ def main(
     if braked.track not in ("constant", "recorded"):
         raise ParameterError(f"track {braked.track!r} is unknown; valid: constant, recorded")
     chosen = read_settings(controllers, set)
-    mechanisms = read_model(str(braked.model)).mechanisms if braked.model else {}
+    model = read_model(str(braked.model)) if braked.model else None
     base = find_vehicle(braked.vehicle) if braked.vehicle else None
     executor = executor_of(workers)
     target = out / "replay.html"
@@ -118,7 +120,8 @@ def main(
             recorded,
             chosen,
             along_track=braked.track == "recorded",
-            conduct=plant.conduct(mechanisms=mechanisms),
+            conduct=plant.conduct(mechanisms={}),
+            model=model,
             base=base,
             executor=executor,
             done=lambda what: progress.update(bar, advance=1, description=escape(what)),

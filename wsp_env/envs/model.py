@@ -19,6 +19,8 @@ class TunedModel:
     """What a model file means for an environment."""
 
     path: str
+    tau_m_per_j: float | None  # [m/J]
+    mu_cd: Mapping[str, float]  # of every run [-]
     mechanisms: Mapping[str, Any]  # as the option of `Task`
     scenario: Mapping[str, Any]  # as the option of `Task`
     contact: Mapping[str, float]  # values of `ContactParameters` that replace the vehicle's
@@ -53,8 +55,8 @@ def read_model(path: str) -> TunedModel:
     """Return what a model file means for an environment.
 
     The file is JSON with `tau_m_per_J` [m/J], `mu_cd` {run: value} [-], `contact` {field of `ContactParameters`: value},
-    `mechanisms` {name: {parameter: value}} and `vehicle` {field of `CampaignVehicle`: value}, each optional; other keys are
-    notes. tau is then the file's, mu_cd drawn from the range of its runs.
+    `mechanisms` {name: {parameter: value}} and `vehicle` {field of `CampaignVehicle`: value}, each optional; what begins with
+    "note" is ignored. tau is then the file's, mu_cd drawn from the range of its runs.
 
     Raises
     ------
@@ -68,21 +70,30 @@ def read_model(path: str) -> TunedModel:
         raise ParameterError(f"model {path} {error}") from None
     if not isinstance(document, dict):
         raise ParameterError(f"model {path} must hold an object with any of {', '.join(_KEYS)}")
+    if unknown := [key for key in document if key not in _KEYS and not key.startswith("note")]:
+        if "verdict" in document:
+            raise ParameterError(f"model {path} is the answer of a diagnosis; give the model.json beside it")
+        raise ParameterError(f"model {path}: {', '.join(map(repr, unknown))} unknown; valid: {', '.join(_KEYS)}")
+    if not document:
+        raise ParameterError(f"model {path} is empty; it holds any of {', '.join(_KEYS)}")
     for key, kind in _KEYS.items():
         value = document.get(key)
         fits = math.isfinite(number(value)) if kind is float else isinstance(value, kind)
         if value is not None and not fits:
             raise ParameterError(f"model {path}: {key} = {shown(value)} must be {'a number' if kind is float else 'an object'}")
     scenario: dict[str, Any] = {}
+    given = document.get("mu_cd") or {}
     if (tau := document.get("tau_m_per_J")) is not None:
         scenario["tau"] = (tau, tau)
-    if given := document.get("mu_cd"):
+    if given:
         if not all(math.isfinite(number(value)) for value in given.values()):
             raise ParameterError(f"model {path}: mu_cd = {shown(given)} must give each run a finite number")
         frictions = [number(value) for value in given.values()]
         scenario["mu_cd"] = (min(frictions), max(frictions))
     vehicle = _vehicle(path, document["vehicle"]) if document.get("vehicle") else None
-    return TunedModel(path, document.get("mechanisms") or {}, scenario, document.get("contact") or {}, vehicle)
+    friction = {run: number(value) for run, value in given.items()}
+    mechanisms, contact = document.get("mechanisms") or {}, document.get("contact") or {}
+    return TunedModel(path, tau, friction, mechanisms, scenario, contact, vehicle)
 
 
 def _vehicle(path: str, described: dict[str, Any]) -> CampaignVehicle:

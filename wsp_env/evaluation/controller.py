@@ -80,6 +80,10 @@ def load(name: str, parameters: Mapping[str, Any] | None = None) -> Controller:
     else:
         classes = [item for item in vars(module).values() if isinstance(item, type) and item.__module__ == module.__name__]
         controllers = [item for item in classes if hasattr(item, "act") and hasattr(item, "reset")]
+        if not controllers:
+            raise ParameterError(
+                f"controller {name!r}: {place} holds no class with the methods reset(n, vehicle) and act(measurement)"
+            )
         if len(controllers) != 1:
             raise ParameterError(
                 f"controller {name!r}: {place} holds {len(controllers)} classes with reset and act; name one as {place}:Class"
@@ -153,6 +157,8 @@ def _module(name: str, place: str) -> ModuleType:
         except (Exception, SystemExit) as error:  # whatever third-party code raises
             raise ParameterError(f"controller {name!r}: {place} cannot be run: {type(error).__name__}: {error}") from error
         return module
+    if len(path.parts) > 1:
+        raise ParameterError(f"controller {name!r}: there is no such folder or file")
     try:
         return importlib.import_module(place)
     except ImportError as error:

@@ -193,6 +193,7 @@ class Policy:
         self.guarded = guarded
         self.action = contract.action
         self.infer, self._size = infer, memory
+        self._vehicle: Vehicle | None = None
 
     def check(self, vehicle: Vehicle, interval_s: float, pressure_sensors: bool) -> None:
         """Raise `ParameterError` for another number of axles, another interval of measurements [s] or missing sensors."""
@@ -221,7 +222,12 @@ class Policy:
         self._decisions = 0
 
     def act(self, measurement: Measurement) -> np.ndarray:
-        """Return the commands (N, A); `ParameterError` for measurements at another interval or without a needed sensor."""
+        """Return the commands (N, A); `ParameterError` for measurements at another interval or without a needed sensor.
+
+        The interval is that between the first two measurements; later ones are taken to come as regularly.
+        """
+        if self._vehicle is None:
+            raise ParameterError("call reset(n, vehicle) before act")
         if self._decisions < 2:
             since = float(np.max(measurement.time - self._time)) if self._decisions else self.contract.control_interval_s
             self.check(self._vehicle, since, measurement.pressure is not None)

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from wsp_env.envs.model import TunedModel
 from wsp_env.envs.step import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
 from wsp_env.envs.task import Task
 from wsp_env.evaluation.bound import SlideLimit
@@ -16,10 +17,11 @@ from wsp_env.evaluation.policy import Policy
 from wsp_env.evaluation.runner import Conduct, ControllerFailure, run
 from wsp_env.executor import Executor, TaskFailedError, ThisProcess
 from wsp_env.parameters.campaign_vehicle import plant_vehicle
+from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.parameters.vehicle_file import find_vehicle
-from wsp_env.plant.port import Stop
-from wsp_env.recordings import Campaign, Smoothing, conditions, derive, rolling_radii, tune
+from wsp_env.plant.port import Choice, Stop
+from wsp_env.recordings import Campaign, Smoothing, Tuning, conditions, derive, rolling_radii, tune
 from wsp_env.recordings.derive import braking
 from wsp_env.recordings.simulate import simulate
 from wsp_env.scenario import Scenario, draw
@@ -82,6 +84,7 @@ def replay(
     *,
     along_track: bool = False,
     conduct: Conduct = Conduct(),
+    model: TunedModel | None = None,
     smoothing: Smoothing = Smoothing(),
     base: Vehicle | None = None,
     executor: Executor = _HERE,
@@ -93,7 +96,9 @@ def replay(
     ----------
     controllers : names, see `load`, with the parameters that are set
     along_track : mu_cd varies along the track as estimated from the recordings
-    conduct : how the controllers' stops are run: the plant, physics beyond the paper's model as a diagnosis found it
+    conduct : how the controllers' stops are run: the plant, physics beyond the paper's model
+    model : as a diagnosis found it: its tau, its mu_cd of every run and its mechanisms, instead of the law tuned here, in the
+        stop with the recorded torque, too; one without mu_cd adds its mechanisms to the law tuned here
     base : gives what the campaign does not tell of its vehicle, see `plant_vehicle`
     executor : does the work, a task for every controller, see `wsp_env.executor`; the results do not depend on it
     done : called with the name of what has been computed
@@ -106,8 +111,10 @@ def replay(
     """
     loaded = {name: load(name, parameters) for name, parameters in controllers.items()}
     tuning = tune(campaign, smoothing)
+    if model is not None:
+        tuning, conduct = _tuned_as(model, tuning), dataclasses.replace(conduct, mechanisms=model.mechanisms)
     replayed = conditions(campaign, tuning, along_track, smoothing, base)
-    courses = [course for name in tuning.runs for course in _recorded(campaign, name, tuning, smoothing)]
+    courses = [course for name in tuning.runs for course in _recorded(campaign, name, tuning, conduct.mechanisms, smoothing)]
     last = {course.stop: float(course.speed_mps[-1]) for course in courses if course.who == RECORDED}
     done(RECORDED)
     vehicle, stops, names = braked(campaign, replayed)
@@ -176,7 +183,23 @@ def braked(campaign: Campaign, replayed: Mapping[str, Any]) -> tuple[Vehicle, li
     return vehicle, stops, [stop["name"] for stop in task.stops]
 
 
-def _recorded(campaign: Campaign, name: str, tuning: Any, smoothing: Smoothing) -> tuple[Course, Course]:
+def _tuned_as(model: TunedModel, tuning: Tuning) -> Tuning:
+    """Return a tuning with the tau and the mu_cd of a model; `ParameterError` for a run that it does not know."""
+    if not model.mu_cd:
+        return tuning
+    if unknown := [name for name in tuning.runs if name not in model.mu_cd]:
+        raise ParameterError(
+            f"model {model.path} has no mu_cd of {', '.join(unknown)}: it was found on other recordings; it knows "
+            f"{', '.join(model.mu_cd) or 'none'}"
+        )
+    runs = {name: dataclasses.replace(score, mu_cd=model.mu_cd[name]) for name, score in tuning.runs.items()}
+    tau = tuning.tau_m_per_J if model.tau_m_per_j is None else model.tau_m_per_j
+    return dataclasses.replace(tuning, tau_m_per_J=tau, runs=runs)
+
+
+def _recorded(
+    campaign: Campaign, name: str, tuning: Tuning, mechanisms: Choice, smoothing: Smoothing
+) -> tuple[Course, Course]:  # fmt: skip
     """Return a stop as recorded, and simulated with its recorded torque."""
     recording = campaign.runs[name]
     radii = rolling_radii(campaign, smoothing)
@@ -187,7 +210,7 @@ def _recorded(campaign: Campaign, name: str, tuning: Any, smoothing: Smoothing) 
     way = float(np.trapezoid(speed, time))
     as_recorded = _course(name, RECORDED, time, speed, derived.slip_speed_mps[start:end], way)
     law = (tuning.runs[name].mu_cd, tuning.tau_m_per_J)
-    whole = simulate(campaign, recording, derived, radii, np.array([start]), end - start, *law)
+    whole = simulate(campaign, recording, derived, radii, np.array([start]), end - start, *law, mechanisms)
     own = whole.speed_mps[0]
     slip = own[:, None] - whole.circumferential_mps[0]
     return as_recorded, _course(name, SIMULATED, time, own, slip, float(np.trapezoid(own, time)))

@@ -86,7 +86,7 @@ def run(
     Raises
     ------
     ControllerFailure
-        whatever the controller raises or returns instead of finite numbers of shape (N, A)
+        whatever the controller raises or returns instead of numbers from -1 to +1 of shape (N, A)
     ParameterError
         for a policy whose contract does not fit
 
@@ -171,7 +171,7 @@ def measure(plant: Plant, pressure_sensors: bool = False, sensor_fails_s: np.nda
 
 
 def check_command(controller: Controller, given: Any, shape: tuple[int, ...], time: float) -> np.ndarray:
-    """Return the commands as floats; `ControllerFailure` when they are not finite numbers of that shape."""
+    """Return the commands as floats; `ControllerFailure` when they are not numbers from -1 to +1 of that shape."""
     who = type(controller).__name__
     try:
         if given is None:  # numpy would take it for nan
@@ -187,7 +187,18 @@ def check_command(controller: Controller, given: Any, shape: tuple[int, ...], ti
         stop, axle = np.argwhere(~np.isfinite(command))[0]
         value = command[stop, axle]
         raise ControllerFailure(f"{who}.act returned {value} for axle {axle + 1} of stop {stop + 1} at {time:.2f} s")
+    if (beyond := np.argwhere(np.abs(command) > 1.0)).size:
+        stop, axle = beyond[0]
+        given = f"{who}.act returned {command[stop, axle]:g} for axle {axle + 1} of stop {stop + 1} at {time:.2f} s"
+        raise ControllerFailure(f"{given}: {meaning_of(controller)}")
     return command
+
+
+def meaning_of(controller: Controller) -> str:
+    """Say what the numbers are that a controller returns."""
+    if getattr(controller, "action", "valve") == "pressure":
+        return "-1 asks for no pressure, +1 for the demanded one"
+    return "-1 vents, 0 holds, +1 applies (the environments' actions 0, 1, 2 less one)"
 
 
 def _guarded(controller: Controller, method: str, time: float, *arguments: Any) -> Any:

@@ -81,7 +81,7 @@ class Guard:
 
     def begin(self, measurement: Measurement) -> np.ndarray:
         """Take the first measurement, begin the observer; return its observations (N, size)."""
-        raw = np.array(measurement.wheel_speed, dtype=np.float64, order="C")
+        raw = self._readings(measurement)
         _begin(raw, self._state)
         observation = self._observer.reset(measurement._replace(wheel_speed=self.doubts.clean))
         self._observer.estimate.trusted[:] = ~self.doubts.failed
@@ -90,9 +90,24 @@ class Guard:
 
     def observe(self, measurement: Measurement, command: np.ndarray) -> np.ndarray:
         """Take the next measurement and the command (N, A) given before it; return the observation (N, size)."""
-        raw = np.array(measurement.wheel_speed, dtype=np.float64, order="C")
+        raw = self._readings(measurement)
         _doubt(raw, self._state, self._given, self._observer.state, self._observer.given)
         return self._observer.observe(measurement._replace(wheel_speed=self.doubts.clean), command)
+
+    def _readings(self, measurement: Measurement) -> np.ndarray:
+        """Return the wheel speeds (N, A) [rad/s]; `ValueError` for shapes or demands that cannot be.
+
+        The kernels look at nothing of that: they would write beyond the ends of what is kept.
+        """
+        raw = np.array(measurement.wheel_speed, dtype=np.float64, order="C")
+        demand = np.asarray(measurement.demand, dtype=np.float64)
+        n, axles = self.doubts.clean.shape
+        for name, given, shape in (("wheel_speed", raw.shape, (n, axles)), ("demand", demand.shape, (n,))):
+            if given != shape:
+                raise ValueError(f"{name} has shape {given}; the controller was reset for {n} stops of {axles} axles: {shape}")
+        if not ((demand >= 0.0) & (demand <= 1.0)).all():
+            raise ValueError(f"demand must lie between 0 (none) and 1 (full brake), got {demand}")
+        return raw
 
     def overrule(self, command: np.ndarray) -> np.ndarray:
         """Change valve commands (N, A), in place, where an axle is not watched or a wheel would lock at the end of a stop."""

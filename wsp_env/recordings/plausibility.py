@@ -16,7 +16,10 @@ _BALANCE = (
     0.5,
     2.0,
 )  # outside, the brakes do not explain the deceleration: assumption, other brakes rarely do as much as all discs
-_KILO = 1000.0  # torques in kN m
+_KILO = 1000.0  # torques in kN m, masses in tonnes
+_LEAST_AXLE_LOAD_KG = 1000.0  # of a railway vehicle: assumption
+_ALIKE = 0.05  # log of the ratio between wheels that share a fault: radii differ within 2 %, and wheels slide
+_TWICE = 0.05  # to two: a diameter taken for a radius
 _LEAST_LOST = 0.05  # of the speed; a smaller loss says little
 _CHANGE_S = 0.05  # [s] over which changes are taken
 _SMOOTHER = 0.8  # share of the roughness that exchanging some axles must leave at most: simulated stops with channels as
@@ -36,8 +39,9 @@ def check(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
 
     """
     _dead(run, where)
-    coarse = _thinned(run)
-    notes = _radius(coarse, vehicle, where) + _balance(run, vehicle, where) + _swapped(coarse, vehicle, where)
+    moving = run.under_way(vehicle.wheel_radius_m)
+    coarse = _thinned(moving)
+    notes = _radius(coarse, vehicle, where) + _balance(moving, vehicle, where) + _swapped(coarse, vehicle, where)
     if constant := [f"axle {k + 1}" for k in np.flatnonzero(constant_torques(run))]:
         notes.append(
             f"{where}: the brake torque of {', '.join(constant)} never changes: brake isolated, or a dead channel; "
@@ -71,8 +75,9 @@ def _dead(run: Recording, where: str) -> None:
         )
     if run.vehicle_speed_mps.mean() < 0.0:
         raise CampaignError(f"{where}: vehicle_speed is negative; give it scale = -1 in [channels]")
-    if (run.wheel_speed_radps.mean(axis=0) < 0.0).any():
-        raise CampaignError(f"{where}: a wheel speed is negative; give it scale = -1 in [channels]")
+    if (negative := np.flatnonzero(run.wheel_speed_radps.mean(axis=0) < 0.0)).size:
+        names = ", ".join(f"axle{k + 1}_wheel_speed" for k in negative)
+        raise CampaignError(f"{where}: {names} negative; give scale = -1 in [channels]")
 
 
 def _radius(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
@@ -82,6 +87,8 @@ def _radius(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
         return [f"{where}: the vehicle is never faster than {_LEAST_SPEED_MPS:g} m/s: nothing to compare with the law"]
     ratios = vehicle.wheel_radius_m * run.wheel_speed_radps[fast] / run.vehicle_speed_mps[fast, None]
     rolling = np.quantile(ratios, 0.95, axis=0)
+    if np.ptp(np.log(np.maximum(rolling, 1e-9))) < _ALIKE:
+        _vehicle_entries(run, vehicle, float(np.median(rolling)), where)
     notes = []
     for axle, ratio in enumerate(rolling, start=1):
         for factor, unit in _UNITS.items():
@@ -103,6 +110,26 @@ def _radius(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
     return notes
 
 
+def _vehicle_entries(run: Recording, vehicle: CampaignVehicle, ratio: float, where: str) -> None:
+    """Raise where all wheels turn so many times as fast as the vehicle goes, and its momentum says what else is wrong."""
+    momentum = _explained(run, vehicle, 1.0, 1.0)
+
+    def nearer(factor: float) -> bool:
+        return momentum > 0.0 and bool(abs(np.log(momentum * factor)) < abs(np.log(momentum)))
+
+    if abs(ratio / 2.0 - 1.0) < _TWICE and nearer(0.5):
+        raise CampaignError(
+            f"{where}: all wheels turn {ratio:.2f} times as fast as the vehicle goes: wheel_radius_m = "
+            f"{vehicle.wheel_radius_m:g} looks like the diameter; give wheel_radius_m = {vehicle.wheel_radius_m / 2.0:g}"
+        )
+    for factor, unit in _UNITS.items():
+        if unit in ("km/h", "mph") and abs(ratio / factor - 1.0) < _FACTOR_TOLERANCE and nearer(ratio):
+            raise CampaignError(
+                f"{where}: vehicle_speed is {1.0 / ratio:.3f} times what all wheels say: recorded in m/s and taken for {unit}? "
+                "Correct its unit in [channels]"
+            )
+
+
 def _balance(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
     """Compare the vehicle's loss of momentum with what the brakes and the wheels' inertia explain."""
     ratio = _explained(run, vehicle, 1.0, 1.0)
@@ -113,12 +140,20 @@ def _balance(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
             f"{where}: the vehicle slows {ratio:.2f} times as much as its brakes explain, and once if all speeds are in km/h; "
             'give their unit = "km/h" in [channels]'
         )
+    if run.mass_kg < _LEAST_AXLE_LOAD_KG * vehicle.axles and _BALANCE[0] < _KILO * ratio < _BALANCE[1]:
+        raise CampaignError(
+            f"{where}: the brakes explain the deceleration of 1000 times the mass: mass_kg = {run.mass_kg:g} on "
+            f"{vehicle.axles} axles looks like tonnes; give it in kg"
+        )
     if _BALANCE[0] < _explained(run, vehicle, 1.0, _KILO) < _BALANCE[1]:
         raise CampaignError(
             f'{where}: the brake torques explain the deceleration if they are in kN m; give their unit = "kN*m" in [channels]'
         )
     if abs(_explained(run, vehicle, 1.0, -1.0) - 1.0) < _FACTOR_TOLERANCE:
-        return [f"{where}: the brake torques drive the vehicle: if they are counted negative in braking, give them scale = -1"]
+        raise CampaignError(
+            f"{where}: the brake torques drive the vehicle: they are counted negative in braking; give them scale = -1 in "
+            "[channels]"
+        )
     explained = f"{ratio:.2g} times as much as its brakes explain" if ratio > 0.0 else "and its brakes do not explain it"
     return [f"{where}: the vehicle slows {explained}; check mass_kg and the torques"]
 

@@ -4,6 +4,9 @@ import dataclasses
 
 import numpy as np
 
+#: Speeds [m/s] below which the vehicle, whose recorded speed is noisy, and every wheel stand: assumption.
+_STANDS_MPS, _TURNS_MPS = 1.0, 0.3
+
 
 @dataclasses.dataclass(frozen=True)
 class Recording:
@@ -29,3 +32,13 @@ class Recording:
     start_is_known: bool = True  # whether somebody measured start_position_m
     missing_axles: tuple[int, ...] = ()  # from 1: without a usable sensor; their channels here stand in, see `missing`
     dead_channels: tuple[str, ...] = ()  # those of them whose channel is there and says nothing
+
+    def under_way(self, wheel_radius_m: float) -> "Recording":
+        """Return it without standstill before and after: there brakes hold, and slow nothing."""
+        turning = wheel_radius_m * np.abs(self.wheel_speed_radps).max(axis=1)
+        moves = np.flatnonzero((np.abs(self.vehicle_speed_mps) > _STANDS_MPS) | (turning > _TURNS_MPS))
+        if not len(moves) or moves[-1] - moves[0] + 1 == len(moves) == len(self.time_s):
+            return self
+        part = slice(max(moves[0] - 1, 0), moves[-1] + 2)
+        arrays = {name: value[part] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        return dataclasses.replace(self, **arrays)  # type: ignore[arg-type]

@@ -182,6 +182,11 @@ def _slopes_agree(search: Search, factor: float, only: str = "") -> bool:
     return not chosen or abs(np.log(max(float(np.median(chosen)), 1e-9) / factor)) < abs(np.log(factor)) / 2.0
 
 
+def _or_the_mass(search: Search, names: list[str]) -> str:
+    """Say that it may be the mass, where all runs agree: the vehicle's momentum alone does not tell both apart."""
+    return ", or a wrong mass_kg" if len(names) == len(search.runs) else ""
+
+
 def _tell_all(search: Search, factor: float, words: str, names: list[str]) -> None:
     unit = words in _REAL_UNITS
     remedy = (
@@ -190,7 +195,8 @@ def _tell_all(search: Search, factor: float, words: str, names: list[str]) -> No
     search.report(
         SuspectChannel(
             "axle*_brake_torque",
-            f"{factor:.4g} times what the loss of momentum asks for{where(names, search.runs)}: {words}",
+            f"{factor:.4g} times what the loss of momentum asks for{where(names, search.runs)}: {words}"
+            + _or_the_mass(search, names),
             remedy, "factor", 0, factor, tuple(names),
         )
     )  # fmt: skip

@@ -19,9 +19,10 @@ class Search:
     """A campaign while its channels are looked at."""
 
     def __init__(self, campaign: Campaign) -> None:
-        """Take the campaign's runs, one sample in every hundredth of a second."""
+        """Take the campaign's runs while the vehicle moves, one sample in every hundredth of a second."""
         self.campaign = campaign
-        self.runs: dict[str, Recording] = {name: thinned(run) for name, run in campaign.runs.items()}
+        radius = campaign.vehicle.wheel_radius_m
+        self.runs: dict[str, Recording] = {name: thinned(run.under_way(radius)) for name, run in campaign.runs.items()}
         self.found: list[SuspectChannel] = []
         self._traces: dict[str, Traces | None] = {}
         self._own: dict[str, list[OwnBalance | None]] = {}
