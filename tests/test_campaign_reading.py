@@ -126,3 +126,14 @@ def test_text_columns_are_ignored_unless_needed(folder, columns):
     frame = pl.DataFrame(columns).with_columns(pl.lit("dry").alias("weather"))
     frame.write_csv(folder / "A1.csv")
     assert np.isfinite(read_campaign(folder).runs["A1"].brake_torque_nm).all()
+
+
+def test_what_is_no_campaign_is_told_apart(tmp_path):
+    (tmp_path / "A1.csv").write_text("time_s\n0\n", encoding="utf-8")
+    for path, said in (
+        (tmp_path / "A1.csv", "is a file; a campaign is a folder: give "),
+        (tmp_path / "nowhere", "there is no folder"),
+        (tmp_path, "wsp inspect FOLDER"),
+    ):
+        with pytest.raises(CampaignError, match=said):
+            read_campaign(path)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wsp_env.diagnosis.answer import Discovered, Estimate, Location, Named
-from wsp_env.diagnosis.words import next_test, parameter_said, parameter_words, said, sentence, unit_words
+from wsp_env.diagnosis.words import capital, next_test, parameter_said, parameter_words, said, sentence, unit_words
 from wsp_env.plant.mechanisms import ALL, leading_axle_cleaning
 
 
@@ -134,3 +134,15 @@ def test_names_of_parameters_are_words_without_their_units(name):
     assert len(set(words)) == len(words)
     assert not any("_" in one or len(one) < 3 for one in words)
     assert "-" not in [unit_words(one.unit) for one in ALL[name].parameters]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("the axle slides", "The axle slides"),
+        ("odd/A1.csv: late", "odd/A1.csv: late"),
+        (r"d:\a1.csv is late", r"d:\a1.csv is late"),
+    ],
+)
+def test_a_path_at_the_beginning_of_a_sentence_stays_as_it_is(text, expected):
+    assert capital(text) == expected

@@ -134,3 +134,8 @@ def test_runs_of_a_folder_stand_in_the_order_of_their_numbers(tmp_path):
     places = [tmp_path / name for name in ("B1.csv", "a10.csv", "a9.csv", "a2.csv", "early/z.csv", "a2b.csv", "A11.csv")]
     names = [str(path.relative_to(tmp_path)) for path in in_order(places)]
     assert names == ["a2.csv", "a2b.csv", "a9.csv", "a10.csv", "A11.csv", "B1.csv", "early/z.csv"]
+
+
+@pytest.mark.parametrize("name", ["Uhrzeit", "Zeit [s]", "time", "Timestamp"])
+def test_time_has_many_names(name):
+    assert guessing.named(name, "") == "time"

@@ -30,6 +30,7 @@ from wsp_env.recordings import (
 )
 from wsp_env.recordings.bootstrap import Blocks, interval95
 from wsp_env.recordings.tuning import warn_of_errors
+from wsp_env.recordings.validation_report import adhesion_table
 
 #: wsp_env/data/README.md: what the demo campaign was made with.
 DEMO_TAU = 2.338e-4
@@ -280,3 +281,9 @@ def test_an_axle_that_no_law_could_miss_so_far_is_told():
     with pytest.warns(CampaignWarning, match=r"run A1, axle 2: .* by 51 %") as said:
         warn_of_errors(tuning)
     assert len(said) == 1
+
+
+def test_an_axle_without_a_sensor_is_not_said_to_roll():
+    runs = {"A1": RunScore("tune", 0.06, True, (0.02, None, None), missing_axles=(3,))}
+    table = adhesion_table(Tuning(2e-4, (1.9e-4, 2.1e-4), runs))
+    assert table.rows[0][-3:] == ("2.0", "no slide", "no sensor")

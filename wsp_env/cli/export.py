@@ -90,11 +90,13 @@ def main(
 ) -> None:
     """Write laws, controllers, policies and the plant for other tools.
 
-    wsp export c law --out law                    a contact law with its derivatives
-    wsp export c rule-based --out rules           a controller, also as a library for wsp evaluate
-    wsp export c agents/trained/coach --out policy
-    wsp export c plant --vehicle mine.toml --out plant
-    wsp export fmu plant --fmi 3 --out plant.fmu  an FMU
-    wsp export template --out my_wsp              a WSP of one's own in C
+    What is written needs no Python, and comes with a test; adaptive and slip are exported as rule-based is.
+
+      wsp export c law --out law                       a contact law with its derivatives
+      wsp export c rule-based --out rules              a controller, also as a library for wsp evaluate
+      wsp export c agents/trained/coach --out policy   a trained policy
+      wsp export c plant --vehicle mine.toml --out plant
+      wsp export fmu plant --fmi 3 --out plant.fmu     an FMU
+      wsp export template --out my_wsp                 a WSP of one's own in C
     """
     action.run()

@@ -1,5 +1,6 @@
 """A folder of recorded files made a campaign: what `wsp inspect FOLDER` and `wsp diagnose FOLDER` share."""
 
+import shlex
 import sys
 import warnings
 from pathlib import Path
@@ -59,7 +60,7 @@ def make_campaign(folder: Path, vehicle: str, out: Path | None, console: Console
             f"Still open in it: {', '.join(asked)}; give a vehicle file with --vehicle, or write them in", markup=False
         )
     else:
-        console.print(f"Check the guesses in it; then: wsp tune {file.parent}", markup=False)
+        console.print(f"Check the guesses in it; then: wsp tune {shlex.quote(str(file.parent))}", markup=False)
     return file.parent
 
 

@@ -12,7 +12,7 @@ from wsp_env.diagnosis.answer import Curve, Diagnosis, Estimate
 from wsp_env.diagnosis.report_evidence import evidence
 from wsp_env.diagnosis.report_facts import BALANCES, LEAST_SHARE, axles_said, doubt, facts, lead, removed_said
 from wsp_env.diagnosis.report_runs import course_plot, figures, heat_maps, still_high
-from wsp_env.diagnosis.words import parameter_words, said, unit_words
+from wsp_env.diagnosis.words import capital, parameter_words, said, unit_words
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.report import COLOURS, Facts, Origin, PageOptions, Section, Table, axes, plotly, write_page
 
@@ -101,7 +101,7 @@ def _fitted(found: Diagnosis) -> list[Section]:
         rows = _parameters(one.parameters)
         others = ", ".join(name.replace("_", " ") for name in one.alternatives[1:])
         text = [
-            f"{_capital(said(one.name, one.parameters))}. What it leaves: {ALL[one.name].signature.trace}.",
+            f"{capital(said(one.name, one.parameters))}. What it leaves: {ALL[one.name].signature.trace}.",
             f"Confidence {one.confidence:.2f}{doubt(one)}; {one.multiple:.1f} times the smallest effect of interest; reduces "
             f"chi-square by {one.gain:.0f}, where noise alone gives {one.null_gain:.0f}; held out, by "
             f"{one.held_out_gain:.0f}.",
@@ -128,7 +128,7 @@ def _discovered(found: Diagnosis) -> list[Section]:
     sections = []
     for one in found.discovered:
         text = [
-            f"{_capital(one.slot)}: {one.equation}. It depends on: {', '.join(one.features)}.",
+            f"{capital(one.slot)}: {one.equation}. It depends on: {', '.join(one.features)}.",
             f"{one.multiple:.1f} times the smallest effect of interest; reduces chi-square by {one.gain:.0f}; held out, by "
             f"{one.held_out_gain:.0f}{doubt(one)}. Removed: {removed_said(one.removed_validate)}.",
         ]
@@ -183,7 +183,7 @@ def _before_after(found: Diagnosis) -> Section | None:
 def _remains(found: Diagnosis) -> Section | None:
     text: list[str] = []
     shows: list[Any] = []
-    text += [f"{_capital(note)}." for note in found.notes]
+    text += [f"{capital(note)}." for note in found.notes]
     units = {(name, one.name): one.unit for name, mechanism in ALL.items() for one in mechanism.parameters}
     rows = [
         (name.replace("_", " "), parameter_words(size), f"{value:.3g}", unit_words(units.get((name, size), "")))
@@ -193,7 +193,3 @@ def _remains(found: Diagnosis) -> Section | None:
     header = ("Mechanism", "Parameter", "Smallest change that would have been seen", "Unit")
     shows += [Table(header, rows)] if rows else []
     return Section("What remains, and what could have been seen", text, shows, fold=True) if text or shows else None
-
-
-def _capital(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}"

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from wsp_env.diagnosis.answer import Diagnosis, Discovered, FitQuality, Location, Named, Verdict, Worth
 from wsp_env.diagnosis.interest import DISTANCE
 from wsp_env.diagnosis.stops import SLIP_MPS
+from wsp_env.diagnosis.words import capital
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.report import Facts
 
@@ -51,7 +52,7 @@ def facts(found: Diagnosis) -> Facts:
         rows.append(("Misfit", misfit_said(found.fit)))
     if alike := [text for one in found.discovered if (text := _open(one))]:
         rows.append(("Left open", "; ".join(alike)))
-    rows.append(("Next test", _capital(found.next_test)))
+    rows.append(("Next test", capital(found.next_test)))
     return Facts(rows)
 
 
@@ -208,7 +209,3 @@ def _open(one: Discovered) -> str:
 
 def _and(words: Sequence[str]) -> str:
     return f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else "".join(words)
-
-
-def _capital(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}"

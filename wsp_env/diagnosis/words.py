@@ -1,6 +1,7 @@
 """What a diagnosis says in words: what a mechanism does here, the verdict in one sentence, and the test to make next."""
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 
 from wsp_env.diagnosis.answer import Discovered, Estimate, Location, Named, Verdict
@@ -154,3 +155,8 @@ def _claim(one: Named) -> str:
     elif others:
         words = f"probably {words}"
     return f"{words} (or it is {others}: these recordings cannot tell)" if others else words
+
+
+def capital(text: str) -> str:
+    """Return a text as a sentence begins; a path stays as it is."""
+    return text if re.match(r"\S*[/\\]", text) else f"{text[:1].upper()}{text[1:]}"

@@ -49,7 +49,7 @@ def decided(verdicts: Sequence[Verdict]) -> list[str]:
         used, granted, where = one.worst, one.at_most, one.where
         if math.isfinite(one.mean_at_most) and not one.mean / one.mean_at_most < one.worst / one.at_most:
             used, granted, where = one.mean, one.mean_at_most, "mean"
-        what = f"{one.requirement} {used:.4g} of {granted:.4g} ({where})"
+        what = f"{one.requirement} {used:.4g} of {granted:.4g} ({where})" if math.isfinite(used) else where
         if missed:
             others = f", and {len(missed) - 1} more of {len(own)}" if len(missed) > 1 else f", the other {len(own) - 1} met"
             lines.append(f"FAIL {name}: {what}{others}")

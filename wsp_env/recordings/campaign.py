@@ -85,8 +85,15 @@ def read_campaign(folder: Path) -> Campaign:
 
     """
     path = Path(folder) / "campaign.toml"
+    if is_file(Path(folder)):
+        raise CampaignError(f"{folder} is a file; a campaign is a folder: give {Path(folder).parent}")
+    if not Path(folder).is_dir():
+        raise CampaignError(f"there is no folder {folder}")
     if not is_file(path):
-        raise CampaignError(f"{path} does not exist: a campaign is a folder that holds campaign.toml and one table per run")
+        raise CampaignError(
+            f"{path} does not exist: a campaign is a folder that holds campaign.toml and one table per run; "
+            "wsp inspect FOLDER --vehicle FILE writes it"
+        )
     try:
         document = read_toml(path)
     except DocumentError as error:

@@ -77,7 +77,8 @@ def _check_axles(opened: ChannelFile, required: list[str], optional: list[str]) 
     if seen and seen - missing != believed:
         raise CampaignError(
             f"{opened.file}: its columns speak of axles {', '.join(map(str, sorted(seen)))}, but campaign.toml says "
-            f"[vehicle] axles = {len(believed | missing)}; correct the one or the other"
+            f"[vehicle] axles = {len(believed | missing)}; correct the one or the other, or name axles without a sensor in "
+            "missing_axles, of [vehicle] or of the run"
         )
 
 

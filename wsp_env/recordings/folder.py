@@ -64,11 +64,9 @@ def find(folder: Path) -> Found:
         raise CampaignError(next(iter(left.values())))
     chosen = max(groups.values(), key=len)
     for group in groups.values():
-        left |= (
-            {}
-            if group is chosen
-            else {file: f"{file}: its columns are others than those of {chosen[0].name}" for file in group}
-        )
+        if group is not chosen:
+            others = f"its columns are others than those of {chosen[0].name}; it can be added to campaign.toml by hand"
+            left |= {file: f"{file}: {others}" for file in group}
     runs = tuple(sorted(chosen, key=lambda file: (_slid(file, inspected[file]), _speed(inspected[file]), file)))
     return Found(runs, inspected[runs[0]], left)
 

@@ -16,7 +16,7 @@ _WORDS = {
     "valve_command": (("valve", "cmd", "command", "ventil", "dump"), ""),
     "vehicle_speed": (("speed", "vel", "geschw"), "m/s"),
     "position": (("pos", "dist", "chain", "weg"), "m"),
-    "time": (("time", "zeit", "timestamp"), "s"),
+    "time": (("time", "zeit", "uhr", "timestamp"), "s"),
 }
 
 # Endings of names that are units; longer ones first.

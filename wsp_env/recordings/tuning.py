@@ -50,6 +50,7 @@ class RunScore:
     mu_cd: float  # [-]
     mu_cd_tuned: bool  # or the believed one
     error: tuple[float | None, ...]  # e_j = ||f_sp - f|| / ||f_sp|| [-] per axle; None where an axle never slides
+    missing_axles: tuple[int, ...] = ()  # from 1: without a usable sensor
 
     @property
     def slides(self) -> bool:
@@ -140,7 +141,8 @@ def tune(campaign: Campaign, smoothing: Smoothing = Smoothing(), tune_friction: 
             frictions |= _Problem(campaign, {name: derived[name]}, True, tau).solve()[2]
         mu_cd = frictions.get(name, believed) if tune_friction else believed
         error = _errors(campaign, derived[name], tau, mu_cd) if slides[name] else (None,) * campaign.vehicle.axles
-        runs[name] = RunScore("tune" if name in campaign.tune else "validate", mu_cd, tune_friction and slides[name], error)
+        group, absent = "tune" if name in campaign.tune else "validate", campaign.runs[name].missing_axles
+        runs[name] = RunScore(group, mu_cd, tune_friction and slides[name], error, absent)
     tuning = Tuning(tau, interval, runs)
     if not tuning.determined:
         warnings.warn(f"campaign {campaign.name}: {tuning.sentence}", CampaignWarning, stacklevel=2)

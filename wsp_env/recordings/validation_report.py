@@ -19,7 +19,10 @@ def adhesion_table(tuning: Tuning) -> Table:
     rows = []
     for name, score in tuning.runs.items():
         mark = "" if score.mu_cd_tuned else "*"
-        errors = ("no slide" if error is None else f"{100 * error:.1f}" for error in score.error)
+        errors = (
+            "no sensor" if k in score.missing_axles else "no slide" if error is None else f"{100 * error:.1f}"
+            for k, error in enumerate(score.error, 1)
+        )
         rows.append((name, score.group, f"{score.mu_cd:.4f}{mark}", *errors))
     caption = "per axle the relative error e_j of the adhesion coefficient, as in the seed paper's Table 4"
     if not all(score.mu_cd_tuned for score in tuning.runs.values()):

@@ -5,6 +5,7 @@ from typing import Any
 
 from nicegui import ui
 
+from wsp_env.diagnosis.words import capital
 from wsp_env.studio import shell
 from wsp_env.studio.workspace import STEPS, Workspace
 
@@ -112,7 +113,7 @@ class ResultsView:
 
     def _checked(self, job: Any) -> None:
         for one in job.result["suspects"]:
-            shell.note(f"{one['channel']}: {one['suspicion']}. {_capital(one['remedy'])}.")
+            shell.note(f"{one['channel']}: {one['suspicion']}. {capital(one['remedy'])}.")
         if not job.result["suspects"]:
             shell.note("No channel contradicts the others.", "good")
         repaired = job.warnings[:_MOST_WARNINGS]
@@ -126,9 +127,9 @@ class ResultsView:
     def _tuned(self, job: Any) -> None:
         shell.note(f"{job.result['sentence']}.", "good" if job.result["determined"] else "warn")
         for one in job.result["absurd"]:
-            shell.note(f"{_capital(one)}.")
+            shell.note(f"{capital(one)}.")
         shell.table(job.result["table"])
-        ui.label(f"{_capital(job.result['table']['caption'])}.").classes("quiet small")
+        ui.label(f"{capital(job.result['table']['caption'])}.").classes("quiet small")
 
     def _validated(self, job: Any) -> None:
         shell.note(job.result["verdict"], "good")
@@ -139,7 +140,3 @@ class ResultsView:
         shell.note(job.result["sentence"], "good")
         ui.label(f"Next test: {job.result['next_test']}").style("max-width: 60rem")
         self._links("diagnose", job.result["files"])
-
-
-def _capital(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}"

@@ -48,7 +48,7 @@ def open_file(file: Path) -> ChannelFile:
     if not stat.S_ISREG(state.st_mode):  # a pipe would be waited for
         raise CampaignError(f"{file} cannot be opened: it is no file")
     if state.st_size == 0:
-        raise CampaignError(f"{file} is empty")
+        raise CampaignError(f"{file} is empty; record it again, or leave the run out of campaign.toml")
     reader = readers[suffix]
     opened: ChannelFile = Apart(file, reader) if reader in NATIVE else _module(reader).open_file(file)
     if not opened.units:

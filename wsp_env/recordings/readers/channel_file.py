@@ -38,4 +38,6 @@ class ChannelFile(ABC):
         """Raise `CampaignError` naming the channels that the file does not have."""
         if missing := [name for name in names if name not in self.units]:
             has = ", ".join(list(self.units)[:40]) + (", ..." if len(self.units) > 40 else "")
-            raise CampaignError(f"{self.file} lacks the column {', '.join(missing)}; it has: {has}")
+            axles = any(name.startswith("axle") for name in missing)
+            remedy = "; an axle without a sensor is named in missing_axles of the run" if axles else ""
+            raise CampaignError(f"{self.file} lacks the column {', '.join(missing)}; it has: {has}{remedy}")
