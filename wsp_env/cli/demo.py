@@ -32,7 +32,7 @@ def main(
     out: Annotated[Path, tyro.conf.arg(metavar="FILE")] = Path("out/demo.html"),
     page: Pages = PageOptions(),
 ) -> None:
-    """From recorded stops to the physics that their validation concealed; a minute at the very first run, then seconds.
+    """From recorded stops to the physics that their validation concealed; two minutes at the very first run, then half of one.
 
     Parameters
     ----------
