@@ -252,7 +252,7 @@ def test_a_folder_is_split_fairly_and_told_of(columns, vehicle, tmp_path, capsys
     (folder / "broken.mat").write_bytes(b"MATLAB")
     assert main(["inspect", str(folder), "--vehicle", str(vehicle)]) == 0
     told = capsys.readouterr()
-    assert "4 runs tune, 2 validate, 2 files left out" in told.out
+    assert "4 runs tune, 2 validate, 2 left out" in told.out
     assert "columns not used: Temperature [degC]" in told.out
     assert "broken.mat" in told.err
     assert "notes.txt" in told.err

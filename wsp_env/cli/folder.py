@@ -83,7 +83,7 @@ def pictured(folder: Path, page: Path, console: Console, options: PageOptions = 
 def _tell(found: Found, file: Path, console: Console) -> None:
     tune, validate = split(found.runs)
     console.print(f"Written: {file}", markup=False)
-    console.print(f"  {len(tune)} runs tune, {len(validate)} validate, {len(found.left)} files left out", markup=False)
+    console.print(f"  {len(tune)} runs tune, {len(validate)} validate, {len(found.left)} left out", markup=False)
     if names := unused(found.channels):
         more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
         console.print(f"  columns not used: {', '.join(names[:_SHOWN])}{more}", markup=False)

@@ -79,7 +79,7 @@ def _where(found: Diagnosis) -> Section | None:
     ]  # fmt: skip
     text = [
         "Colours: mean squares of the residuals, normal variation fitted away, over the squared deviation that the channels' "
-        "noise gives them. A sound vehicle leaves some 1; white is 1 or less. Every step of the scale is a factor."
+        "noise gives them. A sound vehicle leaves about 1; white is 1 or less. Every step of the scale is a factor."
     ]
     if not found.location:
         text.insert(0, "No balance is off by more than normal variation explains.")

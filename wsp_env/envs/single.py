@@ -22,8 +22,8 @@ class BrakingEnv(gym.Env[np.ndarray, Any]):
     **Observation**: float32, built from measured wheel speeds, the brake demand and own commands, see
     `wsp_env.observer.observation.Observer`. The true speed, adhesion and conditions are in `info` only.
 
-    **Reward**: the sum of the terms in `info["reward_terms"]`: stopping distance, slip beyond the limit, locked wheels, air;
-    weights in `wsp_env.envs.task.RewardWeights`.
+    **Reward**: the sum of the terms in `info["reward_terms"]`: stopping distance, time, what the rest of the stop costs, slip,
+    slip beyond the limit, locked wheels, air; weights in `wsp_env.envs.task.RewardWeights`.
 
     **Start**: rolling freely, cylinders empty, conditions drawn as `wsp_env.scenario.Scenario` says; `reset(options={"mu_cd":
     0.03})` pins any of `wsp_env.scenario.PINS`.
