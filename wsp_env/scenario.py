@@ -63,7 +63,7 @@ class Scenario:
         try:
             low, high = (float(end) for end in value)
         except (TypeError, ValueError, OverflowError):
-            raise ParameterError(f"scenario: {name} = {shown(value)} must be a pair (lowest, highest)") from None
+            raise ParameterError(f"scenario: {name} = {shown(value)} must be a pair, the lowest first") from None
         positive = name in ("mu_cd", "initial_speed", "patch_length", "variation_length")
         if not (math.isfinite(low) and math.isfinite(high) and low <= high) or (positive and low <= 0.0):
             raise ParameterError(
@@ -71,9 +71,8 @@ class Scenario:
             )
         lowest, highest, unit = _LIMITS.get(name, (0.0, math.inf, "m"))
         if low < lowest or high > highest:
-            raise ParameterError(
-                f"scenario: {name} = {shown(value)} is impossible: it must lie in [{lowest:g}, {highest:g}] {unit}"
-            )
+            limits = f"[{lowest:g}, {highest:g}] {unit}".removesuffix(" -")
+            raise ParameterError(f"scenario: {name} = {shown(value)} is impossible: it must lie in {limits}")
         object.__setattr__(self, name, (low, high))
 
 
@@ -189,7 +188,7 @@ def _end(name: str, key: str, value: Any, end: int) -> Any:
     if not _is_range(value):
         return value
     if len(value) != 2 or not all(isinstance(one, int | float | np.number) for one in value) or value[0] > value[1]:
-        raise ParameterError(f"mechanism {name}: {key} = {shown(value)} must be a number or a pair (lowest, highest)")
+        raise ParameterError(f"mechanism {name}: {key} = {shown(value)} must be a number or a pair, the lowest first")
     return value[end]
 
 

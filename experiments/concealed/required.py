@@ -8,7 +8,7 @@ from experiments.concealed.rates import NO_CASE, Rate, percent, put
 CASES, NULLS = 200, 60
 DISTANCES = "90 % intervals of the change of stopping distance cover (effects whose parameters are not comparable)"
 #: In place of a bound, where a figure is told but none is required of it.
-TOLD = "told"
+TOLD = "none"
 
 
 class Check(NamedTuple):

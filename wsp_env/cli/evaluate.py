@@ -289,8 +289,7 @@ def _verdict_table(verdicts: tuple[Verdict, ...]) -> Table:
         mean = f"{verdict.mean:.4g} of {verdict.mean_at_most:.4g}" if math.isfinite(verdict.mean_at_most) else ""
         name = "" if verdict.requirement == previous else verdict.requirement
         worst = f"{verdict.worst:.4g}" if math.isfinite(verdict.worst) else "-"
-        table.add_row(
-            escape(name), escape(verdict.controller), mark, worst, f"{verdict.at_most:.4g}", escape(verdict.where), mean
-        )
+        limit = f"{verdict.at_most:.4g} {verdict.unit}".rstrip()
+        table.add_row(escape(name), escape(verdict.controller), mark, worst, limit, escape(verdict.where), mean)
         previous = verdict.requirement
     return table

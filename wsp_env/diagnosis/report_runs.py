@@ -179,9 +179,12 @@ def figures(found: Diagnosis, extended: bool) -> list[Table]:
               *(f"deviation {side} [m/s]" for side in recorded))  # fmt: skip
     return [
         Table(header, axle_rows,
-              "*: held out. Adhesion error: of the coefficient, over its mean while the axle slides (e, Table 4). "
+              "*: held out. Adhesion error: of the coefficient, over its mean while the axle slides (as e of Table 4, but of "
+              "means over 0.16 s and under the law that the diagnosis fits: wsp tune and wsp validate compare single samples "
+              "under theirs). "
               "Mean slide and its deviation (eqs. 20 and 21) of whole stops simulated with the recorded torque, which "
               "no controller corrects: compare the statistics, not instants."),
         Table(("Run", *(f"speed error {side} [m/s]" for side in said)), speeds,
-              "*: held out. Speed error: of the vehicle's speed, computed with the measured torque (E, eq. 19)."),
+              "*: held out. Speed error: of the vehicle's speed, computed with the measured torque (E, eq. 19), under the law "
+              "that the diagnosis fits; wsp validate computes it under the law of wsp tune."),
     ]  # fmt: skip

@@ -114,7 +114,7 @@ def _verdicts(verdicts: Sequence[Verdict]) -> Table:
         own = {verdict.controller: verdict for verdict in verdicts if verdict.requirement == requirement}
         first = next(iter(own.values()))
         cells = [_verdict(own[name]) if name in own else "" for name in names]
-        rows.append((requirement, f"{first.at_most:g}", *cells, first.source))
+        rows.append((requirement, f"{first.at_most:g} {first.unit}".rstrip(), *cells, first.source))
     return Table(
         ("requirement", "at most", *names, "source of the limit"),
         rows,

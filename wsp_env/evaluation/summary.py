@@ -29,6 +29,7 @@ class Verdict:
     source: str
     mean: float = math.nan  # of the stops; nan where none is asked for
     mean_at_most: float = math.inf
+    unit: str = ""  # of all these numbers; empty for a ratio
 
     @property
     def share(self) -> float:
@@ -49,7 +50,8 @@ def decided(verdicts: Sequence[Verdict]) -> list[str]:
         used, granted, where = one.worst, one.at_most, one.where
         if math.isfinite(one.mean_at_most) and not one.mean / one.mean_at_most < one.worst / one.at_most:
             used, granted, where = one.mean, one.mean_at_most, "mean"
-        what = f"{one.requirement} {used:.4g} of {granted:.4g} ({where})" if math.isfinite(used) else where
+        limit = f"{granted:.4g} {one.unit}".rstrip()
+        what = f"{one.requirement} {used:.4g} of {limit} ({where})" if math.isfinite(used) else where
         if missed:
             others = f", and {len(missed) - 1} more of {len(own)}" if len(missed) > 1 else f", the other {len(own) - 1} met"
             lines.append(f"FAIL {name}: {what}{others}")
@@ -106,7 +108,10 @@ def judge(
                 worst, where, mean = found
                 passed = worst <= requirement.at_most and mean <= requirement.mean_at_most
                 source, means = requirement.source, (mean, requirement.mean_at_most)
-                verdicts.append(Verdict(requirement.name, name, passed, worst, requirement.at_most, where, source, *means))
+                unit = FIGURES[requirement.figure][0].removeprefix("-")
+                verdicts.append(
+                    Verdict(requirement.name, name, passed, worst, requirement.at_most, where, source, *means, unit)
+                )
     return tuple(verdicts)
 
 

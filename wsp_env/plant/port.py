@@ -222,7 +222,9 @@ def check_stop(stop: Stop, vehicle: Vehicle) -> None:
     for name, (low, high, unit) in LIMITS.items():
         for value in (np.min(values[name]), np.max(values[name])):
             if not low <= value <= high:
-                raise ParameterError(f"{name} = {value:g} is impossible: it must lie in [{low:g}, {high:g}] {unit}")
+                raise ParameterError(
+                    f"{name} = {value:g} is impossible: it must lie in [{low:g}, {high:g}] {unit}".removesuffix(" -")
+                )
 
 
 def check_command(command: ArrayLike, n: int, axles: int) -> np.ndarray:
