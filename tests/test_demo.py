@@ -65,4 +65,4 @@ def test_command_line_names_what_is_wrong(capsys):
     assert main(["--help"]) == 0
     assert "usage: wsp COMMAND" in capsys.readouterr().out
     assert main(["tune", "no/such/folder"]) == 2
-    assert "campaign.toml does not exist" in capsys.readouterr().err
+    assert "there is no folder no/such/folder" in capsys.readouterr().err
