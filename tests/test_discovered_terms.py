@@ -70,7 +70,7 @@ def test_friction_by_the_rate_of_the_slip_can_only_rise():
 
 
 def test_a_rigging_can_only_hold_the_torque_back():
-    play = next(one for one in tried() if one.family == "brake torque of axle 3 4 by torque play")
+    play = next(one for one in tried() if one.family == "brake torque of axles 3 and 4 by torque play")
     candidate = Candidate(play, np.zeros((0, 1)), np.ones(1))
     assert can_be(candidate, np.array([-1.0]))
     assert not can_be(candidate, np.array([1.0]))
@@ -98,7 +98,7 @@ def test_curves_take_the_terms_that_are_left():
 
 
 def test_a_group_of_axles_is_said():
-    one = next(one for one in tried() if one.family == "friction of axle 3 4 by speed")
+    one = next(one for one in tried() if one.family == "friction of axles 3 and 4 by speed")
     words = equation(one, one.fixed | {"coefficient_1": -0.1})
     assert words.axles == (3, 4)
     assert words.equation == "friction of axles 3 and 4 falls by 10 %, times running speed over 30 m/s"

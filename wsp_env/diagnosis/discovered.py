@@ -186,7 +186,9 @@ def _variant(n: int, slot: Slot, axles: tuple[int, ...], feature: Feature, scale
 
 
 def _family(slot: Slot, axles: tuple[int, ...], name: str) -> str:
-    where = f" of axle {' '.join(map(str, axles))}" if axles else ""
+    names = [str(axle) for axle in axles]
+    several = f" of axles {', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else ""
+    where = several or (f" of axle {names[0]}" if names else "")
     return f"{_said(slot)}{where} by {name}".replace("_", " ")
 
 
