@@ -147,6 +147,7 @@ def test_vehicles_of_one_and_two_axles_torque_by_pressure_or_measured(axles, mea
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_wheelset_of_another_radius_is_found(tmp_path):
     folder = small_demo(tmp_path / "campaign")
     for file in folder.glob("*.csv"):

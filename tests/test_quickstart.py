@@ -40,6 +40,7 @@ def judge():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_quarter_of_a_minute_of_learning_brings_a_good_part_of_the_way(judge):
     """The first five eighths of the page's training: shorter stops, also with what they slide.
 
