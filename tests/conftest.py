@@ -25,6 +25,8 @@ settings.load_profile("wsp")
 #: what the other does.
 BEGUN_FIRST = (
     "test_diagnosis.py",
+    "test_recordings_quality.py",
+    "test_suspect.py",
     "test_creep_curves.py",
     "test_package.py",
     "test_concealed_proof.py",

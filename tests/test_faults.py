@@ -87,7 +87,7 @@ def test_one_line_says_what_decides():
     locked = rows("locks", [1.5, 1.5]).with_columns(locked_s=polars.lit(2.0))
     (line,) = decided(judge(locked, REQUIRED))
     assert (
-        line == "FAIL locks: no lock 2 of 0 (spray, classic, draw 1), and 1 more of 2"
+        line == "FAIL locks: no lock 2 of 0 s (spray, classic, draw 1), and 1 more of 2"
     )  # where nothing is granted, that decides
 
 
