@@ -37,8 +37,8 @@ class Recording:
         """Return it without standstill before and after: there brakes hold, and slow nothing."""
         turning = wheel_radius_m * np.abs(self.wheel_speed_radps).max(axis=1)
         moves = np.flatnonzero((np.abs(self.vehicle_speed_mps) > _STANDS_MPS) | (turning > _TURNS_MPS))
-        if not len(moves) or moves[-1] - moves[0] + 1 == len(moves) == len(self.time_s):
+        if not len(moves):
             return self
         part = slice(max(moves[0] - 1, 0), moves[-1] + 2)
         arrays = {name: value[part] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
-        return dataclasses.replace(self, **arrays)  # type: ignore[arg-type]
+        return dataclasses.replace(self, **arrays)  # type: ignore[arg-type]  # fields by name
