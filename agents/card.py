@@ -35,8 +35,8 @@ DEFAULTS = settings.record(settings.Arguments())
 
 #: What the columns of the card are called.
 _HEADINGS = (
-    "distance [m]", "/ rules", "slip [m/s]", "deviation [m/s]", "energy [MJ]", "creepage", "beyond limit [s]", "locked [s]",
-    "air [Nl]", "utilisation",
+    "distance [m]", "/ rules", "slip [m/s]", "standard deviation of slip [m/s]", "energy [MJ]", "creepage", "beyond limit [s]",
+    "locked [s]", "air [Nl]", "utilisation",
 )  # fmt: skip
 
 

@@ -1,9 +1,9 @@
-"""Controllers on vehicles that are not quite what they believe: `python -m agents.drawn --vehicle bogie`.
+"""Controllers on vehicles that differ from the one they assume: `python -m agents.drawn --vehicle bogie`.
 
-Held-out stops with nominal brakes, and with brakes, radii, sensors and wear drawn. Controllers are told the nominal vehicle.
-Prints each one's figures over those that the lower envelope of the others' fronts (see `agents.rivals`), measured in the same
-world, has at its own slip, the distance with its standard error; by `--json` the means. Of several trainings (`--runs`) it
-prints mean, confidence interval and range as well.
+The stops are held out. Brakes are nominal, or brakes, radii, sensor noise and wear are drawn at random. All controllers assume
+the nominal vehicle. The table gives each controller's figures as ratios to the lower envelope of the others' fronts (see
+`agents.rivals`) in the same world at the controller's own mean slip; the ratio of distances has its standard error. `--json`
+prints the means as well. For several trainings (`--runs`) a second table gives mean, confidence interval and range.
 """
 
 import dataclasses
@@ -56,12 +56,12 @@ Stops = Mapping[str, Sequence[float]]
 
 
 class Believing:
-    """A controller that is told another vehicle than the one that it brakes.
+    """A controller that assumes another vehicle than the one that it brakes.
 
     Parameters
     ----------
-    controller : whom
-    vehicle : what it is told
+    controller : the controller
+    vehicle : the vehicle that it assumes
 
     """
 
@@ -235,7 +235,7 @@ def measured(yardstick: Drawn, controller: Controller) -> Stops:
 
 
 def under(vehicle: Vehicle, law: str) -> Vehicle:
-    """Return the vehicle on rail of that law; who brakes it is told nothing of a cap."""
+    """Return the vehicle on rail of that law; the cap is not reported to the controllers."""
     if law != "capped":
         return vehicle
     return dataclasses.replace(vehicle, contact=dataclasses.replace(vehicle.contact, traction_law="capped"))
@@ -263,7 +263,8 @@ def _keep(path: Path | None, label: str, found: Stops) -> None:
 def table(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the rows as a table in Markdown."""
     lines = [
-        "| world | law | controller | distance [m] | slip [m/s] | distance | deviation | energy | air | worst lock [s] |",
+        "| world | law | controller | distance [m] | slip [m/s] | distance / envelope | standard deviation of slip / envelope "
+        "| energy / envelope | air / envelope | longest lock [s] |",
         "|:--|:--|:--|--:|--:|--:|--:|--:|--:|--:|",
     ]
     for row in rows:
@@ -278,10 +279,11 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
 def over_seeds(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return mean, 95 % confidence interval and range of the trainings among the rows as a table in Markdown.
 
-    `beyond` counts those beyond the front.
+    The last column counts those beyond the front.
     """
     lines = [
-        "| world | law | trainings | distance | least to most | slip [m/s] | deviation | energy | worst lock [s] | beyond |",
+        "| world | law | trainings | distance / envelope | least to greatest | slip [m/s] "
+        "| standard deviation of slip / envelope | energy / envelope | longest lock [s] | beyond the front |",
         "|:--|:--|--:|--:|--:|--:|--:|--:|--:|--:|",
     ]
     for name, law in dict.fromkeys((row["world"], row["law"]) for row in rows):

@@ -69,7 +69,8 @@ def _row(name: str, own: dict[str, np.ndarray], rules: dict[str, np.ndarray], bo
 def table(rows: list[dict[str, Any]]) -> str:
     """Return the rows as a table in Markdown."""
     lines = [
-        "| campaign | stops | distance / rules | slip / rules | deviation / rules | energy / rules | locked [s] | / bound |",
+        "| campaign | stops | distance / rules | slip / rules | standard deviation of slip / rules | energy / rules "
+        "| locked [s] | distance / bound |",
         "|:--|" + "--:|" * 7,
     ]
     for row in rows:

@@ -74,7 +74,7 @@ def at_slip(front: Sequence[Mapping[str, float]], slip: float) -> dict[str, floa
 def table(rows: list[dict[str, Any]]) -> str:
     """Return the rows as a table in Markdown."""
     lines = [
-        "| world | rules' price | distance | slip | deviation | energy | locked [s] | distance / bound |",
+        "| world | rules' price | distance | slip | standard deviation of slip | energy | locked [s] | distance / bound |",
         "|:--|--:|--:|--:|--:|--:|--:|--:|",
     ]
     for row in rows:

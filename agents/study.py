@@ -86,7 +86,8 @@ def compare(controllers: Mapping[str, Controller], yardstick: Yardstick) -> list
 def table(results: Mapping[str, list[dict[str, Any]]]) -> str:
     """Return the results as a table in Markdown: each policy over the rules in the same world."""
     lines = [
-        "| world | policy | distance / rules | slip / rules | deviation / rules | energy / rules | locked [s] | creepage |",
+        "| world | policy | distance / rules | slip / rules | standard deviation of slip / rules | energy / rules | locked [s] "
+        "| creepage |",
         "|:--|:--|--:|--:|--:|--:|--:|--:|",
     ]
     for world, rows in results.items():

@@ -1,8 +1,8 @@
-"""What a controller stands that differs from what it believes: `python -m agents.tolerances --vehicle bogie`.
+"""How a controller tolerates a vehicle that differs from the one it assumes: `python -m agents.tolerances --vehicle bogie`.
 
-Each tolerance changes one thing of the vehicle that brakes; the controller is told the nominal vehicle, and once more the true
-one. The first over the stop as believed is what the tolerance costs; the second over the first is what an observer that
-learned it perfectly while braking could buy.
+Each tolerance changes one property of the vehicle. The controller brakes it twice: first it assumes the nominal vehicle, then
+it knows the true one. The first distance over that of the nominal vehicle is the cost of the tolerance. The second distance
+over the first is what an observer could gain that learned the true property while braking.
 """
 
 import dataclasses
@@ -27,7 +27,7 @@ from wsp_env.plant.port import Stop
 
 @dataclasses.dataclass(frozen=True)
 class Tolerance:
-    """What differs: the brake by factors or offsets on its fields, one axle by a mechanism, the stops by a function."""
+    """What differs: fields of the brake by factors, one axle by a mechanism, the stops by a function."""
 
     factors: Mapping[str, float] = dataclasses.field(default_factory=dict)
     mechanisms: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
@@ -89,7 +89,10 @@ class Arguments:
 
 
 def braked(controller: Controller, tolerance: Tolerance, law: str, told: bool, arguments: Arguments) -> dict[str, list[float]]:
-    """Return distance [m], mean slip [m/s] and locked time [s] of the stops, the controller told the true vehicle or not."""
+    """Return distance [m], mean slip [m/s] and locked time [s] of the stops.
+
+    With `told` the controller knows the true vehicle, else it assumes the nominal one.
+    """
     nominal = VEHICLES[arguments.vehicle]
     vehicle = tolerance.of(nominal)
     stops = [tolerance.stop(stop) for stop in low_adhesion(nominal, law, arguments.stops, arguments.drawn_by)]
@@ -145,8 +148,8 @@ def _over_the_first(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def table(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the rows as a table in Markdown."""
     lines = [
-        "| tolerance | law | controller | distance / as believed | slip [m/s] | locked [s] "
-        "| told the truth: distance | slip [m/s] |",
+        "| tolerance | law | controller | distance / as believed | slip [m/s] | longest lock [s] "
+        "| true brake known: distance / nominal brake assumed | slip [m/s] |",
         "|:--|:--|:--|--:|--:|--:|--:|--:|",
     ]
     for row in rows:

@@ -39,7 +39,7 @@ _COLUMNS = (
     ("ratio_dry", "/ dry", 2),
     ("ratio_bound", "/ bound", 2),
     ("mean_slip_mps", "mean slip\n[m/s]", 2),
-    ("slip_deviation_mps", "deviation\n[m/s]", 2),
+    ("slip_deviation_mps", "slip std.\n[m/s]", 2),
     ("largest_creepage", "largest\ncreepage", 2),
     ("beyond_limit_s", "beyond\nlimit [s]", 1),
     ("locked_s", "locked\n[s]", 1),

@@ -29,7 +29,7 @@ _HEADS = {
     "distance_m": "distance [m]",
     "time_s": "time [s]",
     "mean_slip_mps": "mean slip [m/s]",
-    "slip_deviation_mps": "deviation [m/s]",
+    "slip_deviation_mps": "slip std. [m/s]",
     "largest_creepage": "largest creepage [-]",
     "beyond_limit_s": "beyond limit [s]",
     "locked_s": "locked [s]",
