@@ -43,7 +43,7 @@ class RunFigures:
     adhesion_error_after: tuple[float | None, ...]
     speed_error_before_mps: float  # E, eq. (19), of the vehicle's momentum with the measured torque
     speed_error_after_mps: float
-    slide_mean_recorded_mps: tuple[float, ...]  # eq. (20)
+    slide_mean_recorded_mps: tuple[float, ...]  # eq. (21)
     slide_mean_before_mps: tuple[float, ...]
     slide_mean_after_mps: tuple[float, ...]
     slide_deviation_recorded_mps: tuple[float, ...]  # eq. (21)
