@@ -1,11 +1,11 @@
-"""What a diagnosis answers: typed, and as the JSON of diagnosis.json."""
+"""The answer of a diagnosis as typed records; `diagnosis.json` holds the same fields."""
 
 import dataclasses
 from typing import Any, Literal
 
 from wsp_env.recordings.suspect import SuspectChannel
 
-#: What a diagnosis may say.
+#: The possible verdicts.
 Verdict = Literal["adequate", "named", "ambiguous", "discovered", "unknown", "insufficient", "data"]
 
 
@@ -20,28 +20,28 @@ class Estimate:
 
 @dataclasses.dataclass(frozen=True)
 class Curve:
-    """What a mechanism changes, over what it depends on; points (P,)."""
+    """Effect of a mechanism over the quantity that it depends on, at P points; each tuple (P,)."""
 
-    equation: str  # the balance that shows it best
-    over: str  # with its unit
-    change: str  # with its unit
+    equation: str  # balance with the largest effect
+    over: str  # quantity on the x axis, with its unit
+    change: str  # quantity on the y axis, with its unit
     x: tuple[float, ...]
     observed: tuple[float, ...]
-    deviation: tuple[float, ...]  # of the observed
+    deviation: tuple[float, ...]  # standard errors of the observed values
     fitted: tuple[float, ...]
-    low: tuple[float, ...]  # of the fitted, 90 %
+    low: tuple[float, ...]  # bounds of the 90 % interval of the fitted values
     high: tuple[float, ...]
 
 
 @dataclasses.dataclass(frozen=True)
 class RunFigures:
-    """The paper's figures of one run, simulated before and after the mechanisms found; by axle where tuples."""
+    """The seed paper's figures of one run, before and after adding the mechanisms found; tuples hold one value per axle."""
 
     run: str
     group: str
-    adhesion_error_before: tuple[float | None, ...]  # e, mean error over mean adhesion [-]; None: does not slide
+    adhesion_error_before: tuple[float | None, ...]  # e, mean error over mean adhesion [-]; None: the axle does not slide
     adhesion_error_after: tuple[float | None, ...]
-    speed_error_before_mps: float  # E, eq. (19), of the vehicle's momentum with the measured torque
+    speed_error_before_mps: float  # E, eq. (19), from the vehicle's momentum with the measured torque
     speed_error_after_mps: float
     slide_mean_recorded_mps: tuple[float, ...]  # eq. (21)
     slide_mean_before_mps: tuple[float, ...]
@@ -53,37 +53,37 @@ class RunFigures:
 
 @dataclasses.dataclass(frozen=True)
 class RunTrace:
-    """One run before and after: an axle and the vehicle; at most 200 points each."""
+    """Time series of one run, before and after: one axle and the vehicle, at most 200 points each."""
 
     run: str
-    group: str  # "validate" where there is a held-out run
+    group: str  # "validate" if there is a held-out run
     axle: int  # from 1
     time_s: tuple[float, ...]
     adhesion_measured: tuple[float, ...]  # [-]
-    adhesion_before: tuple[float, ...]  # measured less what the baseline leaves [-]
+    adhesion_before: tuple[float, ...]  # measured adhesion minus the residual of the baseline [-]
     adhesion_after: tuple[float, ...]
     speed_time_s: tuple[float, ...]
     speed_residual_before_mps: tuple[float, ...]  # recorded minus predicted
     speed_residual_after_mps: tuple[float, ...]
-    shows: Literal["adhesion", "speed"] = "adhesion"  # which of both is about what was found
-    chosen: str = ""  # why this axle, in words
+    shows: Literal["adhesion", "speed"] = "adhesion"  # series that shows the finding better
+    chosen: str = ""  # reason for the choice of this axle, in words
 
 
 @dataclasses.dataclass(frozen=True)
 class Worth:
-    """What all that was found changes in the recorded stops, against the simulation tuned without it."""
+    """Change of the recorded stops by all findings together, against the simulation tuned without them."""
 
-    distance_share: float  # of the stopping distance [-]; above 0: real stops are longer than simulated ones
-    interval90: tuple[float, float] | None  # of the same
-    slip_mps: float  # of an axle's slip
-    stop_m: float | None = None  # distance braked in the recordings, mean of the stops
+    distance_share: float  # share of the stopping distance [-]; positive: real stops are longer than simulated ones
+    interval90: tuple[float, float] | None  # of `distance_share`
+    slip_mps: float  # change of an axle's slip
+    stop_m: float | None = None  # distance run while braking in the recordings, mean of the stops
 
 
 @dataclasses.dataclass(frozen=True)
 class Source:
-    """A file that a diagnosis was made from."""
+    """An input file of a diagnosis."""
 
-    file: str  # its name, as campaign.toml has it
+    file: str  # file name as in campaign.toml
     sha256: str
 
 
@@ -93,28 +93,28 @@ class Named:
 
     name: str
     confidence: float
-    alternatives: tuple[str, ...]  # what these data cannot tell from it, its own name included
+    alternatives: tuple[str, ...]  # own name, then the names that these data cannot distinguish from it
     parameters: dict[str, Estimate]
     multiple: float  # size over the smallest effect of interest
     gain: float  # reduction of chi-square
-    null_gain: float  # what noise alone gives: of stops one for each size, of creep curves the largest in null recordings
+    null_gain: float  # reduction by noise alone: of stops one for each size, of creep curves the largest in null recordings
     held_out_gain: float
-    curve: Curve | None = None  # none for creep curves, which are drawn themselves
+    curve: Curve | None = None  # None for creep curves, which are drawn themselves
 
 
 @dataclasses.dataclass(frozen=True)
 class Discovered:
-    """A term that has no name in the library, accepted on runs that it was not fitted to."""
+    """A term without a name in the library, accepted on runs to which it was not fitted."""
 
     slot: str  # brake torque, friction, recovery, vehicle force or sensor
     slots_not_separable: tuple[str, ...]  # other slots in which a term or a name explains as much
-    alternatives: tuple[str, ...]  # what explains as much, best first
-    axles: tuple[int, ...]  # from 1, all of them where it acts on every wheel; none for the vehicle and its sensor
+    alternatives: tuple[str, ...]  # terms and names that explain as much, best first
+    axles: tuple[int, ...]  # from 1; all axles if it acts on every wheel; none for the vehicle and its sensor
     equation: str  # in words and units
-    features: tuple[str, ...]  # what it depends on
+    features: tuple[str, ...]  # quantities on which it depends
     parameters: dict[str, Estimate]
-    looks_like: tuple[str, ...]  # known physics of that form
-    removed_validate: float | None  # share of what can be removed of the held-out residual that it removes
+    looks_like: tuple[str, ...]  # known physics of the same form
+    removed_validate: float | None  # share of the removable held-out residual that it removes
     multiple: float  # size over the smallest effect of interest
     gain: float  # reduction of chi-square
     held_out_gain: float
@@ -122,30 +122,30 @@ class Discovered:
 
 @dataclasses.dataclass(frozen=True)
 class Location:
-    """Where a mismatch is."""
+    """Place of a mismatch: balance, axles, runs and range of a quantity."""
 
     equation: str  # vehicle, adhesion, kinematics or actuator
     axles: tuple[int, ...]  # from 1; none for the vehicle
     runs: tuple[str, ...]
     where: str
-    share: float  # of all of the removable residual
+    share: float  # of the whole removable residual
 
 
 @dataclasses.dataclass(frozen=True)
 class Evidence:
-    """One candidate of the search."""
+    """Evidence for one candidate of the search."""
 
     name: str
     gain: float  # reduction of chi-square
-    null: tuple[float, ...]  # the same in null recordings of creep curves; none of stops
-    surprise: float  # log10 of the likelihood ratio; of creep curves minus log10 of the probability in a null recording
+    null: tuple[float, ...]  # the same in null recordings, for creep curves; empty for stops
+    surprise: float  # log10 of the likelihood ratio; for creep curves -log10 of the probability in a null recording
     held_out: float
-    multiple: float  # size over the smallest effect of interest; 0 where not computed
+    multiple: float  # size over the smallest effect of interest; 0 if not computed
 
 
 @dataclasses.dataclass(frozen=True)
 class FitQuality:
-    """Mean squares of the residuals, relative to what noise and variation leave: the noise floor is 1."""
+    """Mean squares of the residuals relative to those that noise and normal variation leave; the noise floor is 1."""
 
     noise_floor: float
     baseline: dict[str, float]
@@ -155,7 +155,7 @@ class FitQuality:
 
 @dataclasses.dataclass(frozen=True)
 class Diagnosis:
-    """The answer."""
+    """The answer of a diagnosis of stops."""
 
     campaign: str
     verdict: Verdict
@@ -166,19 +166,19 @@ class Diagnosis:
     detectable: dict[str, dict[str, float]]
     next_test: str
     evidence: tuple[Evidence, ...]
-    model: dict[str, Any]  # what model.json holds
-    residuals: dict[str, Any]  # for the report: mean squares by balance, run, axle, before and after
+    model: dict[str, Any]  # content of model.json
+    residuals: dict[str, Any]  # for the report: mean squares by balance, run and axle, before and after
     runs: tuple[RunFigures, ...]
     notes: tuple[str, ...]
-    course: RunTrace | None = None  # none where no axle has blocks to show
+    course: RunTrace | None = None  # None if no axle has blocks to show
     discovered: tuple[Discovered, ...] = ()
     suspect_channels: tuple[SuspectChannel, ...] = ()
-    worth: Worth | None = None  # none where nothing was found, or its size in a stop is not known
+    worth: Worth | None = None  # None if nothing was found, or if the size in a stop is unknown
     sources: tuple[Source, ...] = ()
-    made: str = ""  # day, as 2026-01-31
+    made: str = ""  # date, as 2026-01-31
     version: str = ""  # of this package
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain data."""
+        """Return the answer as plain data."""
         plain: dict[str, Any] = dataclasses.asdict(self)
         return plain

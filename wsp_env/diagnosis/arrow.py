@@ -1,4 +1,4 @@
-"""Matrices of inner products in which most columns concern one run alone: an arrow of blocks, solved run by run."""
+"""Gram matrices in which most columns belong to one run only (block-arrow matrices), solved run by run."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from scipy.linalg import lapack
 
 
 def rows_of(run: np.ndarray) -> list[slice | np.ndarray]:
-    """Return the rows of every run, from the run (n,) of each row; a slice, which copies nothing, where they lie together."""
+    """Return the rows of each run, from the run (n,) of each row; consecutive rows as a slice, which needs no copy."""
     found: list[slice | np.ndarray] = []
     for one in np.unique(run):
         rows = np.flatnonzero(run == one)
@@ -18,14 +18,14 @@ def rows_of(run: np.ndarray) -> list[slice | np.ndarray]:
 
 
 class Order(NamedTuple):
-    """Which columns concern one run alone, and which are common."""
+    """Order of the columns: those of one run only, and the common ones."""
 
-    own: tuple[np.ndarray, ...]  # indices of each run's
+    own: tuple[np.ndarray, ...]  # column indices of each run
     common: np.ndarray
 
     @classmethod
     def of(cls, columns: np.ndarray, run: np.ndarray, whole: int) -> "Order":
-        """Tell columns (n, k) of rows of runs (n,) apart; the last `whole` ones count as common."""
+        """Sort columns (n, k) by the runs (n,) of their rows; the last `whole` columns always count as common."""
         parts = rows_of(run)
         concerned = np.array([columns[rows].any(axis=0) for rows in parts]).reshape(len(parts), -1)
         alone = (concerned.sum(axis=0) == 1) & (np.arange(columns.shape[1]) < columns.shape[1] - whole)
@@ -33,20 +33,20 @@ class Order(NamedTuple):
 
 
 class Arrow(NamedTuple):
-    """A symmetric matrix: the block of every run, its products with what is common, and the block of that."""
+    """A symmetric matrix: one block per run, its products with the common columns, and the block of the common columns."""
 
     own: tuple[np.ndarray, ...]  # (k, k) of each run
-    cross: tuple[np.ndarray, ...]  # (k, c)
+    cross: tuple[np.ndarray, ...]  # (k, c) of each run
     common: np.ndarray  # (c, c)
 
     @classmethod
     def of(cls, columns: np.ndarray, run: np.ndarray, runs: np.ndarray, order: Order) -> "Arrow":
-        """Return the inner products of columns (n, p) over rows of runs (n,); `runs`: all that there are, as in the order."""
+        """Return the Gram matrix of columns (n, p) whose rows belong to runs (n,); `runs`: all runs, in the order's order."""
         own, cross, common = [], [], np.zeros((len(order.common),) * 2)
         for one, mine in zip(runs, order.own, strict=True):
             rows = columns[run == one]
             part, shared = rows[:, mine], rows[:, order.common]
-            used = np.flatnonzero(shared.any(axis=0))  # zeros cost nothing
+            used = np.flatnonzero(shared.any(axis=0))  # skip columns of zeros
             shared = shared[:, used]
             own.append(part.T @ part)
             cross.append(np.zeros((len(mine), len(order.common))))
@@ -55,11 +55,11 @@ class Arrow(NamedTuple):
         return cls(tuple(own), tuple(cross), common)
 
     def first(self, columns: np.ndarray) -> "Arrow":
-        """Return it with some of the common columns only, by index."""
+        """Return the matrix with only the common columns of the given indices."""
         return Arrow(self.own, tuple(one[:, columns] for one in self.cross), self.common[np.ix_(columns, columns)])
 
     def scaled(self, own: Sequence[np.ndarray], common: np.ndarray) -> "Arrow":
-        """Return it with every column multiplied by a factor: (k,) of each run's, (c,) of the common ones."""
+        """Return the matrix of scaled columns; factors (k,) for each run's own columns, (c,) for the common ones."""
         return Arrow(
             tuple(one * np.outer(d, d) for one, d in zip(self.own, own, strict=True)),
             tuple(one * np.outer(d, common) for one, d in zip(self.cross, own, strict=True)),
@@ -67,7 +67,7 @@ class Arrow(NamedTuple):
         )
 
     def inner(self, other: "Arrow") -> float:
-        """Return the sum of the products of all entries."""
+        """Return the Frobenius inner product: the sum of the products of all entries."""
         total = float(np.vdot(self.common, other.common))
         total += sum(float(np.vdot(a, b)) for a, b in zip(self.own, other.own, strict=True))
         return total + 2.0 * sum(float(np.vdot(a, b)) for a, b in zip(self.cross, other.cross, strict=True))
@@ -88,11 +88,11 @@ def combined(arrows: Sequence[Arrow], weights: np.ndarray) -> Arrow:
 
 
 class Eliminated:
-    """An arrow plus 1 on the diagonal of its first columns, the runs' own taken out.
+    """An arrow matrix plus 1 on the diagonal of its nuisance columns, with the runs' own columns eliminated.
 
     Parameters
     ----------
-    arrow : all columns; of the common ones the first `nuisances` have the 1, the others are right-hand sides
+    arrow : all columns. The first `nuisances` common columns get the 1, the other common columns are right-hand sides
 
     """
 
@@ -107,36 +107,36 @@ class Eliminated:
 
     @property
     def logdet(self) -> float:
-        """Log of the determinant of the columns that have the 1."""
+        """Log determinant of the matrix of all nuisance columns."""
         diagonals = [np.diag(root) for root in (*self._roots, self.factor[0])]
         return 2.0 * float(sum(np.log(one).sum() for one in diagonals))
 
     def solution(self, column: int) -> tuple[list[np.ndarray], np.ndarray]:
-        """Return the amplitudes of the runs' own columns and of the common nuisances, for a common column as the other side."""
+        """Return the amplitudes of the runs' own columns and of the common nuisances; right-hand side: a common column."""
         common = linalg.cho_solve(self.factor, self.rest[: self.nuisances, column], check_finite=False)
         sides = [half[:, column] - half[:, : self.nuisances] @ common for half in self._half]
         return [_solved(root, side, True) for root, side in zip(self._roots, sides, strict=True)], common
 
     def spread(self, run: int, own: np.ndarray, common: np.ndarray) -> np.ndarray:
-        """Return the root (m, k) of X inverse X' for rows X of the `run`-th run: its own columns and the common ones."""
+        """Return the root (m, k) of X A^-1 X' for the matrix A and rows X of one run, in its own and the common columns."""
         mine = _solved(self._roots[run], own.T)
         rest = common.T - self._half[run][:, : self.nuisances].T @ mine
         return np.vstack([mine, _solved(self.factor[0], rest)]).T
 
     def half(self, own: Sequence[np.ndarray], common: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-        """Return the inverse root of the matrix times columns: their rows of the runs' own (k, m), and of the common ones."""
+        """Return L^-1 Y for the root L of the matrix; Y and the result: rows (k, m) of each run's columns, and common rows."""
         mine = [_solved(root, one) for root, one in zip(self._roots, own, strict=True)]
         rest = common - sum(half[:, : self.nuisances].T @ one for half, one in zip(self._half, mine, strict=True))
         return mine, _solved(self.factor[0], rest)
 
     def back(self, own: Sequence[np.ndarray], common: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-        """Return the transposed inverse root times columns: after `half` the inverse of the matrix times them."""
+        """Return L^-T Y; applied after `half`, this gives the inverse of the matrix times the columns."""
         last = _solved(self.factor[0], common, True)
         sides = [one - half[:, : self.nuisances] @ last for half, one in zip(self._half, own, strict=True)]
         return [_solved(root, side, True) for root, side in zip(self._roots, sides, strict=True)], last
 
     def inverse(self) -> Arrow:
-        """Return the blocks of the inverse that an arrow has."""
+        """Return those blocks of the inverse matrix that an arrow stores."""
         common = inverse_of(self.factor[0])
         own, cross = [], []
         for root, half in zip(self._roots, self._half, strict=True):
@@ -147,7 +147,7 @@ class Eliminated:
 
 
 def inverse_of(factor: np.ndarray) -> np.ndarray:
-    """Return the inverse (p, p) of a matrix from its lower Cholesky factor: a third of the work of solving for it."""
+    """Return the inverse (p, p) from the lower Cholesky factor; this takes a third of the work of solving for it."""
     if not len(factor):
         return factor
     half = np.tril(lapack.dpotri(factor, lower=1)[0])

@@ -2,14 +2,13 @@
 
 With T_k = (C_k + J dw_k/dt) / r from the wheel's own balance:
 
-- adhesion: T_k / (2 N_k) - f(s_k, v, history), per axle. Where a wheel rolls freely (T near 0) this is the kinematic balance
-  v - r w = 0 times the steepness of the creep curve, and is reported as such.
-- vehicle: v(t) - v(0) + (1/M) integral of (sum T_k + resistances) dt, which holds no adhesion model. Summed up, the noise of
-  the recorded speed stays white, and J dw/dt is exact.
-- actuator: C_k less the torque that the recorded cylinder pressure gives, per axle; where both are measured, else it says
-  nothing.
+- adhesion: T_k / (2 N_k) - f(s_k, v, history), per axle. If a wheel rolls freely (T near 0), this is the kinematic balance v -
+  r w = 0 times the slope of the creep curve. It is then reported as kinematics.
+- vehicle: v(t) - v(0) + (1/M) integral of (sum T_k + resistances) dt. It contains no adhesion model. In integrated form, the
+  noise of the recorded speed stays white and J dw/dt is exact.
+- actuator: C_k minus the torque from the recorded cylinder pressure, per axle. It exists only if both were measured.
 
-Every row is divided by the deviation that noise alone gives it.
+Each row is divided by the standard deviation that noise alone gives it.
 """
 
 import dataclasses
@@ -25,30 +24,30 @@ from wsp_env.diagnosis.stops import BLOCK_S, ROLLING_SHARE, VEHICLE_BLOCK_S, Pre
 from wsp_env.diagnosis.thinning import thinned
 from wsp_env.recordings import Campaign
 
-#: Error of the vehicle balance beside noise [m/s]: quantisation and the trapezoidal sum.
+#: Error of the vehicle balance in addition to noise [m/s]: quantisation and the trapezoidal sum.
 _SPEED_FLOOR_MPS = 5e-4
-#: The same of the adhesion coefficient [-].
+#: Error of the adhesion coefficient in addition to noise [-].
 _ADHESION_FLOOR = 1e-4
-#: The same of a wheelset's torque [N m]: as much as the adhesion's at a wheelset load of some 100 kN.
+#: Error of a wheelset's torque in addition to noise [N m]; equal to that of the adhesion at a wheelset load of about 100 kN.
 _TORQUE_FLOOR_NM = 5.0
 
-#: A wheel without torque may still slide; a wrong radius looks like less creepage than this.
+#: Creepage below which a wheel without torque counts as rolling [-]; a wrong radius causes less, a slide without torque more.
 _ROLLING_CREEPAGE = 0.03
 
 ADHESION, KINEMATICS, VEHICLE, ACTUATOR = 0, 1, 2, 3
 BALANCES = ("adhesion", "kinematics", "vehicle", "actuator")
-#: Rows that have a noise of their own: those of the balances, and of adhesion those of wheels that slide.
+#: Classes of rows with a noise of their own: the balances, and the adhesion of sliding wheels.
 NOISES = (*BALANCES, "sliding")
 
 
 @dataclasses.dataclass(frozen=True)
 class Rows:
-    """What each residual (n,) is; the means over its block."""
+    """Properties of each residual (n,); quantities are means over its block."""
 
     balance: np.ndarray  # ADHESION, KINEMATICS, VEHICLE or ACTUATOR
     run: np.ndarray  # index into the stops
     axle: np.ndarray  # from 0; -1: the vehicle
-    segment: np.ndarray  # of the vehicle's momentum, numbered through all stops; -1: a wheel's
+    segment: np.ndarray  # stretch of the vehicle's momentum balance, numbered through all stops; -1: a wheel's row
     validate: np.ndarray  # bool
     time: np.ndarray  # [s]
     place: np.ndarray  # of the axle [m]
@@ -62,29 +61,29 @@ class Rows:
 
     @property
     def wheels(self) -> np.ndarray:
-        """Rows (n,) bool of the wheels' contacts, sliding or rolling."""
+        """Mask (n,) of the wheel rows: adhesion and kinematics."""
         result: np.ndarray = (self.balance == ADHESION) | (self.balance == KINEMATICS)
         return result
 
     @property
     def slides(self) -> np.ndarray:
-        """Rows (n,) bool of the adhesion of wheels that slide."""
+        """Mask (n,) of the adhesion rows of sliding wheels."""
         result: np.ndarray = (self.balance == ADHESION) & (self.slip > least_slip(self.speed))
         return result
 
     @property
     def noise(self) -> np.ndarray:
-        """Index (n,) of each row's noise: friction swings by itself where a wheel slides, and nowhere else."""
+        """Index (n,) into `NOISES`; sliding wheels have a class of their own, because friction fluctuates only there."""
         return np.where(self.slides, len(BALANCES), self.balance)
 
 
 @dataclasses.dataclass(frozen=True)
 class Whitening:
-    """What makes the noise of rows white and of deviation 1."""
+    """Transformation that makes the noise of rows white, with standard deviation 1."""
 
     deviation: np.ndarray  # (n,)
     roots: tuple[tuple[np.ndarray, np.ndarray], ...]  # rows (m,) and the inverse root (m, m) of their covariance
-    colour: sparse.csr_array | None = None  # (n, n) lower triangular, of the rest: `wsp_env.diagnosis.colour`
+    colour: sparse.csr_array | None = None  # (n, n) lower triangular, removes autocorrelation: `wsp_env.diagnosis.colour`
 
     def __call__(self, raw: np.ndarray) -> np.ndarray:
         """Return rows (n,) or (n, k) whitened."""
@@ -96,14 +95,14 @@ class Whitening:
         return white
 
     def plain(self, white: np.ndarray) -> np.ndarray:
-        """Return whitened rows (n,) as they were before their colour was taken away, over the channels' noise."""
+        """Return whitened rows (n,) before the removal of autocorrelation; unit: standard deviations of the channels' noise."""
         if self.colour is None:
             return white
         result: np.ndarray = sparse.linalg.spsolve_triangular(self.colour, white, lower=True)
         return result
 
     def back(self, white: np.ndarray) -> np.ndarray:
-        """Return whitened rows (n,) in the balances' own units."""
+        """Return whitened rows (n,) in the units of the balances."""
         white = self.plain(white)
         raw = white * self.deviation
         for rows, root in self.roots:
@@ -112,13 +111,13 @@ class Whitening:
 
 
 class Balances:
-    """The balances of a campaign's stops: residuals of a model, and how normal variation would move them."""
+    """The balances of a campaign's stops: the residuals of a model, and their whitening."""
 
     def __init__(self, campaign: Campaign, stops: Sequence[PreparedStop]) -> None:
-        self.campaign, self.sources = campaign, tuple(stops)  # the latter with all samples
+        self.campaign, self.sources = campaign, tuple(stops)  # stops with all samples
         self.stops = tuple(map(thinned, stops))
         self._evaluator = Evaluator(campaign, self.stops)
-        self._kept = threading.local()  # every thread keeps its last evaluation
+        self._kept = threading.local()  # each thread keeps its last evaluation
         self.vehicle = vehicle = self._evaluator.vehicle
         self.axles, self.radius, self.inertia = vehicle.axles, vehicle.wheel_radius_m, vehicle.wheelset_inertia_kgm2
         self.offsets = np.array(vehicle.axle_positions_m)
@@ -131,26 +130,26 @@ class Balances:
         return max(stop.step_s for stop in self.sources)
 
     def evaluate(self, model: Model) -> list[Evaluation]:
-        """Return what a model says of every stop; the last one is kept."""
+        """Evaluate a model along every stop; the last result is cached."""
         last: tuple[Model, list[Evaluation]] | None = getattr(self._kept, "last", None)
         if last is None or last[0] is not model:
             last = self._kept.last = (model, self._evaluator(model))
         return last[1]
 
     def evaluate_forces(self, model: Model) -> list[Evaluation]:
-        """Return the same without the adhesion and its slope."""
+        """Evaluate a model without the adhesion and its slope."""
         return self._evaluator.forces(model)
 
     def evaluate_slid(self, model: Model, more: Sequence[np.ndarray]) -> list[Evaluation]:
-        """Return the same of wheels that slide by some speeds (T, A) `more` [m/s]."""
+        """Evaluate a model with the slip speeds raised by `more`, (T, A) of each stop [m/s]."""
         return self._evaluator(model, [-slip / self.radius for slip in more])
 
     def raw(self, model: Model) -> np.ndarray:
-        """Residuals (n,) of a model: adhesion coefficients [-], speeds [m/s]."""
+        """Residuals (n,) of a model: adhesion coefficients [-], speeds [m/s], torques [N m]."""
         return np.concatenate([part.residuals(one) for part, one in zip(self.parts, self.evaluate(model), strict=True)])
 
     def like(self, stops: Sequence[PreparedStop]) -> "Balances":
-        """Return the balances of replicas of the same stops, cut into the same rows."""
+        """Return the balances of other stops (replicas), cut into the same rows."""
         other = Balances(self.campaign, stops)
         for mine, its in zip(self.parts, other.parts, strict=True):
             its.used, its.segments = mine.used, mine.segments
@@ -159,11 +158,11 @@ class Balances:
         return other
 
     def whitening(self, model: Model) -> "Whitening":
-        """Return what makes the rows' noise, as the channels have it, white and of deviation 1."""
+        """Return the whitening of the channels' own noise at a model."""
         return self.whitening_of(self.evaluate(model))
 
     def whitening_of(self, evaluations: Sequence[Evaluation]) -> "Whitening":
-        """Return the same where a model was evaluated."""
+        """Return the whitening of the channels' own noise for given evaluations of a model."""
         deviation = np.concatenate([part.deviation(one) for part, one in zip(self.parts, evaluations, strict=True)])
         roots = []
         for i, part in enumerate(self.parts):
@@ -175,7 +174,7 @@ class Balances:
 
 
 class Blocks:
-    """One stop cut into blocks."""
+    """One stop, cut into blocks."""
 
     def __init__(self, stop: PreparedStop, owner: Balances) -> None:
         self.stop, self.owner = stop, owner
@@ -184,7 +183,7 @@ class Blocks:
         self.used = self._mean_mask(stop.usable, self.length) > 0.99
         inside = self._cut(stop.segment, self.vehicle_length)
         self.segments = np.where((inside == inside[:, :1]).all(axis=1), inside[:, 0], -1)
-        # A stretch of one block says nothing but its own start.
+        # A stretch of one block determines only its own initial speed.
         counts = np.bincount(self.segments[self.segments >= 0], minlength=1) if len(self.segments) else np.zeros(1)
         self.segments = np.where((self.segments >= 0) & (counts[np.maximum(self.segments, 0)] > 1), self.segments, -1)
 
@@ -202,7 +201,7 @@ class Blocks:
         return self._mean_mask(values, self.length)
 
     def rows(self, index: int) -> Rows:
-        """Return what every row of this stop, the `index`-th, is."""
+        """Return the properties of the rows of this stop, the `index`-th of the campaign."""
         stop, owner = self.stop, self.owner
         b, a = np.nonzero(self.used)
         slip = stop.speed[:, None] - owner.radius * stop.wheel
@@ -237,15 +236,15 @@ class Blocks:
 
     @property
     def momenta(self) -> int:
-        """Number of the vehicle's rows."""
+        """Number of rows of the vehicle balance."""
         return int((self.segments >= 0).sum())
 
     def joined(
         self, wheels: np.ndarray | None = None, vehicle: np.ndarray | None = None, brakes: np.ndarray | None = None
     ) -> np.ndarray:
-        """Return all rows (n, ...) of this stop: those of its wheels, its momentum and its actuators; None: zeros.
+        """Return all rows (n, ...) of this stop: wheels, vehicle, actuators; None stands for zeros.
 
-        Where no pressure was recorded beside the torque there are no actuators' rows, whatever is given.
+        If no pressure was recorded beside the torque, there are no actuator rows, and `brakes` is ignored.
         """
         wheel_rows, parts = int(self.used.sum()), []
         counts = (wheel_rows, self.momenta, wheel_rows if self.stop.pressed is not None else 0)
@@ -255,34 +254,34 @@ class Blocks:
         return np.concatenate(parts)
 
     def wheel_rows(self, values: np.ndarray) -> np.ndarray:
-        """Block means of an array (T, A) as rows of the wheels, or of their brakes."""
+        """Block means of an array (T, A), as rows of the wheels or of their brakes."""
         result: np.ndarray = self.mean(values)[self.used]
         return result
 
     def vehicle_rows(self, values: np.ndarray) -> np.ndarray:
-        """Block means of an array (T,) as rows."""
+        """Block means of an array (T,), as rows of the vehicle balance."""
         result: np.ndarray = self._mean_mask(values, self.vehicle_length)[self.segments >= 0]
         return result
 
     def summed(self, force: np.ndarray) -> np.ndarray:
-        """Integrate a force (T,) [N] over the stop [N s]; its constant is projected out with the segments."""
+        """Integrate a force (T,) [N] over the stop [N s]; the constant of each stretch is projected out later."""
         rest = np.where(self.stop.segment >= 0, force, 0.0)
         result: np.ndarray = np.cumsum(rest) * self.stop.step_s - 0.5 * rest * self.stop.step_s
         return result
 
     def residuals(self, one: Evaluation) -> np.ndarray:
-        """Residuals of all rows of this stop."""
+        """Return the residuals of all rows of this stop."""
         adhesion = one.force / (2.0 * one.load) - one.adhesion
         impulse = self.summed(one.brake_force + one.resistance) + one.impulse
         momentum = self.vehicle_rows(one.recorded_speed + impulse / one.mass)
         segment = self.segments[self.segments >= 0]
-        for which in np.unique(segment):  # the speed that each stretch starts with is free
+        for which in np.unique(segment):  # the initial speed of each stretch is free
             momentum[segment == which] -= momentum[segment == which].mean()
         brakes = None if self.stop.pressed is None else self.wheel_rows(one.torque - one.braking)
         return self.joined(self.wheel_rows(adhesion), momentum, brakes)
 
     def deviation(self, one: Evaluation) -> np.ndarray:
-        """Deviation of the same by the channels' noise; of the vehicle's rows, whose noise is coloured, 1."""
+        """Return the rows' standard deviations by the channels' noise; 1 in vehicle rows, whose noise is correlated."""
         noise, radius = self.stop.noise, self.owner.radius
         moment = noise.moment(self.owner.inertia) / (2.0 * radius * self.mean(one.load))
         slip = noise.slip(radius) * self.mean(one.slope)
@@ -291,7 +290,7 @@ class Blocks:
         return self.joined(adhesion, np.ones(self.momenta), brakes)
 
     def momentum_covariance(self) -> np.ndarray:
-        """Covariance (m, m) [m2/s2] of the vehicle's rows by the noise of its recorded speed."""
+        """Covariance (m, m) [m2/s2] of the vehicle rows by the noise of the recorded speed."""
         noise = self.stop.noise.speed
         shorter = noise.white * np.sqrt(NODE_S / (self.vehicle_length * self.stop.step_s))
         covariance = noise._replace(white=shorter).covariance(self.vehicle_rows(self.stop.time))
@@ -302,7 +301,7 @@ class Blocks:
 
 
 def _joined(parts: list[Rows]) -> Rows:
-    """Join the rows of all stops; segments are numbered through."""
+    """Join the rows of all stops; number the stretches through."""
     first, shifted = 0, []
     for part in parts:
         shifted.append(np.where(part.segment >= 0, part.segment + first, -1))

@@ -1,7 +1,7 @@
-"""What is searched: every mechanism of the library in its variants.
+"""The candidates of the search: every mechanism of the library in all its variants.
 
-A candidate is a set of columns, the change of the residuals per unit of its amplitudes. A mechanism with an axle, or a place
-or band of speed, has a variant for each; where several fit, the search takes the best.
+A candidate is a set of columns: the change of the residuals per unit of its amplitudes. A mechanism with an axle, a place or a
+band of speed has one variant for each; the search uses the best variant.
 """
 
 import dataclasses
@@ -16,31 +16,31 @@ from wsp_env.diagnosis.swings import swings
 from wsp_env.plant.card import Parameter, Recorded
 from wsp_env.plant.mechanisms import ALL, LIBRARY
 
-#: Finite-difference steps as share of the typical change.
+#: Finite-difference step, as a share of typical value less null value.
 _STEP = 0.25
-#: Steps that are searched of a distance over which something fades, as a ratio of the first: what a step of a metre does says
-#: nothing of ten metres.
+#: Further steps of a rolled distance (a memory) that are searched, as multiples of the first: the effect is nonlinear, and a
+#: step of one metre does not show the effect of ten metres.
 _FADING = (4.0, 16.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class Variant:
-    """A mechanism with its axle, place or band fixed."""
+    """A mechanism with its axle, place or band fixed, or a term without a name."""
 
     name: str
-    sizes: tuple[str, ...]  # the parameters to fit
-    fixed: dict[str, float]  # the others
-    steps: tuple[float, ...] = ()  # by which the sizes are moved; none: as their parameters say
-    family: str = ""  # of a term without a name: what it is, of the same words as others that differ in scale or axle only
-    above: bool = False  # whether its one size can only be above its null: the other side is what noise looks like
+    sizes: tuple[str, ...]  # names of the parameters to fit
+    fixed: dict[str, float]  # values of the other parameters
+    steps: tuple[float, ...] = ()  # finite-difference steps of the sizes; empty: the parameters' default steps
+    family: str = ""  # of a term without a name: its description; terms that differ only in scale share it
+    above: bool = False  # whether its only size must be above its null; below it, the size looks like noise
 
     @property
     def title(self) -> str:
-        """What competes for one place in the answer: the mechanism's name, or the family of a term."""
+        """The name that competes for one place in the answer: the mechanism's name, or the family of a term."""
         return self.family or self.name
 
     def null(self) -> np.ndarray:
-        """Return the nulls of the sizes."""
+        """Return the null values of the sizes."""
         return np.array([parameter_of(self.name, size).null for size in self.sizes])
 
     def moves(self) -> np.ndarray:
@@ -50,15 +50,15 @@ class Variant:
 
 @dataclasses.dataclass(frozen=True)
 class Candidate:
-    """Columns of one variant."""
+    """The columns of one variant."""
 
     variant: Variant
     columns: np.ndarray  # (n, k) raw change of the residuals per step
-    scale: np.ndarray  # (k,) smallest effects of interest a step
+    scale: np.ndarray  # (k,) size of one step in smallest effects of interest
 
 
 def unavailable(balances: Balances | Replica) -> dict[str, str]:
-    """Return the mechanisms that such recordings can say nothing on, and why."""
+    """Return the mechanisms on which such recordings give no information, each with the reason."""
     rows, measured = balances.rows, balances.campaign.vehicle.torque_is_measured
     blind = measured and not (rows.balance == ACTUATOR).any()
     slides = bool((rows.balance == ADHESION).any())
@@ -80,7 +80,7 @@ def unavailable(balances: Balances | Replica) -> dict[str, str]:
 
 
 def variants(balances: Balances | Replica) -> Iterator[Variant]:
-    """Every mechanism that these recordings can show, in all its variants."""
+    """Yield every mechanism that these recordings can show, in all its variants."""
     closed, rows = unavailable(balances), balances.rows
     recorded = Recorded(balances.axles, rows.place[rows.slides], swings(balances.sources, balances.radius, balances.inertia))
     for name, card in LIBRARY.items():
@@ -102,13 +102,13 @@ def step(mechanism: str, parameter: str) -> float:
     """Return the finite-difference step of a parameter."""
     one = parameter_of(mechanism, parameter)
     change = one.refit_step or _STEP * (one.typical - one.null)
-    if change == 0.0:  # typical is the null: a small share of the way to the upper bound
+    if change == 0.0:  # typical equals null: use a small share of the distance to a bound
         change = 1e-3 * (one.high - one.null) or 1e-3 * (one.low - one.null)
     return change
 
 
 def near(variant: Variant) -> Variant:
-    """Return the variant with the steps of its parameters, on the side on which it was searched: a refit is local."""
+    """Return the variant with the default steps of its parameters, in the searched direction, for a local refit."""
     if not variant.steps or variant.family:
         return variant
     own = dataclasses.replace(variant, steps=()).moves()
@@ -116,7 +116,7 @@ def near(variant: Variant) -> Variant:
 
 
 def refined(variant: Variant) -> Variant:
-    """Return the variant with the parameters free that say where."""
+    """Return the variant with the parameters that locate it (place, band, time) free as well."""
     free = {name: value for name, value in variant.fixed.items() if parameter_of(variant.name, name).refit_step}
     fixed = {name: value for name, value in variant.fixed.items() if name not in free}
     steps = (*variant.moves(), *(step(variant.name, name) for name in free)) if variant.steps else ()
@@ -124,7 +124,7 @@ def refined(variant: Variant) -> Variant:
 
 
 def switched(model: Model, variant: Variant, values: np.ndarray) -> Model:
-    """Return a model with a variant at some values of its sizes, clipped into their bounds."""
+    """Return a model with a variant switched on at given values of its sizes, clipped to their bounds."""
     parameters = {one.name: one for one in ALL[variant.name].parameters}
     given = dict(zip(variant.sizes, map(float, values), strict=True)) | variant.fixed
     whole = {name: one.null for name, one in parameters.items()} | dict(model.choice.get(variant.name, {})) | given
@@ -133,7 +133,7 @@ def switched(model: Model, variant: Variant, values: np.ndarray) -> Model:
 
 
 def without(model: Model, variant: Variant) -> Model:
-    """Return a model without a variant; other terms of the same card stay."""
+    """Return a model with a variant switched off; other terms of the same card stay on."""
     off = switched(model, variant, variant.null())
     nulls = {one.name: one.null for one in ALL[variant.name].sizes}
     if all(off.choice[variant.name][name] == null for name, null in nulls.items()):
@@ -142,15 +142,15 @@ def without(model: Model, variant: Variant) -> Model:
 
 
 def values_in(model: Model, variant: Variant) -> np.ndarray:
-    """Return the values of a variant's sizes in a model; their nulls where it is off."""
+    """Return the values of a variant's sizes in a model; the null values if it is off."""
     present = model.choice.get(variant.name, {})
     return np.array([present.get(name, parameter_of(variant.name, name).null) for name in variant.sizes])
 
 
 def at_bound(variant: Variant, model: Model) -> bool:
-    """Whether what was fitted ended where it may not go on, a size at either end or a shape at its upper one.
+    """Whether a fitted size is at one of its bounds, or a fitted shape at its upper bound.
 
-    The recordings ask for something else. A shape at its lower end is a simpler one: no delay, no least speed.
+    The recordings then require another form. A shape at its lower bound is a simpler form: no delay, no lowest speed.
     """
     for name, value in zip(variant.sizes, values_in(model, variant), strict=True):
         parameter = parameter_of(variant.name, name)
@@ -161,9 +161,9 @@ def at_bound(variant: Variant, model: Model) -> bool:
 
 
 def columns(balances: Balances | Replica, model: Model, base: np.ndarray, variant: Variant) -> np.ndarray:
-    """Return the change of the residuals (n, k) by a step of each free parameter, about the variant's values in the model.
+    """Return the change of the residuals (n, k) for a step of each free parameter, about the variant's values in the model.
 
-    A parameter at the bound towards which it would step goes the other way: there a step is none, and what it changes rounding.
+    A parameter at a bound is stepped away from it, and the sign of the column is corrected.
     """
     start, found = values_in(model, variant), []
     for i, change in enumerate(variant.moves()):

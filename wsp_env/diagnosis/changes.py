@@ -1,7 +1,7 @@
-"""What differs between two campaigns: tau, mu_cd and mechanisms, each with an interval and whether the data show a change.
+"""Differences between two campaigns: tau, mu_cd and mechanisms, each with an interval and whether the data show a change.
 
-Before and after a repair, two seasons, two vehicles of a fleet. A change is shown where the interval of the difference leaves
-out none at all; where it does not, the recordings leave it open how large a change may be, and the interval says that.
+Uses: before and after a repair, two seasons, two vehicles of a fleet. A change is shown if the interval of the difference
+excludes zero. Otherwise the interval gives the size that a change may have.
 """
 
 import math
@@ -16,24 +16,24 @@ from wsp_env.diagnosis.words import parameter_words, said, unit_words
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import Tuning
 
-_Z95 = 1.960  # of the normal distribution, two-sided
+_Z95 = 1.960  # quantiles of the normal distribution, two-sided
 _Z90 = 1.645
 _CONFIDENCE = 0.95
 
 
 class Change(NamedTuple):
-    """One quantity in both campaigns."""
+    """One quantity in both campaigns, as text."""
 
     what: str
     first: str
     second: str
-    difference: str  # second less first, with its interval
-    shown: bool | None  # whether the data show a change; None where they cannot tell
+    difference: str  # second minus first, with its interval
+    shown: bool | None  # whether the data show a change; None if they cannot decide
     words: str
 
 
 def tau_change(first: Tuning, second: Tuning) -> Change:
-    """Compare the recovery rates, whose logarithms have about normal errors."""
+    """Compare the recovery rates; their logarithms have approximately normal errors."""
     said_of = [f"{one.tau_m_per_J:.3e} ({one.interval95[0]:.2e} to {one.interval95[1]:.2e})" for one in (first, second)]
     if not (first.determined and second.determined):
         return Change("recovery rate tau [m/J]", said_of[0], said_of[1], "open", None, "tau is open in one of the campaigns")
@@ -55,7 +55,7 @@ def tau_change(first: Tuning, second: Tuning) -> Change:
 
 
 def friction_change(first: Tuning, second: Tuning) -> Change:
-    """Compare the means of mu_cd over the runs that slide, by Welch's interval: runs are the sample."""
+    """Compare the means of mu_cd over the runs that slide, with Welch's interval; the runs are the sample."""
     samples = [np.array([score.mu_cd for score in one.runs.values() if score.slides]) for one in (first, second)]
     what = "friction of the degraded rail mu_cd [-], mean of the runs"
     said_of = [f"{values.mean():.4f} (runs {values.min():.4f} to {values.max():.4f})" if len(values) else "no run slides"
@@ -76,7 +76,7 @@ def friction_change(first: Tuning, second: Tuning) -> Change:
 
 
 def mechanism_changes(first: Diagnosis, second: Diagnosis) -> list[Change]:
-    """Compare every mechanism that one of both diagnoses names, parameter by parameter."""
+    """Compare every mechanism that at least one diagnosis names, parameter by parameter."""
     named = [{one.name: one for one in found.mechanisms} for found in (first, second)]
     changes = []
     for name in dict.fromkeys([*named[0], *named[1]]):
@@ -125,7 +125,7 @@ def _both(name: str, first: dict[str, Estimate], second: dict[str, Estimate]) ->
 
 
 def _only(name: str, parameters: dict[str, Estimate], at: int, without: Diagnosis) -> Change:
-    """Compare a mechanism that one side names with what the other side could have seen of it."""
+    """Compare a mechanism that only one campaign names with the smallest change that the other could have shown."""
     seen = without.detectable.get(name, {})
     nulls = {one.name: one.null for one in ALL[name].parameters} if name in ALL else {}
     words, sides = said(name, parameters), ("first", "second")
@@ -151,7 +151,7 @@ def _only(name: str, parameters: dict[str, Estimate], at: int, without: Diagnosi
 
 
 def _terms(first: Diagnosis, second: Diagnosis) -> list[Change]:
-    """Return what has no name in the library: told side by side, for no two equations are compared."""
+    """List discovered terms of both campaigns side by side; equations are not compared."""
     found = [[one.equation for one in answer.discovered] for answer in (first, second)]
     if not any(found) and "unknown" not in (first.verdict, second.verdict):
         return []
@@ -165,7 +165,7 @@ def _terms(first: Diagnosis, second: Diagnosis) -> list[Change]:
 
 
 def sentence(changes: Sequence[Change], first: str, second: str) -> str:
-    """Say what changed from the first campaign to the second."""
+    """Return one sentence on the changes from the first to the second campaign."""
     shown = [change.words for change in changes if change.shown]
     if shown:
         return f"From {first} to {second}: {'; '.join(shown)}."

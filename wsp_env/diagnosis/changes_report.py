@@ -1,4 +1,4 @@
-"""The page of `wsp compare-campaigns`: what changed, how sure, what it is worth; then both campaigns side by side."""
+"""The page of `wsp compare-campaigns`: the changes, their confidence and their worth; then both campaigns side by side."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ _SHOWN = {True: "yes", False: "no", None: "cannot tell"}
 
 
 def changes_table(changes: Sequence[Change], names: tuple[str, str]) -> Table:
-    """Return every quantity of both campaigns and its change."""
+    """Return a table of all compared quantities and their changes."""
     rows = [(one.what, one.first, one.second, one.difference, _SHOWN[one.shown]) for one in changes]
     caption = (
         "Change shown: the interval of the difference leaves out none. In brackets the intervals; of mu_cd the runs' own range."
@@ -30,7 +30,7 @@ def write_changes(
     made_from: Origin,
     options: PageOptions = PageOptions(),
 ) -> None:
-    """Write the page; `sides` are the first and the second campaign, diagnosed or not."""
+    """Write the page; `sides` holds the first and the second campaign; a diagnosis is None if it was not made."""
     names = labels(sides[0][0].name, sides[1][0].name)
     tunings = [tuning for _, tuning, _ in sides]
     sections = [
@@ -50,7 +50,7 @@ def write_changes(
 
 
 def labels(first: str, second: str) -> tuple[str, str]:
-    """Return what to call both campaigns."""
+    """Return distinct labels for both campaigns."""
     return (first, second) if first != second else (f"{first} (first)", f"{second} (second)")
 
 
@@ -66,7 +66,7 @@ def _facts(sides: Sequence[tuple[Campaign, Tuning, Diagnosis | None]], names: tu
 
 
 def _picture(tunings: Sequence[Tuning], names: tuple[str, str]) -> Figure:
-    """Draw mu_cd of every run of both campaigns, and tau with its interval."""
+    """Draw tau with its interval, and mu_cd of every run that slides, of both campaigns."""
     _, subplots = plotly()
     figure = subplots.make_subplots(
         1, 2, column_widths=[0.4, 0.6], subplot_titles=["tau, 95 % interval", "mu_cd of every run that slides"],
@@ -97,7 +97,7 @@ def _picture(tunings: Sequence[Tuning], names: tuple[str, str]) -> Figure:
 
 
 def _beliefs(campaigns: Sequence[Campaign], names: tuple[str, str]) -> Table:
-    """Return what the campaigns' files say of their vehicles; a change of belief is no change of the vehicle."""
+    """Return the vehicle data in both campaigns' files; a difference in the data is not a change of the vehicle."""
     rows = []
     words = {"axles": "axles", "mass_kg": "mass [kg]", "wheelset_inertia_kgm2": "wheelset inertia [kg m2]",
              "wheel_radius_m": "wheel radius [m]", "brake_torque_source": "brake torque"}  # fmt: skip
@@ -108,7 +108,7 @@ def _beliefs(campaigns: Sequence[Campaign], names: tuple[str, str]) -> Table:
 
 
 def to_json(changes: Sequence[Change], tunings: Mapping[str, Tuning], said: str) -> dict[str, Any]:
-    """Return plain data."""
+    """Return the comparison as plain data."""
     return {
         "sentence": said,
         "changes": [change._asdict() for change in changes],

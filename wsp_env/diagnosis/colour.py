@@ -1,14 +1,14 @@
-"""The colour of friction's noise: how a sliding wheel's residual goes on from row to row.
+"""Autocorrelation of the residuals of sliding wheels from row to row (coloured noise).
 
-Friction at a sliding wheel swings by itself: wheel loads bounce, rails are rough. And the noise of a wheel's speed goes into
-two neighbouring rows with opposite signs. Taken as white, such noise says too much or too little of an effect. Worse,
-friction that swings turns the wheel, so that within a row high friction and small slip go together, as if friction fell with
-slip. Rows that are freed from what the rows before them predict hold what is new alone, which the slip does not know yet.
+The friction of a sliding wheel fluctuates by itself, because wheel loads bounce and rails are rough. The noise of a wheel's
+speed enters two neighbouring rows with opposite signs. If such noise is taken as white, the evidence of an effect is wrong.
+There is also a bias: fluctuating friction turns the wheel, so that within a row high friction and small slip occur together, as
+if friction fell with slip. If the part predicted from earlier rows is subtracted, only the innovation remains. The slip at the
+beginning of the row does not depend on it.
 
-The noise is an autoregression, the same for all wheels and runs, learned from the recordings at hand. Its autocovariances are
-those of the residuals plus what the nuisances that were fitted to them took away (the expectation step of the restricted
-likelihood, as for the sizes in `wsp_env.diagnosis.covariance`); its order is the one that Schwarz's criterion prefers (Annals
-of Statistics 6, 1978).
+The noise is modelled as one autoregression for all wheels and runs, estimated from the recordings. Its autocovariances are
+those of the residuals plus the part that the fitted nuisances removed (expectation step of the restricted likelihood, as for
+the sizes in `wsp_env.diagnosis.covariance`). Schwarz's criterion selects the order (Annals of Statistics 6, 1978).
 """
 
 from collections.abc import Sequence
@@ -22,22 +22,21 @@ from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.loop import stretches
 from wsp_env.diagnosis.stops import BLOCK_S
 
-#: Time that the noise is remembered for [s]: what is slower is friction's own course in time, a nuisance, or a finding
-#: (assumption).
+#: Longest lag of the noise's autocorrelation [s]; slower changes are variation in time (a nuisance) or a finding (assumption).
 _MEMORY_S = 1.0
 
 
 class Moments(NamedTuple):
-    """Mean products of rows that follow each other."""
+    """Autocovariances of consecutive rows."""
 
     covariance: np.ndarray  # (lags + 1,)
     rows: int
 
 
 def moments(evidence: Evidence, sizes: Sizes, parts: Sequence[np.ndarray]) -> Moments:
-    """Return the autocovariances of what is left of stretches of rows, in squares of their noise.
+    """Return the autocovariances of the residuals over stretches of rows, in units of the noise variance.
 
-    The sum is over pairs, the mean over rows, so that they belong to a stationary series.
+    Products are summed over pairs and divided by the number of rows, so that a stationary series exists for them.
     """
     lags = max(round(_MEMORY_S / BLOCK_S), 1)
     total, count = np.zeros(lags + 1), 0
@@ -54,7 +53,7 @@ def moments(evidence: Evidence, sizes: Sizes, parts: Sequence[np.ndarray]) -> Mo
 
 
 def autoregression(found: Moments) -> np.ndarray:
-    """Return the coefficients (p,) of the autoregression of autocovariances, by Levinson and Durbin; none: white."""
+    """Return the autoregression (p,) for given autocovariances (Levinson and Durbin); empty if the series is white."""
     covariance, count = found.covariance, found.rows
     best = least = np.zeros(0)
     variance = float(covariance[0])
@@ -64,7 +63,7 @@ def autoregression(found: Moments) -> np.ndarray:
     for order in range(1, len(covariance)):
         reflection = float(covariance[order] - least @ covariance[order - 1 : 0 : -1]) / variance
         variance *= 1.0 - reflection**2
-        if variance <= 0.0:  # autocovariances that no series has
+        if variance <= 0.0:  # no series has these autocovariances
             break
         least = np.append(least - reflection * least[::-1], reflection)
         criterion = count * np.log(variance) + order * np.log(count)
@@ -91,14 +90,14 @@ def autocorrelation(coefficients: np.ndarray, lags: int) -> np.ndarray:
 
 
 def whitening_filter(coefficients: np.ndarray, parts: Sequence[np.ndarray], count: int) -> sparse.csr_array:
-    """Return the lower triangular matrix (n, n) that makes stretches of an autoregression of variance 1 white.
+    """Return the lower triangular matrix (n, n) that whitens stretches of an autoregression of variance 1.
 
-    All other rows stay as they are. A stretch begins with the stationary series.
+    Other rows are unchanged. Each stretch starts with the stationary distribution.
     """
     p = len(coefficients)
     correlation = autocorrelation(coefficients, p)
     root = linalg.cholesky(linalg.toeplitz(correlation), lower=True)
-    inverse = linalg.solve_triangular(root, np.eye(p + 1), lower=True)  # its last line predicts from p rows before
+    inverse = linalg.solve_triangular(root, np.eye(p + 1), lower=True)  # its last line predicts from the p rows before
     values, lines, columns = [], [], []
     inside = np.zeros(count, dtype=bool)
     for part in parts:
@@ -115,10 +114,10 @@ def whitening_filter(coefficients: np.ndarray, parts: Sequence[np.ndarray], coun
 
 
 def colour(rows: Rows, evidence: Evidence, sizes: Sizes) -> np.ndarray:
-    """Return the coefficients (p,) of the autoregression of sliding wheels' rows; none: they are white."""
+    """Return the coefficients (p,) of the autoregression of sliding wheels' rows; empty if they are white."""
     return autoregression(moments(evidence, sizes, stretches(rows)))
 
 
 def bleach(rows: Rows, coefficients: np.ndarray) -> sparse.csr_array | None:
-    """Return the filter (n, n) that makes the rows of sliding wheels white; None: they are."""
+    """Return the filter (n, n) that whitens the rows of sliding wheels; None if they are white."""
     return whitening_filter(coefficients, stretches(rows), len(rows)) if len(coefficients) else None

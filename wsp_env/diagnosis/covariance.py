@@ -1,10 +1,10 @@
-"""How large every discrepancy is in the recordings at hand, and how likely they are under a model: restricted likelihood.
+"""Variance components of the recordings: sizes of nuisances and noise by restricted maximum likelihood.
 
-Whitened rows y are taken as y = X a + Z b + e. The columns Z come in groups; b of group g has deviation t_g about 0, e has
-variance s_k in rows of kind k. Both are estimated from the recordings (EM for the restricted likelihood: Laird, Ware 1982;
-Searle, Casella, McCulloch: Variance components, 1992, chapter 8), with an inverse-gamma prior about what is expected of sound
-recordings. So a discrepancy that differs between runs and axles as it likes is learned from their disagreement, and a mechanism
-gains only by what it explains beyond that, in all runs alike.
+Whitened rows y are modelled as y = X a + Z b + e. The columns Z form groups. The amplitudes b of group g have mean 0 and
+standard deviation t_g; e has variance s_k in rows of kind k. Both are estimated from the recordings (EM for the restricted
+likelihood: Laird, Ware 1982; Searle, Casella, McCulloch: Variance components, 1992, chapter 8), with an inverse-gamma prior
+about the values expected of sound recordings. The size of a discrepancy that differs between runs and axles thus follows from
+their scatter. A mechanism gains only from what it explains beyond this scatter, in all runs alike.
 """
 
 import dataclasses
@@ -17,27 +17,27 @@ from wsp_env.diagnosis.balances import NOISES, Balances, Whitening
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import Group, whitened
 
-#: Number of observations that the expected size of a group counts for: assumption.
+#: Number of observations to which the prior of a group's size is equivalent (assumption).
 _PRIOR_WEIGHT = 4.0
-#: Times the noise that the channels show by themselves, below which a balance's noise is not taken.
+#: Lower bound of a balance's noise, as a multiple of the noise that the channels show by themselves.
 _LEAST_NOISE = 0.5
 _ITERATIONS = 12
 
 
 @dataclasses.dataclass(frozen=True)
 class Sizes:
-    """Sizes of groups and of each balance's noise."""
+    """Sizes of the nuisance groups and of each balance's noise."""
 
-    groups: np.ndarray  # (G,) over the expected
-    noise: np.ndarray  # (5,) deviation of the rows of every kind (`NOISES`) over the channels' own
+    groups: np.ndarray  # (G,) relative to the expected sizes
+    noise: np.ndarray  # (5,) standard deviation of each kind of rows (`NOISES`), relative to the channels' own noise
 
 
 class Evidence:
-    """Rows, nuisances and candidate columns by their inner products.
+    """Inner products of rows, nuisances and candidate columns, by kind of noise and run.
 
     Parameters
     ----------
-    groups : nuisances; the last group's posterior can be asked for
+    groups : nuisances; the last group counts as common, so that its posterior is available
     columns : (n, K) raw candidate columns
     base : (n,) raw residuals
 
@@ -53,7 +53,8 @@ class Evidence:
     ) -> None:
         self.names = [group.name for group in groups]
         self.fixed = np.array([group.fixed for group in groups])
-        # (G,) which group's differences between runs a common one's mean is of, and what they add to its variance.
+        # (G,) For the mean of a quantity over runs: the group of its differences between runs, and what they add to its
+        # variance.
         self.differences = np.array([self.names.index(one.mean_of or one.name) for one in groups])
         sizes = np.array([group.expected for group in groups])
         ratio = np.where(np.isfinite(sizes), sizes[self.differences], 0.0) / np.where(np.isfinite(sizes), sizes, 1.0)
@@ -66,14 +67,14 @@ class Evidence:
         kind, run = balances.rows.noise, balances.rows.run
         self.nuisances = white.shape[1]
         self.order = Order.of(every, run, 1 + columns.shape[1] + counts[-1])
-        self.common = self.order.common[self.order.common < self.nuisances]  # nuisances that are not one run's alone
+        self.common = self.order.common[self.order.common < self.nuisances]  # nuisances of more than one run
         self.used = [k for k in range(len(NOISES)) if (kind == k).any()]
         self.rows = np.bincount(kind, minlength=len(NOISES)).astype(float)
         self.products = [Arrow.of(every[kind == k], run[kind == k], np.unique(run), self.order) for k in self.used]
         self._every, self._kind, self._run = every, kind, run
 
     def solve(self, iterations: int = _ITERATIONS, start: Sizes | None = None) -> Sizes:
-        """Estimate the sizes in some iterations from the expected ones, or from others; the columns play no part."""
+        """Estimate the sizes by EM iterations, from `start` or the expected sizes; candidate columns are ignored."""
         here = np.append(np.arange(len(self.common)), len(self.order.common) - 1)
         products = [one.first(here) for one in self.products]
         begin = start or Sizes(np.ones(len(self.names)), np.ones(len(NOISES)))
@@ -92,23 +93,23 @@ class Evidence:
             total = np.bincount(self.group, weights=second, minlength=len(self.names))
             new = np.sqrt((total + _PRIOR_WEIGHT) / (counts + _PRIOR_WEIGHT))
             scale = np.where(self.fixed, np.sqrt(1.0 + self.adds * new[self.differences] ** 2), new)
-            # What is left of a balance: the squares of what the nuisances leave, and how uncertain they are.
+            # Residual variance of a kind of rows: squares that the nuisances leave, plus the uncertainty of these.
             left = _moment([d * one for d, one in zip(own, units, strict=True)], common * unit, inverse.scaled(own, common))
             for k, one in zip(self.used, products, strict=True):
                 noise[k] = max(np.sqrt((one.inner(left) + _PRIOR_WEIGHT) / (self.rows[k] + _PRIOR_WEIGHT)), _LEAST_NOISE)
         return Sizes(scale, noise)
 
     def eliminated(self, sizes: Sizes) -> Eliminated:
-        """Return the normal equations of all columns under some sizes, without what concerns one run alone."""
+        """Return the normal equations of all columns for given sizes, with the runs' own columns eliminated."""
         own, common = self._deviations(sizes.groups)
         several = np.append(common, np.ones(len(self.order.common) - len(common)))
         whole = combined(self.products, 1.0 / sizes.noise[self.used] ** 2)
         return Eliminated(whole.scaled(own, several), len(common))
 
     def left(self, sizes: Sizes) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Return of every run its rows (m,), what the nuisances leave of them (m,), and how uncertain that is.
+        """Yield for each run its rows (m,), their residuals (m,) after the nuisances, and the uncertainty of these residuals.
 
-        The latter as a root (m, k) of the covariance; all over the noise of their kind.
+        The uncertainty is a root (m, k) of their covariance. All are relative to the noise of their kind.
         """
         solved = self.eliminated(sizes)
         own, common = self._deviations(sizes.groups)
@@ -120,7 +121,7 @@ class Evidence:
             yield rows, every[:, -1] - part @ units[i] - shared @ unit, solved.spread(i, part, shared)
 
     def amplitudes(self, sizes: Sizes) -> np.ndarray:
-        """Return the most likely amplitudes (p,) of the nuisances, over what is expected of each."""
+        """Return the posterior means (p,) of the nuisances' amplitudes, relative to their expected standard deviations."""
         units, unit = self.eliminated(sizes).solution(len(self.order.common) - 1)
         result = np.empty(self.nuisances)
         for mine, one in zip((*self.order.own, self.common), (*units, unit), strict=True):
@@ -128,12 +129,12 @@ class Evidence:
         return result
 
     def _deviations(self, scale: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-        """Return the deviations of the runs' own nuisances and of the common ones."""
+        """Return the standard deviations of the runs' own nuisances and of the common ones."""
         return [scale[self.group[mine]] for mine in self.order.own], scale[self.group[self.common]]
 
 
 def _moment(own: Sequence[np.ndarray], common: np.ndarray, covariance: Arrow) -> Arrow:
-    """Return the mean square of (amplitudes, -1), whose inner product with the products of rows is what is left of these."""
+    """Return E[(b, -1)(b, -1)'] of the amplitudes b; its inner product with the rows' products is the residual square sum."""
     last = np.append(common, -1.0)
     wide = np.pad(covariance.common, (0, 1))
     return Arrow(

@@ -1,4 +1,4 @@
-"""Suspect channels before suspect physics: a faulty channel is told and the diagnosis ends, before it is named a mechanism."""
+"""Suspect channels before physics: a faulty channel ends the diagnosis, before its fault is taken for a mechanism."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -8,20 +8,20 @@ from wsp_env.diagnosis.answer import Diagnosis, FitQuality
 from wsp_env.recordings import Campaign
 from wsp_env.recordings.suspect import SuspectChannel, suspects
 
-#: Faults that need no answer: the reader leaves such axles out, and the rest is diagnosed.
+#: Faults that do not end the diagnosis: the reader leaves these axles out, and the others are diagnosed.
 _LEFT_OUT = ("dead",)
-_TOLD = 3  # suspicions in the sentence
+_TOLD = 3  # largest number of suspicions in the sentence
 
 
 class DataFirst(NamedTuple):
-    """What the channels say before any physics is looked at."""
+    """Result of the channel check."""
 
     suspects: tuple[SuspectChannel, ...]
-    answer: Diagnosis | None  # the whole of it, where the recordings must be mended first
+    answer: Diagnosis | None  # the complete answer if the recordings must be repaired first, else None
 
 
 def data_first(campaign: Campaign) -> DataFirst:
-    """Look for suspect channels; with an answer where physics would be named from faults."""
+    """Check for suspect channels; add an answer if their faults would be taken for physics."""
     found = suspects(campaign)
     if all(one.kind in _LEFT_OUT for one in found):
         return DataFirst(found, None)
@@ -36,7 +36,7 @@ def data_sentence(found: Sequence[SuspectChannel]) -> str:
 
 
 def data_test(found: Sequence[SuspectChannel]) -> str:
-    """Return what to do next: mend the channels."""
+    """Return the next step: repair the channels."""
     return "; ".join(dict.fromkeys(one.remedy for one in found)) + "; then diagnose again"
 
 
@@ -61,7 +61,7 @@ def _answer(campaign: Campaign, found: tuple[SuspectChannel, ...]) -> Diagnosis:
 
 
 def _believed(campaign: Campaign) -> dict[str, object]:
-    """Return what was believed before, for model.json: nothing is tuned on recordings that contradict themselves."""
+    """Return the believed values for model.json; contradictory recordings are not used for tuning."""
     vehicle = dataclasses.asdict(campaign.vehicle)
     return {
         "mu_cd": {name: run.kinetic_friction_d for name, run in campaign.runs.items()},

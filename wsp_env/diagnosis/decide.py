@@ -1,8 +1,8 @@
-"""Decides: which mechanisms are missing, one after the other, each fitted together with all before it.
+"""Decides which mechanisms are missing: one after the other, each fitted together with all earlier ones.
 
-A mechanism is accepted if its evidence (`wsp_env.diagnosis.search`) makes up for how rarely one is missing. It is named if its
-size, net of what another tau and mu_cd do as well, passes the smallest effect of interest; else it stays in the model, so that
-nothing else is named for it.
+A mechanism is accepted if its evidence (`wsp_env.diagnosis.search`) outweighs the low prior odds that it is missing. It is
+named if its net size, after refitting tau and mu_cd, reaches `MATTERS` of the smallest effect of interest. Otherwise it stays
+in the model, so that no other mechanism is named in its place.
 """
 
 import dataclasses
@@ -24,70 +24,70 @@ from wsp_env.diagnosis.standing import MOVES, Held, about_its_own, weighed_anew
 from wsp_env.diagnosis.structure import structured
 from wsp_env.diagnosis.trials import FORM, SURE, FormsLeft, Trial, odds, told, trials_of, weights_of
 
-#: Mechanisms that are accepted at most.
+#: Largest number of accepted mechanisms.
 MOST = 3
-#: Smallest effects of interest from which on a size matters: one, less what its form may err by at 95 %,
-#: 1 / (1 + 1.645 FORM), rounded.
+#: Size, in smallest effects of interest, from which on a mechanism matters: one less the form error at 95 %, 1 / (1 + 1.645
+#: FORM), rounded.
 MATTERS = 0.75
-#: Evidence within which another name is as good, if its share of the best one's is what a form may miss: a factor of e^10.
+#: Largest difference of evidence at which another name is as good: a factor of e^10. The form error sets a further limit.
 INDISTINCT = 10.0
-#: Factor by which a mechanism may grow beside a further one: twice what its own form may err by, at 90 % (assumption).
+#: Largest factor by which an earlier mechanism may grow with a new one: twice its form error, at 90 % (assumption).
 GROWN = 1.7
 
 
 @dataclasses.dataclass(frozen=True)
 class Accepted:
-    """A mechanism that was accepted, and how."""
+    """An accepted mechanism, its alternatives and its confidence."""
 
     trial: Trial
     alternatives: tuple[str, ...]  # its own name first
     confidence: float
-    rivals: tuple[Trial, ...] = ()  # what was sure as well when it was accepted
+    rivals: tuple[Trial, ...] = ()  # other trials that were sure when this one was accepted
 
     @property
     def name(self) -> str:
-        """Name of the mechanism."""
+        """Name of the mechanism, or family of the term."""
         return self.trial.listed.title
 
     @property
     def words(self) -> str:
-        """The name, as it is said."""
+        """The name in words."""
         return self.name.replace("_", " ")
 
     def sized(self, size: StopChange) -> "Accepted":
-        """Return it with the size that it has in the whole of the extended model."""
+        """Return the same with its size in the complete extended model."""
         return dataclasses.replace(self, trial=dataclasses.replace(self.trial, size=size))
 
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """The end of the selection."""
+    """Result of the selection."""
 
-    replica: Replica  # about the extended model
+    replica: Replica  # replica of the extended model
     fitted: Fitted
     accepted: tuple[Accepted, ...]
-    first: Screen  # about the baseline
-    last: Screen  # about the extended model
-    weights: Weights  # that the extended model's residuals are compared with
-    refused: tuple[Trial, ...] = ()  # where nothing was accepted: what has evidence and matters, but does not hold
+    first: Screen  # candidates about the baseline
+    last: Screen  # candidates about the extended model
+    weights: Weights  # weights for the residuals of the extended model
+    refused: tuple[Trial, ...] = ()  # if nothing was accepted: trials with evidence and sufficient size that failed a check
 
     @property
     def missing(self) -> tuple[Accepted, ...]:
-        """What is missing and matters."""
+        """The accepted mechanisms that matter."""
         return tuple(one for one in self.accepted if one.trial.size.multiple >= MATTERS)
 
 
 def select(
     replica: Replica, tried: Sequence[Variant], pool: Executor, progress: Callable[[str], None] = lambda step: None
 ) -> Outcome:
-    """Accept mechanisms one after the other; what competes is refitted side by side."""
+    """Accept mechanisms one after the other; competing candidates are refitted in parallel."""
     first = seen = screen(replica, replica.baseline, [*tried, *terms(replica)], pool)
     weights = weights_of(replica, seen)
     by_curves = False
     fitted = Fitted(replica.baseline, (), (), (), 0.0)
     accepted: list[Accepted] = []
     left: list[Trial] = []
-    for _ in range(2 * MOST):  # rounds: one may be taken back
+    for _ in range(2 * MOST):  # rounds; an accepted mechanism may be removed again
         if len(accepted) == MOST:
             break
         progress(f"refitting {len(accepted) + 1} of {MOST}")
@@ -104,7 +104,7 @@ def select(
             ]
             if by_curves or not (left or structured(replica, seen, weights).unexplained):
                 break
-            by_curves = True  # nothing that has a form holds
+            by_curves = True  # no candidate with a form holds: try curves
             seen = _screened(replica, fitted, tried, curves(replica, [one.trial.listed for one in accepted]), pool)
             weights = weights_of(replica, seen)
             continue
@@ -117,21 +117,21 @@ def select(
         replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen)
         seen = _screened(replica, fitted, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
         weights = weights_of(replica, seen)
-        # What was missing made everything else seem to vary more, and so itself seem smaller.
+        # The missing mechanism had enlarged all nuisances, and these had reduced its size: estimate both again.
         own, again = _settled_beside(replica, fitted, accepted, seen, weights)
         if np.isfinite(again.cost) and moved(fitted, again) > MOVES:
             replica, fitted, accepted = _sized(own, again, accepted, seen)
             seen = _screened(replica, fitted, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
             weights = weights_of(replica, seen)
         if all(one.size.multiple < MATTERS for one in (best.trial, *sure)):
-            break  # told as too small; nothing that matters could be taken for it
+            break  # reported as too small; it stays in the model, so that nothing that matters is found in its place
     return Outcome(replica, fitted, tuple(accepted), first, seen, weights, () if accepted else tuple(left))
 
 
 def _screened(
     replica: Replica, fitted: Fitted, tried: Sequence[Variant], unnamed: Sequence[Variant], pool: Executor
 ) -> Screen:  # fmt: skip
-    """Return the names that are left, and what has none, about what was accepted."""
+    """Screen the remaining names and terms about the accepted model."""
     left = [one for one in tried if one.name not in fitted.model.choice]
     return screen(replica, fitted.model, [*left, *unnamed], pool, fitted.variants)
 
@@ -139,9 +139,9 @@ def _screened(
 def _settled_beside(
     replica: Replica, fitted: Fitted, accepted: Sequence[Accepted], seen: Screen, weights: Weights
 ) -> tuple[Replica, Fitted]:  # fmt: skip
-    """Settle under the sizes of nuisances beside what was accepted.
+    """Settle the fit with nuisance sizes that belong to the accepted mechanisms.
 
-    Where wheels are read later, or their speeds otherwise, other rows slide: then every replica is weighed anew.
+    If a mechanism changes when or how speeds are read, other rows slide, and each replica gets new weights.
     """
     if not any(told(one.trial.listed) for one in accepted):
         return settle(replica.recorded, fitted, weights)
@@ -152,7 +152,7 @@ def _settled_beside(
 def _beside(
     accepted: list[Accepted], last: "Held", weights: Weights, seen: Screen
 ) -> tuple[Replica, Fitted, list[Accepted]]:  # fmt: skip
-    """Return the replica and the fit with all that was accepted, less what is no longer sure beside the last one."""
+    """Return replica and fit of all accepted mechanisms, without those that are no longer sure with the last one present."""
     replica = last.replica
     kept, fitted = _still_sure(replica, accepted, last.trial.fitted, seen)
     if len(kept) < len(accepted):
@@ -163,7 +163,7 @@ def _beside(
 def _exchanged(
     replica: Replica, fitted: Fitted, accepted: list[Accepted], seen: Screen
 ) -> tuple[Replica, Fitted, list[Accepted]]:  # fmt: skip
-    """Exchange an earlier mechanism for a rival that explains more beside what was accepted later."""
+    """Replace an earlier mechanism by a rival that explains more together with the later ones."""
     if len(accepted) < 2:
         return replica, fitted, accepted
     weights = weights_of(replica, seen)
@@ -174,7 +174,7 @@ def _exchanged(
         taken = {variant.title for variant in others}
         tried = []
         for rival in one.rivals:
-            if rival.listed.title not in taken and not told(rival.listed):  # that was compared about its own replica
+            if rival.listed.title not in taken and not told(rival.listed):  # others were compared on their own replica
                 begin = switched(rest.model, rival.variant, values_in(rival.fitted.model, rival.variant))
                 again = refit(replica, begin, [*others, rival.variant], weights)
                 reduction = rest.cost - again.cost
@@ -195,20 +195,20 @@ def _exchanged(
 
 
 def _more_sure(held: Trial, tried: Trial) -> Trial:
-    """Return the one of both with more evidence: what competes was tried about the last replica too, and nothing was bent."""
+    """Return the trial with more evidence: competitors were also tried on the earlier, linear replica."""
     return max(held, tried, key=lambda one: one.evidence)
 
 
 def _sized(
     replica: Replica, fitted: Fitted, accepted: list[Accepted], seen: Screen
 ) -> tuple[Replica, Fitted, list[Accepted]]:  # fmt: skip
-    """Return the same, with the sizes that mechanisms have in the whole of the extended model."""
+    """Return replica, fit and mechanisms, with the mechanisms' sizes in the complete extended model."""
     sizes = [net_effect(replica, fitted.model, one.trial.variant, seen.whitening) for one in accepted]
     return replica, fitted, [one.sized(size) for one, size in zip(accepted, sizes, strict=True)]
 
 
 def _still_sure(replica: Replica, accepted: list[Accepted], fitted: Fitted, seen: Screen) -> tuple[list[Accepted], Fitted]:
-    """Take back what is no longer sure beside the last one: of two names for one effect the better may come second."""
+    """Remove earlier mechanisms that are no longer sure with the last one present: the better of two names may come second."""
     if len(accepted) < 2:
         return accepted, fitted
     weights = weights_of(replica, seen)
@@ -222,7 +222,7 @@ def _still_sure(replica: Replica, accepted: list[Accepted], fitted: Fitted, seen
 
 
 def _preferred(trials: Sequence[Trial]) -> list[Trial]:
-    """Sort trials, the best first: a name before a term that explains no more than the name's own form may miss."""
+    """Sort trials, best first; a name precedes a term unless the term explains more than the name's form error allows."""
     if not trials:
         return []
     least = (1.0 - FORM) ** 2 * max(one.evidence for one in trials)
@@ -233,9 +233,10 @@ def _best(
     trials: Sequence[Trial], refuses: Callable[[Trial], bool], stands: Callable[[Trial], Held | None],
     least: Callable[[Trial], float],
 ) -> tuple[Held | None, dict[str, float]]:  # fmt: skip
-    """Return the best trial that holds, and the names of those found not to, with their log odds: no alternatives either.
+    """Return the best trial that holds, and the titles of rejected trials with their log odds.
 
-    Its log odds must be above the `least`, and nothing may refuse it, as it was found and as it `stands`.
+    The log odds of a trial must exceed `least`, and `refuses` must be false: for the trial as found, and about its own replica
+    (`stands`). Rejected titles are not listed as alternatives.
     """
     best: Held | None = None
     refused: dict[str, float] = {}
@@ -252,12 +253,12 @@ def _best(
 
 
 def _refused(replica: Replica, accepted: Sequence[Accepted], seen: Screen, trial: Trial) -> bool:
-    """Whether a mechanism contradicts itself, whatever its evidence."""
+    """Whether a trial is rejected whatever its evidence: it is at a bound, or it compensates an earlier mechanism."""
     return at_bound(trial.variant, trial.fitted.model) or _compensates(replica, trial, accepted, seen)
 
 
 def _compensates(replica: Replica, trial: Trial, accepted: Sequence[Accepted], seen: Screen) -> bool:
-    """Whether a mechanism makes one of those before grow: what is missing beside another leaves the other as it is."""
+    """Whether a mechanism makes an earlier one grow by more than `GROWN`; a truly missing mechanism would not."""
 
     def size(model: Model, one: Accepted) -> float:
         return net_effect(replica, model, one.trial.variant, seen.whitening).multiple
@@ -266,7 +267,7 @@ def _compensates(replica: Replica, trial: Trial, accepted: Sequence[Accepted], s
 
 
 def belief(best: Trial, trials: Sequence[Trial], found: Sequence[Found]) -> tuple[tuple[str, ...], float]:
-    """Return the names that explain nearly as much, best first, and the share of belief in the best."""
+    """Return the names with nearly equal evidence, best first, and the share of belief in the best one."""
     evidence = {one.name: one.evidence for one in found} | {one.listed.title: one.evidence for one in trials}
     top = best.evidence
     scale = max(1.0, FORM**2 * top)

@@ -1,20 +1,20 @@
-"""Takes from a slip what its sensor's noise put into it, scale by scale, and leaves what the wheel did.
+"""Removes from a slip the noise of its sensor, scale by scale, and keeps the motion of the wheel.
 
-A wheel under a protection that acts changes its speed within tenths of a second, one on a full brake hardly. What a short
-smoothing leaves of noise in the second looks like its acceleration, and shares its noise with the recorded one: a fit then
-takes away inertia (noise in an explanatory variable). How much of the difference between two smoothings is noise is known from
-the sensor's: that share is taken away (James and Stein's positive part, local in time; W. James, C. Stein, Proc. 4th Berkeley
-Symposium, 1961).
+A wheel under an active WSP changes its speed within tenths of a second; under a steady full brake it hardly does. Noise that
+remains after a short smoothing looks like acceleration of the wheel. It is correlated with the noise of the recorded
+acceleration, and a fit then finds too little inertia (noise in an explanatory variable). The noise in the difference between
+two smoothings is known from the sensor's noise. This share is removed (positive-part James-Stein estimator, local in time; W.
+James, C. Stein, Proc. 4th Berkeley Symposium, 1961).
 """
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_coeffs, savgol_filter
 
-#: Windows [s] of the smoothings, each twice the one before: the shortest keeps what a protection does, a longer one than the
-#: last changes nothing that is seen.
+#: Windows [s] of the smoothings, each twice the previous. The shortest keeps the actions of a WSP; longer ones than the last
+#: have no visible effect.
 WINDOWS_S = (0.25, 0.5, 1.0)
-#: Windows over which the energy of a scale is averaged: so many independent values say it to a quarter.
+#: Number of windows over which the energy of a scale is averaged: its standard error is then about a quarter.
 _AVERAGED = 8
 _ORDER = 3
 
@@ -22,15 +22,15 @@ _ORDER = 3
 def denoised(
     slip: np.ndarray, share: np.ndarray, deviation: float, filtered: np.ndarray, step: float, raw_step: float
 ) -> np.ndarray:
-    """Return a slip smoothed as far as it is noise, by the energy of its rate.
+    """Return a slip without the sensor noise that remains in it, judged by the energy of its rate.
 
     Parameters
     ----------
-    slip : (T, A) [m/s], as filtered and thinned
-    share : (T, A) [-] of the sensor's noise that is in it
-    deviation : of a raw sample's white noise [m/s]
-    filtered : (w,) weights of the filter that raw samples have passed
-    step, raw_step : between the samples and between the raw ones [s]
+    slip : (T, A) [m/s], filtered and thinned
+    share : (T, A) [-] of the sensor's noise that the slip contains
+    deviation : standard deviation of the white noise of a raw sample [m/s]
+    filtered : (w,) weights of the filter that was applied to the raw samples
+    step, raw_step : between the samples and between the raw samples [s]
 
     """
     smooth = [savgol_filter(slip, _length(window, step, len(slip)), _ORDER, axis=0) for window in WINDOWS_S]
@@ -50,7 +50,7 @@ def denoised(
 
 
 def _as_raw(weights: np.ndarray, stride: int, filtered: np.ndarray) -> np.ndarray:
-    """Return the weights with which raw samples come into what weighs every stride-th of them after a filter."""
+    """Return the weights of raw samples for a filter `weights` on every stride-th output of the filter `filtered`."""
     spread = np.zeros((len(weights) - 1) * stride + 1)
     spread[::stride] = weights
     return np.convolve(spread, filtered)

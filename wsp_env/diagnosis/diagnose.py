@@ -29,11 +29,11 @@ from wsp_env.diagnosis.trials import FORM, form_of
 from wsp_env.diagnosis.words import next_test, sentence
 from wsp_env.recordings import Campaign, CampaignError
 
-#: A run whose residuals are so many times the others' is left out as damaged.
+#: A run is left out as damaged if its root mean square residual exceeds that of the others by this factor.
 _DAMAGED = 5.0
-#: Share of the held-out residual from which on what was found stands, whatever is left beside it: half.
+#: Share of the removable held-out residual from which on a finding stands although the remaining residual is correlated.
 _MOST_REMOVED = 0.5
-#: Mean squares of the extended model over the baseline's, from which on it fits worse, beyond what rounding makes.
+#: Ratio of mean squares, extended model over baseline, from which on the extension fits worse; allows for rounding.
 _WORSE = 1.01
 _Z90 = 1.645
 _LOG10 = float(np.log(10.0))
@@ -43,20 +43,20 @@ Progress = Callable[[str], None]
 
 
 def diagnose(campaign: Campaign, progress: Progress = lambda step: None, workers: int = 2) -> Diagnosis:
-    """Say which physics a campaign's simulation lacks.
+    """Find which physics the simulation of a campaign lacks.
 
     Parameters
     ----------
-    progress : is called with what is done next
-    workers : threads that evaluate candidates side by side; the answer does not depend on them
+    progress : called with the name of the next step
+    workers : threads that evaluate candidates in parallel; the answer does not depend on them
 
     Raises
     ------
     CampaignError
-        when no run can be used
+        if no run can be used
 
     """
-    # The matrices are small: BLAS threads would only take the cores from the workers.
+    # The matrices are small: BLAS threads would only compete with the workers.
     with threadpool_limits(1, "blas"), ThreadPoolExecutor(workers) as pool:
         return _diagnose(campaign, progress, pool)
 
@@ -83,7 +83,7 @@ def _diagnose(campaign: Campaign, progress: Progress, pool: Executor) -> Diagnos
 
 
 def _sound(campaign: Campaign, stops: list[PreparedStop]) -> tuple[Replica, list[str]]:
-    """Fit the baseline; a run that fits far worse than the others is left out."""
+    """Fit the baseline; leave out runs that fit far worse than the others."""
     notes: list[str] = []
     while True:
         balances = Balances(campaign, stops)
@@ -103,19 +103,19 @@ def _sound(campaign: Campaign, stops: list[PreparedStop]) -> tuple[Replica, list
 
 def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor) -> Diagnosis:
     found = quality(replica, outcome)
-    # A finding is repeated: at the size that was fitted to the others, the held-out runs alone make it as sure. They are asked
-    # this one question, so that how rare a name is does not count again.
+    # A finding must be confirmed: at the size fitted to the tuning runs, the held-out runs alone must make it as sure. This is
+    # a single question, so the prior odds do not count again.
     repeated = [one for one, sure in zip(outcome.accepted, found.repeated, strict=True) if sure]
     missing = [one for one in outcome.missing if one in repeated]
     worse = max(found.fit.extended[group] / found.fit.baseline[group] for group in found.fit.baseline) > _WORSE
     removed = found.fit.removed_validate
     left = structured(outcome.replica, outcome.last, outcome.weights)
-    # What is worth nothing on runs that it was not fitted to is no finding, nor what leaves most of what could be removed.
+    # A finding must improve the held-out runs, and must not leave most of the removable residual.
     worthless = bool(missing) and (worse or (removed is not None and removed <= 0.0))
     unexplained = left.unexplained and (removed or 0.0) < _MOST_REMOVED
     part = _describes_a_part(missing, left, found.removed_of)
     unexplained |= part
-    # What has evidence and matters, but does not hold, is something that no model here says.
+    # A candidate with evidence and sufficient size that fails a check shows physics that no model here describes.
     unexplained |= worthless or (not missing and bool(outcome.missing or outcome.refused))
     holds = not unexplained
     named = tuple(_named(replica, outcome, one, found) for one in missing if not one.trial.listed.family) if holds else ()
@@ -166,12 +166,12 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
 
 
 def _nothing_removed(fit: FitQuality) -> FitQuality:
-    """Return how well the baseline fits: what is too small to matter, or does not hold, is no part of an answer."""
+    """Return the quality of the baseline alone, for an answer without findings."""
     return dataclasses.replace(fit, extended=fit.baseline, removed_validate=None)
 
 
 def _evidence(found: Sequence[Found]) -> tuple[Evidence, ...]:
-    """Return what the search says of the candidates that promise most; of what cannot be, nothing is said."""
+    """Return the evidence of the most promising candidates; impossible ones are left out."""
     possible = [one for one in found if np.isfinite(one.evidence)]
     return tuple(
         Evidence(one.name, one.reduction, (), one.evidence / _LOG10, 0.0, float(np.abs(one.multiple).max()))
@@ -180,10 +180,10 @@ def _evidence(found: Sequence[Found]) -> tuple[Evidence, ...]:
 
 
 def _describes_a_part(missing: Sequence[Accepted], left: Structure, removed_of: Mapping[str, float | None]) -> bool:
-    """Whether only terms were found, and they leave most of the balance in which the most goes on.
+    """Whether only terms were found, and they leave most of the residual in the most correlated balance.
 
-    A name is known physics with a trace of its own, beside which something else may be missing. A term is made of what was
-    left: where what goes on is not removed by it, it is a part of something that no term can say.
+    A name is known physics with a trace of its own; something else may be missing beside it. A term is constructed from the
+    residual. If it leaves most of the correlated residual, it describes only a part of something that no term can express.
     """
     only_terms = bool(missing) and all(one.trial.listed.family for one in missing)
     return only_terms and left.unexplained and (removed_of[left.balance] or 0.0) < _MOST_REMOVED
@@ -200,7 +200,7 @@ def _verdict(named: tuple[Named, ...], terms: tuple[Discovered, ...], seen: bool
 
 
 def _worth(outcome: Outcome, extended: Model, missing: list[Accepted]) -> Worth:
-    """Return what all that was found changes in the recorded stops, against the law tuned without it."""
+    """Return the change of the recorded stops by all findings, against the law tuned without them."""
     size = net_change(outcome.replica, extended, dataclasses.replace(extended, choice={}), outcome.last.whitening)
     shares = [float(np.max(one.trial.found.deviation / np.maximum(np.abs(one.trial.found.multiple), 1e-9))) for one in missing]
     form = max((form_of(one.trial.listed) for one in missing), default=FORM)
@@ -235,7 +235,7 @@ def _discovered(replica: Replica, outcome: Outcome, one: Accepted, found: Qualit
 
 
 def model_json(replica: Replica, model: Model) -> dict[str, Any]:
-    """Return what the environment needs to brake with the tuned law and the mechanisms found."""
+    """Return the content of model.json, from which an environment takes the tuned law and the mechanisms found."""
     vehicle = dataclasses.asdict(replica.campaign.vehicle)
     return {
         "tau_m_per_J": model.tau,

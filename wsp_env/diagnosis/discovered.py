@@ -1,6 +1,6 @@
 """Terms without a name that the search tries: a coefficient times a feature, in one slot of the plant, on some axles.
 
-They compete with the library's names under the same principle. See `wsp_env.plant.mechanisms.terms` for slots and features.
+They compete with the library's names under the same rules. See `wsp_env.plant.mechanisms.terms` for slots and features.
 """
 
 from collections.abc import Iterator, Mapping, Sequence, Set
@@ -17,29 +17,30 @@ from wsp_env.plant.mechanisms.term_words import FEATURES, SLOTS, axles_of, equat
 from wsp_env.plant.mechanisms.term_words import looks_like as physics_of
 from wsp_env.plant.mechanisms.terms import UNBOUNDED, Feature, Slot, Term
 
-#: Cards that hold terms: of the plant, numbered, and the one error of the recorded speed.
+#: Cards that hold terms: the numbered terms of the plant, and the one error of the recorded speed.
 NAME, MISREAD = "discovered", misread_speed.CARD.name
 
-#: Finite-difference steps of a coefficient by slot, for a feature of size 1 [N m], [-], [-], [N], [m/s]: small against a stop's
-#: own.
+#: Finite-difference steps of a coefficient by slot, for a feature of size 1 [N m], [-], [-], [N], [m/s]; small against the
+#: values in a stop.
 _STEPS = {
     Slot.BRAKE_TORQUE: 100.0, Slot.FRICTION: 0.02, Slot.RECOVERY: 0.1, Slot.VEHICLE_FORCE: 200.0, Slot.RECORDED_SPEED: 0.02,
 }  # fmt: skip
-#: Usual sizes of features that are far from 1, in their units: for the steps alone.
+#: Usual sizes of features that are far from 1, in their units; used only for the steps.
 _USUAL = {
     Feature.SLIP: 3.0, Feature.WHEEL_RATE: 3.0, Feature.TIME: 15.0, Feature.BRAKING_TIME: 15.0, Feature.SPEED_TIME: 15.0,
 }  # fmt: skip
-#: Widths of bumps along the track, of a curve and of a grade, and how far apart they are tried [m]: a force that lies between
-#: two keeps half of its evidence and more.
+#: Widths of bumps along the track [m] (a curve, a gradient), and the distance of tried positions: a force halfway between two
+#: positions keeps at least half of its evidence.
 _BUMPS_M, _APART_M = (150.0, 300.0), 75.0
 
 _ONE = ((1.0, 1.0),)
-#: Share of the torque by which a rigging holds it back, as large as it acts (assumption: a few per cent).
+#: Play of a brake rigging as a share of the torque: the share held back while the brake is applied (assumption: a few per
+#: cent).
 _PLAY = ((0.03, 1.0), (0.045, 1.0), (0.065, 1.0), (0.09, 1.0))
-#: Times within which something settles [s]: a short and a long one against a stop (assumption).
+#: Settling times [s]: one short and one long compared with a stop (assumption).
 _SETTLING = ((3.0, 1.0), (8.0, 1.0))
-#: Features tried in each slot with their scales: on all axles together, and on each axle alone; those that have a name in the
-#: library are left to it, and what wheels' treads differ by, an axle's friction or recovery as a whole, to normal variation.
+#: Features with their scales by slot, tried on all axles together; `_SOME`: on groups of axles. Features with a name in the
+#: library are omitted, and so is the friction or recovery of one axle as a whole, which is normal variation of wheel treads.
 _TOGETHER: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
     Slot.BRAKE_TORQUE: {
         Feature.SLIP: _ONE, Feature.BRAKING_TIME: _ONE, Feature.WHEEL_DIFFERENCE: _ONE, Feature.WORK: _ONE,
@@ -56,8 +57,8 @@ _TOGETHER: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
         Feature.SPEED_DECELERATION: _ONE, Feature.TIME: _ONE, Feature.SPEED_TIME: _ONE, Feature.SPEED_SQUARED: _ONE,
     },
 }  # fmt: skip
-#: Whatever lifts the friction speeds up the wheel, so that in a closed loop noise of friction looks like friction that falls
-#: with the rate of the slip: of that feature only the other side says anything.
+#: Features with positive coefficients only. Higher friction speeds up the wheel, so in a closed loop noise of friction looks
+#: like friction that falls with the slip rate: only a rise with this rate is informative. Play cannot be negative.
 _ABOVE = {(Slot.FRICTION, Feature.SLIP_RATE), (Slot.BRAKE_TORQUE, Feature.TORQUE_PLAY)}
 _SOME: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
     Slot.BRAKE_TORQUE: {
@@ -70,31 +71,31 @@ _SOME: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
     Slot.FRICTION: {Feature.SPEED: _ONE, Feature.BRAKING_TIME: _ONE},
 }
 
-#: Slots of terms that act on each wheelset.
+#: Slots, in words, of terms that act on each wheelset.
 OF_WHEELS = frozenset(SLOTS[slot][0] for slot in (Slot.BRAKE_TORQUE, Slot.FRICTION, Slot.RECOVERY))
-#: The slot of what a mechanism of the library acts on.
+#: Slot for each object on which a mechanism of the library acts.
 _ACTS = {
     "contact": Slot.FRICTION, "brake": Slot.BRAKE_TORQUE, "vehicle": Slot.VEHICLE_FORCE, "sensor": Slot.RECORDED_SPEED,
 }  # fmt: skip
 
-#: Features over which a curve is tried where no term holds, by slot.
+#: Features over which a curve is tried if no term holds, by slot.
 _CURVES: dict[Slot, tuple[Feature, ...]] = {
     Slot.BRAKE_TORQUE: (Feature.SPEED_TENT, Feature.TIME_TENT),
     Slot.FRICTION: (Feature.SLIP_TENT, Feature.SPEED_TENT, Feature.TIME_TENT),
     Slot.VEHICLE_FORCE: (Feature.SPEED_TENT, Feature.TIME_TENT),
 }
-_FEWEST_KNOTS = 2  # of a curve: a line
+_FEWEST_KNOTS = 2  # smallest number of a curve's knots: a line
 _TAIL = 0.02  # share of the rows beyond its first knot, and beyond its last
 
 
 def terms(replica: Replica, accepted: Sequence[Variant] = ()) -> list[Variant]:
-    """Return the terms that are tried beside what was accepted; none beyond the most that a model may hold."""
+    """Return the terms to try in addition to the accepted ones; none if the model is full."""
     n = _next(accepted)
     return list(_all(replica, n, _closed(replica, n, accepted)))
 
 
 def curves(replica: Replica, accepted: Sequence[Variant] = ()) -> list[Variant]:
-    """Return what is tried where no term holds: in every slot a curve over one feature, of as many tents as terms are left."""
+    """Return the curves to try if no term holds: over one feature in each slot, with as many tents as there are terms left."""
     n = _next(accepted)
     knots = TERMS + 1 - n
     if knots < _FEWEST_KNOTS:
@@ -107,7 +108,7 @@ def curves(replica: Replica, accepted: Sequence[Variant] = ()) -> list[Variant]:
             continue
         for feature in features:
             values = seen[feature][rows.slides | (slot is not Slot.FRICTION)]
-            if not len(values):  # friction shows where wheels slide
+            if not len(values):  # friction shows only where wheels slide
                 continue
             low, high = np.quantile(values, (_TAIL, 1.0 - _TAIL))
             apart = (high - low) / (knots - 1)
@@ -119,12 +120,12 @@ def curves(replica: Replica, accepted: Sequence[Variant] = ()) -> list[Variant]:
 
 
 def _next(accepted: Sequence[Variant]) -> int:
-    """Return the number of the next term of the plant."""
+    """Return the number of the next term of the plant, from 1."""
     return 1 + sum(len(one.sizes) for one in accepted if one.name == NAME)
 
 
 def _closed(replica: Replica, n: int, accepted: Sequence[Variant]) -> set[Slot]:
-    """Return the slots in which nothing is tried: recordings say nothing of them, or the model holds no more."""
+    """Return the slots without trials: the recordings give no information on them, or the model is full."""
     closed = {Slot.BRAKE_TORQUE} if replica.campaign.vehicle.torque_is_measured else set()
     if not (replica.rows.balance == ADHESION).any():
         closed |= {Slot.FRICTION, Slot.RECOVERY}
@@ -159,11 +160,11 @@ def _all(replica: Replica, n: int, closed: Set[Slot]) -> Iterator[Variant]:
 
 
 def axle_groups(running_gear: Sequence[Sequence[int]]) -> list[tuple[int, ...]]:
-    """Return the axles, from 1, that something may be about that is not about all: each one, a bogie's, all leading ones.
+    """Return groups of axles, from 1, other than all: each single axle, each bogie, and all leading (second, ...) axles.
 
     Parameters
     ----------
-    running_gear : of each body the numbers of axles of its bogies
+    running_gear : for each body the numbers of axles of its bogies
 
     """
     counts = [count for body in running_gear for count in body]
@@ -180,7 +181,7 @@ def _variant(n: int, slot: Slot, axles: tuple[int, ...], feature: Feature, scale
     if slot is Slot.RECORDED_SPEED:
         return Variant(MISREAD, ("coefficient",), {"feature": float(feature)}, (step,), _family(slot, axles, name))
     parts = [(feature, scale)]
-    if feature is Feature.TORQUE_SINE and n < TERMS:  # with its cosine: where the wheel stood at the start is not known
+    if feature is Feature.TORQUE_SINE and n < TERMS:  # with its cosine, because the initial wheel angle is unknown
         parts.append((Feature.TORQUE_COSINE, scale))
     return _of(n, slot, axles, parts, name, step, (slot, feature) in _ABOVE)
 
@@ -200,7 +201,7 @@ def _of(
     n: int, slot: Slot, axles: tuple[int, ...], parts: Sequence[tuple[Feature, tuple[float, float]]], name: str, step: float,
     above: bool = False,
 ) -> Variant:  # fmt: skip
-    """Return the variant whose terms, from number n on, are some features with their scales in one slot."""
+    """Return the variant whose terms, numbered from n, are given features with their scales in one slot."""
     fixed: dict[str, float] = {}
     for k, (feature, scale) in enumerate(parts, n):
         fixed |= {
@@ -215,12 +216,12 @@ class Words(NamedTuple):
     """A term in words."""
 
     equation: str
-    axles: tuple[int, ...]  # from 1; none for all
+    axles: tuple[int, ...]  # from 1; empty for all
     features: tuple[str, ...]
 
 
 def _terms_in(variant: Variant, values: Mapping[str, float]) -> list[Term]:
-    """Return the terms of a variant, from a card's parameters."""
+    """Return the terms of a variant, from the card's parameters."""
     if variant.name == MISREAD:
         return [misread_speed.term_of({"coefficient": 0.0} | dict(values))]
     numbers = [size.removeprefix("coefficient_") for size in variant.sizes if size.startswith("coefficient_")]
@@ -228,7 +229,7 @@ def _terms_in(variant: Variant, values: Mapping[str, float]) -> list[Term]:
 
 
 def equation(variant: Variant, values: Mapping[str, float]) -> Words:
-    """Return a variant that is on in words."""
+    """Return a variant that is on, in words."""
     found = _terms_in(variant, values)
     features = tuple(
         FEATURES[Feature(int(one.feature))].words.format(scale=one.scale, second_scale=one.second_scale) for one in found
@@ -237,18 +238,18 @@ def equation(variant: Variant, values: Mapping[str, float]) -> Words:
 
 
 def slot_of(variant: Variant) -> str:
-    """Return the slot in words."""
+    """Return the slot of a variant in words."""
     return SLOTS[Slot(int(_terms_in(variant, variant.fixed)[0].slot))][0]
 
 
 def slot_of_title(title: str) -> str:
-    """Return the slot, in words, in which a mechanism of the library acts, or a term, from what it competes as."""
+    """Return the slot in words for the title of a candidate: a mechanism of the library or a term."""
     if title in ALL:
         return SLOTS[_ACTS[ALL[title].signature.acts_on]][0]
     return next(words for slot, (words, _) in SLOTS.items() if title.startswith(_said(slot)))
 
 
 def looks_like(variant: Variant) -> tuple[str, ...]:
-    """Return known physics of that form."""
+    """Return known physics of the same form."""
     first = _terms_in(variant, variant.fixed)[0]
     return physics_of(first.slot, first.feature)

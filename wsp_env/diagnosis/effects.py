@@ -1,4 +1,4 @@
-"""What the found mechanisms do: each one's curve through the residuals, and held-out runs before and after."""
+"""Effects of the mechanisms found: each one's curve through the residuals, and held-out runs before and after."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -17,17 +17,17 @@ from wsp_env.recordings import simulate as simulation
 from wsp_env.recordings.derive import braking
 
 _BINS = 16
-_LEAST_ROWS = 5  # in a bin
-_ACTS = 0.02  # of a mechanism's largest change of a residual, from which on a row is one that it acts on
+_LEAST_ROWS = 5  # per bin
+_ACTS = 0.02  # share of a mechanism's largest change of a residual, from which on a row counts as affected
 _COURSE_POINTS = 200
 _UNITS = {"slip": "slip speed [m/s]", "work": "W_sp [J/m]", "place": "place [m]", "time": "time [s]", "speed": "speed [m/s]",
           "axle": "axle [-]", "deceleration": "deceleration [m/s2]"}  # fmt: skip
 
 
 def curve(balances: Replica, extended: Model, weights: Weights, name: str, parameters: Mapping[str, Estimate]) -> Curve:
-    """Return a mechanism's change of the residual that shows it best, with what the recordings say of it.
+    """Return a mechanism's change of the residuals in the balance that shows it best, fitted and observed.
 
-    Observed is the change that the mechanism explains plus what the extended model leaves (partial residuals).
+    The observed change is the fitted change plus the residual of the extended model (partial residuals).
     """
     without = dataclasses.replace(extended, choice={k: v for k, v in extended.choice.items() if k != name})
     base = balances.raw(extended)
@@ -62,7 +62,7 @@ def curve(balances: Replica, extended: Model, weights: Weights, name: str, param
 
 
 def _interval(name: str, parameters: Mapping[str, Estimate]) -> tuple[float, float]:
-    """Bounds of the first size over its value: how much smaller or larger the whole curve may be."""
+    """Bounds of the first size over its value: the factors by which the whole curve may be smaller or larger."""
     size, first = next(iter(parameters.items()))
     null = parameter_of(name, size).null
     change = first.value - null
@@ -75,7 +75,8 @@ def _interval(name: str, parameters: Mapping[str, Estimate]) -> tuple[float, flo
 def held_out(balances: Balances, before: Model, after: Model) -> tuple[RunFigures, ...]:
     """Return the paper's figures of every run, simulated before and after: Table 4 and eqs. (19) to (21).
 
-    Speeds are those of the whole stop simulated with the recorded torque: its statistics compare, sample by sample it parts.
+    Speeds are those of the whole stop, simulated with the recorded torque. Compare their statistics only: sample by sample, the
+    simulation diverges from the recording.
     """
     smoothing, campaign = Smoothing(), balances.campaign
     radii = rolling_radii(campaign, smoothing)
@@ -101,20 +102,20 @@ def held_out(balances: Balances, before: Model, after: Model) -> tuple[RunFigure
 
 
 def course(balances: Balances, before: Model, after: Model, where: Sequence[Location] = ()) -> RunTrace | None:
-    """Return the course of the axle and the run that the answer is about.
+    """Return the time series of the axle and the run that show the finding best; None if there is no wheel row.
 
-    The run is a held-out one; where the first place in `where` lies in other runs alone, one of these. The axle is the one that
-    a mechanism names, else one of that place (of all, if it tells none). Of these, and of the runs, it is what the mechanisms
-    move most, whether they do it well or not: the noise of both sides is the same, so that none of it counts. Where nothing was
-    found, it is what the baseline fits worst beyond noise while it slides: on the steep side of the creep curve a hair of slip,
-    within the noise, moves the prediction far.
+    The run is a held-out one. If the first location in `where` contains no held-out run, it is one of that location's runs. The
+    axle is the one that a mechanism names, else one of that location, else any. Among these, the series with the largest change
+    by the mechanisms is chosen, whether the fit improves or not: noise is common to both sides and cancels. If nothing was
+    found, it is the series that the baseline fits worst beyond noise while sliding: on the steep part of the creep curve, an
+    error of slip within the noise changes the prediction much.
     """
     rows = balances.rows
     scored = rows.validate if rows.validate.any() else np.ones(len(rows), dtype=bool)
     seen_in = [i for i, stop in enumerate(balances.stops) if any(stop.name in one.runs for one in where[:1])]
     if after.choice and seen_in and not np.isin(rows.run[scored], seen_in).any():
         scored = np.isin(rows.run, seen_in)
-    # Where a wheel rolls freely that is worse still: shown only where it is what was found.
+    # Freely rolling wheels fit still worse; show them only if they are the finding.
     rolls = bool(where) and where[0].equation == BALANCES[KINEMATICS]
     wheels = (rows.wheels if rolls else rows.balance == ADHESION) & scored
     if not wheels.any():
@@ -162,7 +163,7 @@ def course(balances: Balances, before: Model, after: Model, where: Sequence[Loca
 
 
 def _named_axles(model: Model) -> list[int]:
-    """Return the axle, from 0, that a model's first mechanism names; none where it has none, or means all of them."""
+    """Return the axle, from 0, that a model's first mechanism names; empty if there is none, or if it means all axles."""
     for name, values in list(model.choice.items())[:1]:
         whole = [one.name for one in ALL[name].parameters if one.kind == "axle"]
         return [round(values[one]) - 1 for one in whole if values.get(one, 0.0) >= 1.0]
@@ -170,7 +171,7 @@ def _named_axles(model: Model) -> list[int]:
 
 
 def _about_vehicle(balances: Balances, base: np.ndarray, extended: np.ndarray, where: Sequence[Location]) -> bool:
-    """Whether the vehicle's balance shows best what was found; without `where`, by the residuals' fall over what is left."""
+    """Whether the vehicle balance shows the finding best; without `where`, by the relative decrease of the residuals."""
     if where:
         return where[0].equation == BALANCES[VEHICLE]
     rows = balances.rows
@@ -182,7 +183,7 @@ def _about_vehicle(balances: Balances, base: np.ndarray, extended: np.ndarray, w
 
 
 def _systematic(values: np.ndarray) -> float:
-    """Mean square of a course (n,) less its noise, half the mean square of successive differences (von Neumann 1941)."""
+    """Mean square of a series (n,) less its noise, half the mean square of successive differences (von Neumann 1941)."""
     if len(values) < _LEAST_ROWS:
         return 0.0
     return float(np.mean(values**2) - 0.5 * np.mean(np.diff(values) ** 2))
@@ -193,13 +194,13 @@ def _mean_square(values: np.ndarray, mine: np.ndarray) -> float:
 
 
 def _thinned(mask: np.ndarray) -> np.ndarray:
-    """Return the indices of at most `_COURSE_POINTS` rows of a mask."""
+    """Return the indices of at most `_COURSE_POINTS` rows of a mask, evenly thinned."""
     index = np.flatnonzero(mask)
     return index[:: -(-len(index) // _COURSE_POINTS) or 1]
 
 
 def _adhesion_errors(balances: Balances, i: int, measured: np.ndarray, raw: np.ndarray) -> tuple[float | None, ...]:
-    """Mean absolute error of the adhesion over its mean, of each axle of a stop while it slides; None where it does not."""
+    """Mean absolute adhesion error over mean adhesion, for each axle of a stop while it slides; None without enough rows."""
     rows, part = balances.rows, balances.parts[i]
     recorded = np.zeros(len(rows))
     recorded[(rows.run == i) & rows.wheels] = part.wheel_rows(measured)

@@ -1,4 +1,4 @@
-"""The fitted parameters of a mechanism with their intervals, and whether these leave it open that it is there at all."""
+"""The fitted parameters of a mechanism with their intervals, and tests whether these intervals allow its absence."""
 
 from collections.abc import Mapping
 
@@ -20,7 +20,7 @@ def estimates(
 
     Parameters
     ----------
-    fitted : to the replica, under the weights
+    fitted : fit to the replica with these weights
     reduction : of chi-square, by the mechanism
 
     """
@@ -32,8 +32,8 @@ def estimates(
     for j, name in enumerate(variant.sizes):
         parameter = parameter_of(variant.name, name)
         value = float(np.clip(values[j], parameter.low, parameter.high))
-        change = 0.0 if parameter.kind == "shape" else value - parameter.null  # of a size only forms and runs say something
-        bends = sizes == [name] and len(variant.sizes) > 1 and change != 0.0  # with the shapes that are fitted beside it
+        change = 0.0 if parameter.kind == "shape" else value - parameter.null  # form error and runs apply to sizes only
+        bends = sizes == [name] and len(variant.sizes) > 1 and change != 0.0  # one size, fitted together with shapes
         absent = abs(change) / np.sqrt(max(reduction, 1e-12)) if bends else np.inf
         interval = runs.interval(value, float(np.sqrt(max(covariance[j, j], 0.0))), change, own * change, absent)
         low, high = np.clip(interval, parameter.low, parameter.high)
@@ -44,15 +44,15 @@ def estimates(
 
 
 def leave_it_open(found: Mapping[str, Estimate], variant: Variant) -> bool:
-    """Whether the intervals of all sizes hold what they are where the mechanism is not there."""
+    """Whether the intervals of all sizes contain their null values."""
     nulls = {name: parameter_of(variant.name, name).null for name in _sizes(variant)}
     return all(found[name].interval90[0] <= null <= found[name].interval90[1] for name, null in nulls.items())
 
 
 def within_a_sample(found: Mapping[str, Estimate], variant: Variant, sample_s: float) -> bool:
-    """Whether all sizes are times whose intervals leave it open that they are less than a sample.
+    """Whether all sizes are times whose intervals contain values below one sample.
 
-    Channels of one logger are read within a sample of each other, and between two samples a pressure may do anything.
+    Channels of one logger are read within a sample of each other, and the course of a pressure between two samples is unknown.
     """
     sizes = [(found[name], parameter_of(variant.name, name)) for name in _sizes(variant)]
     return all(

@@ -1,4 +1,4 @@
-"""Evaluates a model along recorded stops: contact, wheel loads, brake torque and what resists, at measured speeds."""
+"""Evaluates a model along recorded stops at the measured speeds: contact, wheel loads, brake torque and resistances."""
 
 import dataclasses
 import functools
@@ -31,42 +31,42 @@ class Model:
 
 @dataclasses.dataclass(frozen=True)
 class Evaluation:
-    """A model along one stop; (T, A) unless said otherwise."""
+    """A model evaluated along one stop; arrays (T, A) unless stated otherwise."""
 
-    speed: np.ndarray  # (T,) of the vehicle, as the model's forces and the recorded speed give it [m/s]
+    speed: np.ndarray  # (T,) of the vehicle, from the recorded speed and the model's forces [m/s]
     adhesion: np.ndarray  # [-]
-    slope: np.ndarray  # its derivative by the slip speed [s/m]
+    slope: np.ndarray  # derivative of the adhesion by the slip speed [s/m]
     load: np.ndarray  # of one wheel [N]
     slip: np.ndarray  # [m/s]
-    force: np.ndarray  # T = (C + J dw/dt) / r of the wheelset, by its own balance [N]
-    torque: np.ndarray  # C, measured, else by the model's brake [N m]
-    braking: np.ndarray  # what the model's brake gives at the recorded pressure, else C [N m]
+    force: np.ndarray  # T = (C + J dw/dt) / r of the wheelset, from its own balance [N]
+    torque: np.ndarray  # C: measured, else by the model's brake [N m]
+    braking: np.ndarray  # torque of the model's brake at the recorded pressure, else C [N m]
     impulse: np.ndarray  # (T,) J w / r summed over the wheelsets [N s]
     brake_force: np.ndarray  # (T,) C / r summed over the wheelsets [N]
-    recorded_speed: np.ndarray  # (T,) raw, with the mechanisms on its recorder undone [m/s]
-    resistance: np.ndarray  # (T,) beside the wheels [N]
+    recorded_speed: np.ndarray  # (T,) raw, corrected for the mechanisms on its recorder [m/s]
+    resistance: np.ndarray  # (T,) forces other than the wheels' [N]
     mass: float  # [kg]
-    misread: np.ndarray | float = 0.0  # slip that sensors show beside that of wheels that are known to roll [m/s]
+    misread: np.ndarray | float = 0.0  # slip error shown by sensors, beyond that of wheels known to roll [m/s]
 
     def changed(self, other: "Evaluation", before: "Evaluation") -> "Evaluation":
-        """Return it with what another evaluation changes of a third."""
+        """Return this evaluation plus the difference `other` - `before`."""
         names = [field.name for field in dataclasses.fields(Evaluation)]
         return Evaluation(**{name: getattr(self, name) + (getattr(other, name) - getattr(before, name)) for name in names})
 
 
 def vehicle_of(campaign: Campaign) -> Vehicle:
-    """Return the campaign's vehicle as the plant takes it, with a brake whose pressures fit the recorded torques."""
+    """Return the campaign's vehicle as the plant's, with a brake whose pressures fit the recorded torques."""
     return plant_vehicle(campaign.vehicle, campaign.contact, campaign.name, payload_kg=0.0, brake=_brake(campaign))
 
 
 def read_late(vehicle: Vehicle, choice: Choice) -> float:
-    """Return by how much wheel speeds are read late [s]: what is undone of a speed that rises by 1 rad/s2."""
+    """Return the delay of the wheel speeds [s]: the correction applied to a speed that rises by 1 rad/s2."""
     rising = np.ones((1, vehicle.axles))
     return float(along.true_wheel_acceleration(along.model(vehicle, choice), np.zeros_like(rising), rising)[0, 0])
 
 
 def _brake(campaign: Campaign) -> Brake:
-    """Return a brake whose pressures fit the recorded torques: a mechanism may depend on the pressure."""
+    """Return a brake whose pressures fit the recorded torques; some mechanisms depend on the pressure."""
     per_bar = torque_per_bar(campaign)
     if per_bar > 0.0:
         return Brake(torque_per_bar_nm=per_bar)
@@ -91,16 +91,16 @@ class Evaluator:
         braked = [stop.torque if stop.pressed is None else stop.pressed for stop in self.stops]
         self._counts = [len(stop.time) for stop in self.stops]
         self._measured = np.repeat([stop.pressed is not None for stop in self.stops], self._counts)[:, None]
-        self._kept = threading.local()  # every thread keeps the last of what does not depend on the contacts
+        self._kept = threading.local()  # each thread keeps the last result that does not depend on the contacts
         self._trajectory = along.Trajectory(
             every("time"), self._speed, every("acceleration"), every("place"), every("wheel"), self._rates[0],
             np.concatenate(braked), tuple(np.cumsum([0, *self._counts[:-1]]).tolist()),
         )  # fmt: skip
 
     def __call__(self, model: Model, faster: Sequence[np.ndarray] | None = None) -> list[Evaluation]:
-        """Return what the model says of every stop; of wheels that are by some speeds (T, A) `faster` [rad/s], where given.
+        """Evaluate a model along every stop; optionally with wheels turned `faster` by (T, A) of each stop [rad/s].
 
-        What the vehicle's speed is, the wheels as they were say.
+        `faster` does not change the estimated speed of the vehicle.
         """
         own = self._choices(model)
         if any(one != own[0] for one in own):
@@ -116,7 +116,7 @@ class Evaluator:
         return self._evaluations(m, along.along(trajectory.measured(speed_mps=speed), belief, m), shift)
 
     def forces(self, model: Model) -> list[Evaluation]:
-        """Return the same without the adhesion and its slope."""
+        """Evaluate a model without the adhesion and its slope."""
         own = self._choices(model)
         if any(one != own[0] for one in own):
             return [one.forces(m)[0] for one, m in zip(self._each, self._alone(model, own), strict=True)]
@@ -128,11 +128,11 @@ class Evaluator:
 
     @staticmethod
     def _alone(model: Model, own: Sequence[Choice]) -> list[Model]:
-        """Return the model of every stop alone."""
+        """Return the model for each stop alone."""
         return [dataclasses.replace(model, mu_cd=model.mu_cd[i : i + 1], choice=one) for i, one in enumerate(own)]
 
     def _last(self, of: Callable[[Any], Any], on: Any) -> Any:
-        """Return a function of the mechanisms that are on, which are the same for many models in turn."""
+        """Return `of(on)`; the last result is cached, because many consecutive models have the same mechanisms."""
         last = getattr(self._kept, of.__name__, None)
         if last is None or last[0] != on:
             last = on, of(on)
@@ -140,11 +140,11 @@ class Evaluator:
         return last[1]
 
     def _speed_of(self, on: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Return `_held` of mechanisms, whatever the friction."""
+        """Return `_held` for mechanisms whose effect does not depend on the friction."""
         return self._held(along.of_mechanisms(self.vehicle, on), self._trajectory, self._any_belief)
 
     def _forces_of(self, on: Any) -> list[Evaluation]:
-        """Return `forces` of mechanisms, whatever the friction."""
+        """Return `forces` for mechanisms whose effect does not depend on the friction."""
         m, (speed, shift) = along.of_mechanisms(self.vehicle, on), self._last(self._speed_of, along.moving(on))
         p = along.along(self._trajectory.measured(speed_mps=speed), self._any_belief, m, contacts=False)
         return self._evaluations(m, p, shift)
@@ -152,9 +152,9 @@ class Evaluator:
     def _held(
         self, m: along.PlantModel, trajectory: along.Trajectory, belief: along.Belief
     ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-        """Return the recorded speed (T,) with what a model's forces change of it, and what its sensors shift it by [m/s].
+        """Return the vehicle's speed (T,) with the change by a model's forces, and the shift of the recorded speed (T,) [m/s].
 
-        What forces predict of the speed is believed, the recorded speed only as far as it is slow.
+        Fast changes follow the prediction by the forces, slow ones the recorded speed.
         """
         if along.moving(m.mechanisms) == mechanisms.NULL:
             return self._speed, np.zeros(len(self._speed))
@@ -168,7 +168,7 @@ class Evaluator:
         return speed, shift
 
     def _evaluations(self, m: along.PlantModel, p: along.Prediction, shift: np.ndarray) -> list[Evaluation]:
-        """Return every stop's part of a prediction, by a model whose sensors shift the speed."""
+        """Return each stop's part of a prediction; `shift` is the correction of the recorded speed."""
         torque, rate = self._braking(p), along.true_wheel_acceleration(m, *self._rates)
         every = {
             "speed": p.speed_mps, "adhesion": p.adhesion, "slope": p.adhesion_slope, "load": p.wheel_load_n,
@@ -182,13 +182,13 @@ class Evaluator:
         ]
 
     def _braking(self, p: along.Prediction) -> np.ndarray:
-        """Return the torques (T, A) that are measured, else the brakes' [N m]."""
+        """Return the torques (T, A): measured, else those of the model's brakes [N m]."""
         return np.where(self._measured, self._torque, p.torque_nm) if self._measured.any() else p.torque_nm
 
     def _predicted(self, m: along.PlantModel, p: along.Prediction) -> np.ndarray:
-        """Return the change of speed (T,) that wheels and resistance predict from each start on [m/s]."""
+        """Return the change of speed (T,) since each stop's start, predicted from wheel forces and resistance [m/s]."""
         force = self._braking(p) @ (1.0 / p.radius_m) + p.resistance_n
-        impulse = p.wheel_speed_radps @ (p.inertia_kgm2 / p.radius_m)  # exact, where rates are foreseen too
+        impulse = p.wheel_speed_radps @ (p.inertia_kgm2 / p.radius_m)  # exact, also on replicas with predicted rates
         sums = []
         for samples, stop, mass in zip(self._trajectory.stops, self.stops, p.mass_kg, strict=True):
             lost = (np.cumsum(force[samples]) - 0.5 * force[samples]) * stop.step_s + impulse[samples] - impulse[samples.start]
@@ -202,16 +202,16 @@ class Evaluator:
 
     @functools.cached_property
     def _each(self) -> "list[Evaluator]":
-        """The evaluator of every stop alone."""
+        """Evaluators of the single stops."""
         return [Evaluator(self._campaign, [stop]) for stop in self.stops]
 
     @functools.cached_property
     def _any_belief(self) -> along.Belief:
-        """A belief for what does not depend on friction."""
+        """A belief for quantities that do not depend on friction."""
         return self._belief([1.0] * len(self.stops), 0.0)
 
     @functools.cached_property
     def _believed(self) -> np.ndarray:
-        """The change of speed (T,) that is predicted without mechanisms: on it the estimated speeds rest [m/s]."""
+        """Change of speed (T,) predicted without mechanisms, on which the estimated speeds are based [m/s]."""
         m = along.model(self.vehicle, {})
         return self._predicted(m, along.along(self._trajectory, self._any_belief, m, contacts=False))

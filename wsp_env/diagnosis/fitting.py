@@ -1,4 +1,4 @@
-"""Fits the law, and mechanisms beside it, to the balances with all nuisances."""
+"""Fits the law and mechanisms to the balances, with all nuisances."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -14,27 +14,27 @@ from wsp_env.diagnosis.gls import Projector, fit
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, Group, law_columns, nuisances, whitened
 
-TAU = 2e-4  # [m/J] believed, within a factor e^LOG_TAU; the seed paper's measured rails have 1.9e-4
+TAU = 2e-4  # [m/J] prior median, within a factor e^LOG_TAU; the seed paper's measured rails have 1.9e-4
 _ITERATIONS = 10
-_LARGEST_STEP = 0.7  # [-] change of log tau or log mu_cd in one iteration
-_DAMPINGS = 0.0, 0.01, 0.1, 1.0, 10.0, 100.0  # shares of a parameter's own square that hold it back
-_LEAST_ROWS = 20  # blocks of sliding that say something on a run's friction
+_LARGEST_STEP = 0.7  # [-] largest change of log tau or log mu_cd in one iteration
+_DAMPINGS = 0.0, 0.01, 0.1, 1.0, 10.0, 100.0  # damping, as shares of a parameter's own square
+_LEAST_ROWS = 20  # blocks of sliding that are needed to estimate a run's friction
 
 
 @dataclasses.dataclass(frozen=True)
 class Weights:
-    """What residuals are compared with: noise, and nuisances of given sizes."""
+    """Weights of the residuals: noise, and nuisances of given sizes."""
 
     whitening: Whitening
-    noise: np.ndarray  # (n,) factor of each row's deviation
-    projector: Projector  # off all nuisances but the law's parameters
-    constant: float = 0.0  # what -2 log likelihood has beside the sum of squares, but for the channels' noise
+    noise: np.ndarray  # (n,) factor on each row's standard deviation
+    projector: Projector  # removes all nuisances except the law's parameters
+    constant: float = 0.0  # -2 log likelihood less the sum of squares, without the channels' own noise
 
     def deviance(self, fitted: "Fitted") -> float:
-        """Return -2 log likelihood of a fit, but for what does not depend on where wheels slide.
+        """Return -2 log likelihood of a fit, without the terms of the channels' own noise.
 
-        The channels' noise is none of that: where a wheel is on the creep curve, every row has its own slip to find (the
-        functional relation of errors in variables, A. Villegas, Annals of Mathematical Statistics 32, 1961).
+        Where a wheel is on the creep curve, each row has a true slip of its own to estimate. Its noise then has no determinant
+        term (functional relation with errors in variables, A. Villegas, Annals of Mathematical Statistics 32, 1961).
         """
         return fitted.cost + self.constant
 
@@ -52,15 +52,15 @@ class Fitted:
     model: Model
     variants: tuple[Variant, ...]
     values: tuple[np.ndarray, ...]  # of each variant's free parameters
-    covariance: tuple[np.ndarray, ...]  # of the same
-    cost: float  # sum of squares with the nuisances' best part taken away
+    covariance: tuple[np.ndarray, ...]  # of these parameters
+    cost: float  # sum of squares after projection off the nuisances
 
 
 def weigh(
     balances: Balances | Replica, whitening: Whitening, groups: Sequence[Group], sizes: Sizes | None = None,
     keep: np.ndarray | None = None,
 ) -> Weights:  # fmt: skip
-    """Return the weights under some sizes of groups and noises; None: the expected ones."""
+    """Return the weights for given sizes of groups and noise; None: the expected ones."""
     noise = np.ones(len(balances.rows)) if sizes is None else sizes.noise[balances.rows.noise]
     groups = [_left_to_the_weights(balances, group) for group in groups]
     matrix, run = whitened(groups, whitening, noise, None if sizes is None else sizes.groups), balances.rows.run
@@ -73,19 +73,19 @@ def weigh(
 
 
 def _left_to_the_weights(balances: Balances | Replica, group: Group) -> Group:
-    """Return a group without what a refit moves; the mu_cd of a run that hardly slides varies, as in a screen, but stays."""
+    """Return a group without the columns that a refit fits; mu_cd of a run that hardly slides stays a nuisance."""
     if group.name not in ("tau", "mu_cd"):
         return group
     moved = moved_by(balances)
-    run = balances.rows.run[(group.columns != 0.0).argmax(axis=0)]  # of every column: mu_cd is each run's own
+    run = balances.rows.run[(group.columns != 0.0).argmax(axis=0)]  # of each column; each mu_cd belongs to one run
     kept = ~(moved[:1] if group.name == "tau" else moved[1 + run])
     return group._replace(columns=group.columns[:, kept])
 
 
 def baseline(recorded: Balances) -> Replica:
-    """Fit tau and mu_cd of every run to the recordings; returns the replica about them."""
+    """Fit tau and mu_cd of every run to the recordings; return the replica at these values."""
     model = Model(TAU, tuple(stop.believed_mu_cd for stop in recorded.stops))
-    for _ in range(2):  # what is known of the nuisances depends on the law, a little
+    for _ in range(2):  # the nuisances depend slightly on the law
         model = _law_fitted(recorded, model)
     model = _law_fitted(Replica(recorded, model), model)
     return Replica(recorded, model)
@@ -98,13 +98,13 @@ def _law_fitted(balances: Balances | Replica, model: Model) -> Model:
 
 
 def sliding(balances: Balances | Replica) -> np.ndarray:
-    """Which runs (runs,) slide enough to show their friction."""
+    """Mask (runs,) of runs that slide enough to determine their friction."""
     rows = balances.rows
     return np.bincount(rows.run[rows.slides], minlength=len(balances.stops)) >= _LEAST_ROWS
 
 
 def moved_by(balances: Balances | Replica) -> np.ndarray:
-    """Which a refit moves (1 + runs,): tau, and mu_cd of every run. Where nothing slides mu_cd is known by its belief alone."""
+    """Mask (1 + runs,) of the law's parameters that a refit moves: tau, mu_cd of each run. Without slides the prior holds."""
     slides = sliding(balances)
     return np.array([bool(slides.any()), *slides])
 
@@ -117,12 +117,12 @@ def refit(
     keep: np.ndarray | None = None,
     free_law: bool = True,
 ) -> Fitted:
-    """Fit tau, mu_cd and the free parameters of the variants from where `model` is (Levenberg and Marquardt).
+    """Fit tau, mu_cd and the variants' free parameters, starting from `model` (Levenberg and Marquardt).
 
     Parameters
     ----------
-    keep : (n,) bool, rows to fit to; those that the weights' projector is of
-    free_law : whether tau moves; mu_cd of a run always does
+    keep : (n,) bool, rows to fit to; the weights' projector must be made for the same rows
+    free_law : whether tau moves; mu_cd of a sliding run always does
 
     """
     keep = np.ones(len(balances.rows), dtype=bool) if keep is None else keep
@@ -145,14 +145,14 @@ def refit(
 
 
 def cost(balances: Balances | Replica, model: Model, weights: Weights) -> float:
-    """Return the sum of squares that a model leaves with the nuisances' best part taken away."""
+    """Return the sum of squares that a model leaves after projection off the nuisances."""
     y = weights(balances.raw(model))[:, None]
     return float(weights.projector.inner(y, y)[0, 0])
 
 
 @dataclasses.dataclass
 class _State:
-    """The fit at one model."""
+    """The fit at one model: residuals, cost and normal equations."""
 
     balances: Balances | Replica
     model: Model
@@ -164,17 +164,17 @@ class _State:
     def __post_init__(self) -> None:
         self.base = self.balances.raw(self.model)
         self.y = self.weights(self.base)[self.keep]
-        # Where friction swings for another reason, the recordings alone may send tau to where it does nothing, for good.
+        # Prior of log tau: if other effects change the friction, the likelihood alone may drive tau to a range without effect.
         self.tau = float(np.log(self.model.tau / TAU)) / LOG_TAU * bool(self.moves[0])
         rows = self.y[:, None]
         self.cost = float(self.weights.projector.inner(rows, rows)[0, 0]) + self.tau**2
 
     def at(self, model: Model) -> "_State":
-        """Return the fit at another model."""
+        """Return the same fit at another model."""
         return dataclasses.replace(self, model=model)
 
     def _system(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the Gram matrix (k, k) of the variants' and the law's columns, (k,) against the rows, the variants' steps."""
+        """Return the Gram matrix (k, k) of variants' and law's columns, their products (k,) with the rows, and the steps."""
         columns, steps = [np.zeros((len(self.base), 0))], [np.zeros(0)]
         for one in self.variants:
             columns.append(candidates.columns(self.balances, self.model, self.base, one))
@@ -186,13 +186,13 @@ class _State:
         known = self.weights.projector.inner(white, white)
         gram, against = known[:-1, :-1], known[:-1, -1]
         own = sum(len(step) for step in steps)
-        gram[np.diag_indices_from(gram)] += np.where(np.arange(len(gram)) < own, 0.0, 1.0)  # the law's priors
+        gram[np.diag_indices_from(gram)] += np.where(np.arange(len(gram)) < own, 0.0, 1.0)  # priors of the law's parameters
         if self.moves[0]:
             against[own] += self.tau
         return gram, against, np.concatenate(steps)
 
     def damped(self) -> Callable[[float], Model]:
-        """Return the function that moves a step, held back by a damping; along a straight line, however long the step."""
+        """Return the function damping -> model after a Gauss-Newton step; a long step is shortened in its direction."""
         gram, against, steps = self._system()
         squares = np.diag(gram).copy()
         highest = 0.9 * self.balances.campaign.contact.kinetic_friction_r

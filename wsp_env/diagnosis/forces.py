@@ -1,4 +1,4 @@
-"""How small changes of forces move the residuals: of their wheels, of the vehicle, and of all wheels by the estimated speed."""
+"""Effect of small force changes on the residuals: of the wheels, of the vehicle, and of all wheels by the estimated speed."""
 
 from collections.abc import Callable
 
@@ -13,9 +13,10 @@ from wsp_env.plant.card import APPLIED_SHARE
 
 
 class Forces:
-    """Columns of the residuals by forces, about a model.
+    """Columns of the residuals for changes of forces, linearised about a model.
 
-    What changes slowly in time is in the recorded speed and so in the estimated one; what begins with a brake is not.
+    Slow changes are contained in the recorded speed and thus in the estimated speed. Fast changes, as at a brake application,
+    are not; they also change the estimated speed.
     """
 
     def __init__(self, balances: Balances | Replica, model: Model) -> None:
@@ -25,18 +26,19 @@ class Forces:
         self._recorded = max(float(np.abs(one.torque).max(initial=0.0)) for _, one in self._parts)
         nominal = [part.joined(brakes=part.wheel_rows(one.braking)) for part, one in self._parts]
         self.nominal = np.concatenate(nominal)
-        # A return spring takes a pressure off, and pressures have a zero: the torque's line does not pass through zero.
+        # A return spring reduces the effect of the pressure, and the sensor has a zero error: torque over pressure is a line
+        # that does not pass through zero.
         held = [part.joined(brakes=part.wheel_rows(self._held(one))) for part, one in self._parts]
         zero = [part.joined(brakes=part.wheel_rows(np.full(one.braking.shape, self._largest))) for part, one in self._parts]
         self.springs = np.column_stack([np.concatenate(held), np.concatenate(zero)])
         self.gain = self._torque(lambda time: np.ones((len(time), 1)), slow=False)[0]
 
     def _held(self, one: Evaluation) -> np.ndarray:
-        """Return what return springs hold back of the torques (T, A), over the share of the largest up to which they do."""
+        """Return torques (T, A) held back by return springs, per share of the largest; rising up to `APPLIED_SHARE` of it."""
         return np.minimum(one.braking / APPLIED_SHARE, self._largest)
 
     def turning(self) -> np.ndarray:
-        """Columns (n, A) by a relative change of each wheelset's inertia."""
+        """Columns (n, A) for a relative change of each wheelset's inertia."""
         balances, found = self._balances, []
         for part, one in self._parts:
             moment = balances.inertia * part.stop.wheel_rate
@@ -45,7 +47,7 @@ class Forces:
         return np.vstack(found)
 
     def zeros(self) -> np.ndarray:
-        """Columns (n, A) by an offset of each axle's torque, over the largest recorded."""
+        """Columns (n, A) for an offset of each axle's torque, relative to the largest recorded one."""
         found = []
         for part, one in self._parts:
             moment = np.full(one.torque.shape, self._recorded)
@@ -54,7 +56,7 @@ class Forces:
         return np.vstack(found)
 
     def late_wheels(self) -> np.ndarray:
-        """Columns (n, A) by each wheel speed's time [s]: how much earlier it is recorded than the rest."""
+        """Columns (n, A) for the lead of each recorded wheel speed over the other channels [s]."""
         balances, found = self._balances, []
         for part, one in self._parts:
             stop = part.stop
@@ -65,10 +67,10 @@ class Forces:
         return np.vstack(found)
 
     def unround_wheels(self) -> np.ndarray:
-        """Columns (n, 2 A runs) by what each wheel sensor shows once a turn in each run, over the wheel's speed.
+        """Columns (n, 2 A runs) for a periodic error of each wheel sensor in each run, relative to the wheel's speed.
 
-        A pulse wheel that sits off its centre reads too fast in one half of a turn: by its sine and its cosine, as nobody knows
-        where a recording begins.
+        An eccentric pulse wheel reads too fast in one half of a turn. The error has a sine and a cosine part, because the
+        initial wheel angle is unknown.
         """
         balances, found = self._balances, []
         for i, ((part, one), stop) in enumerate(zip(self._parts, balances.sources, strict=True)):
@@ -87,7 +89,7 @@ class Forces:
         return np.vstack(found)
 
     def late_torques(self) -> np.ndarray:
-        """Columns (n, A) by each torque's time [s], likewise."""
+        """Columns (n, A) for the lead of each recorded torque over the other channels [s]."""
         found = []
         for part, one in self._parts:
             moment = np.gradient(one.torque, part.stop.step_s, axis=0)
@@ -96,7 +98,7 @@ class Forces:
         return np.vstack(found)
 
     def courses(self, apart_s: float) -> np.ndarray:
-        """Columns by a relative change of each axle's torque in time, between nodes, in each run."""
+        """Columns for relative changes of each axle's torque in time, interpolated between nodes, in each run."""
         nodes, rows = self._nodes(apart_s), self._balances.rows
         found = self._torque(
             lambda time: np.column_stack([np.interp(time, nodes, unit) for unit in np.eye(len(nodes))]), slow=True
@@ -104,7 +106,7 @@ class Forces:
         return np.column_stack([columns * (rows.run == i)[:, None] for columns in found for i in range(len(self._parts))])
 
     def onsets(self, apart_s: float, nodes: int) -> np.ndarray:
-        """Columns by each axle's torque from its first application on in each run, between nodes, over the largest recorded."""
+        """Columns for each axle's torque after its first application in each run, at nodes; relative to the largest."""
         axles, found = self._balances.axles, []
         for i, (part, one) in enumerate(self._parts):
             applied = np.abs(one.torque) > APPLIED_SHARE * self._recorded
@@ -120,7 +122,7 @@ class Forces:
         return np.vstack(found)
 
     def on_vehicle(self, apart_s: float) -> np.ndarray:
-        """Columns by a force on the vehicle in time, between nodes, in each run, as a share of its weight."""
+        """Columns for a force on the vehicle in time, interpolated between nodes, in each run; as a share of its weight."""
         nodes, found = self._nodes(apart_s), []
         for i, (part, _) in enumerate(self._parts):
             hats = np.column_stack([np.interp(part.stop.time, nodes, unit) for unit in np.eye(len(nodes))])
@@ -136,7 +138,7 @@ class Forces:
         return np.arange(0.0, end + apart_s, apart_s)
 
     def _torque(self, over: Callable[[np.ndarray], np.ndarray], slow: bool) -> list[np.ndarray]:
-        """Columns (n, A) by a relative change of each axle's torque, for every weight of `over` (T, K)."""
+        """Columns (n, A) for a relative change of each axle's torque, one array for each weight function of `over` (T, K)."""
         found = []
         weights = [over(part.stop.time) for part, _ in self._parts]
         for k in range(weights[0].shape[1]):
@@ -148,14 +150,14 @@ class Forces:
         return found
 
     def _lost(self, part: Blocks, one: Evaluation, moment: np.ndarray) -> np.ndarray:
-        """Return the speed (T, A) [m/s] that the vehicle loses by each wheelset's moment (T, A) [N m]."""
+        """Return the loss of vehicle speed (T, A) [m/s] due to each wheelset's moment (T, A) [N m]."""
         return np.column_stack([part.summed(x) for x in moment.T / (self._balances.radius * one.mass)])
 
     def _rows(
         self, part: Blocks, one: Evaluation, moment: np.ndarray, lost: np.ndarray, braking: np.ndarray | None = None,
         slow: bool = False,
     ) -> np.ndarray:  # fmt: skip
-        """Rows (n, A) of one stop by each wheelset's moment (T, A) [N m] and the speed that the vehicle loses by it [m/s]."""
+        """Rows (n, A) of one stop for each wheelset's moment (T, A) [N m] and the vehicle's loss of speed by it [m/s]."""
         mine = np.nonzero(part.used)[1][:, None] == np.arange(self._balances.axles)
         share = part.wheel_rows(moment / (2.0 * self._balances.radius * one.load))[:, None] * mine
         vehicle = np.column_stack([part.vehicle_rows(x) for x in lost.T])
@@ -164,9 +166,9 @@ class Forces:
 
     @staticmethod
     def _slower(part: Blocks, one: Evaluation, lost: np.ndarray) -> np.ndarray:
-        """Rows (w, K) of the wheels by speeds (T, K) [m/s] that forces predict to be lost.
+        """Rows (w, K) of the wheels for losses of vehicle speed (T, K) [m/s] that forces predict.
 
-        The estimated speed believes what forces predict where it is fast, and the recorded speed where it is slow.
+        The estimated speed follows the predicted speed in fast changes, and the recorded speed in slow ones.
         """
         stop = part.stop
         slower = lost - np.column_stack([stop.estimator(stop.time, x) for x in lost.T])

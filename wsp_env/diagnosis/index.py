@@ -1,4 +1,4 @@
-"""One page over many diagnoses: what was found in each campaign, how sure, what it is worth; a link to each page."""
+"""One page for many diagnoses: the findings in each campaign, their confidence and worth, and a link to each page."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ Found = Diagnosis | CreepDiagnosis
 def write_index(
     path: Path, found: Mapping[str, Found], failed: Mapping[str, str], options: PageOptions = PageOptions()
 ) -> None:
-    """Write the page; `found` by the folder of each diagnosis beside the page, `failed` says why there is none."""
+    """Write the page; `found` maps the folder of each report to its diagnosis, `failed` maps names to error messages."""
     sections = [Section("", (), [*_worths(found), Links([(f"{name}/report.html", _line(one)) for name, one in found.items()])])]
     if failed:
         sections.append(Section("Not diagnosed", [f"{name}: {why}." for name, why in failed.items()]))
@@ -27,7 +27,7 @@ def write_index(
 
 
 def summary(found: Sequence[Found]) -> str:
-    """Say in a sentence what was found how often."""
+    """Return one sentence on how often each mechanism was found."""
     names = Counter(one.name.replace("_", " ") for answer in found for one in answer.mechanisms)
     without = sum(not answer.mechanisms and answer.verdict == "adequate" for answer in found)
     other = sum(not answer.mechanisms and answer.verdict != "adequate" for answer in found)
@@ -57,7 +57,7 @@ def _table(found: Mapping[str, Found]) -> Table:
 
 
 def _worths(found: Mapping[str, Found]) -> list[Figure]:
-    """Draw what was found changes in a stop, campaign by campaign; nothing where no worth is known."""
+    """Draw the change of a stop by the findings, by campaign; an empty list if no worth is known."""
     known = [one for one in found.values() if isinstance(one, Diagnosis) and one.worth is not None]
     if not known:
         return []

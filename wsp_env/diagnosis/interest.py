@@ -1,12 +1,11 @@
-"""The smallest effect of interest: what moves a stop by 1 % in distance or a measured slip by 0.1 m/s.
+"""The smallest effect of interest: a change of 1 % in stopping distance or of 0.1 m/s in a measured slip.
 
-One function for all mechanisms. A change of what retards the vehicle, at the slip that was measured, changes the distance by
-the integral of v delta_a / a dt. A change of an axle's balance, at the force that was measured, moves its slip by delta_f over
-the steepness of the creep curve. A fault of a speed sensor retards nothing and changes the measured slip itself. A force that
-pushes and pulls in turn changes neither in the mean: of it the largest push matters, from 1 % of what retards the vehicle on.
+One function serves all mechanisms. A change of the retarding force, at the measured slip, changes the distance by the integral
+of v delta_a / a dt. A change of an axle's balance, at the measured force, changes its slip by delta_f over the slope of the
+creep curve. A fault of a speed sensor retards nothing and changes the measured slip itself. An alternating force changes
+neither distance nor slip in the mean; its amplitude counts, with 1 % of the retarding force as smallest effect of interest.
 
-Sizes are net: against the model that was tuned anew without the mechanism. What another tau and other mu_cd do as well
-matters to nobody.
+Sizes are net: they compare with the model whose tau and mu_cd were refitted without the mechanism.
 """
 
 import dataclasses
@@ -21,25 +20,25 @@ from wsp_env.diagnosis.stops import SLIP_MPS, least_slip
 from wsp_env.plant.mechanisms import ALL
 
 DISTANCE = 0.01  # [-]
-PUSH = DISTANCE  # [-]; as much, without a pause, would be that in distance
-_LEAST_SAMPLES = 50  # of sliding, for a mean
-_LEAST_STEEPNESS = 0.01  # [s/m] of a creep curve; flatter, an axle has no slip of its own: assumption
+PUSH = DISTANCE  # [-]; a constant force of this share changes the distance by `DISTANCE`
+_LEAST_SAMPLES = 50  # samples of sliding that a mean needs
+_LEAST_STEEPNESS = 0.01  # [s/m] lower bound of the curve's slope; below, the force does not determine the slip: assumption
 _BRAKED_MPS2 = 0.2  # deceleration from which on a vehicle counts as braked
-_PEAKS = 0.95  # quantile at which a sensor's error counts: a protection acts on peaks of slip, not on their mean (assumption)
-_LEAST = 1e-6  # of the smallest effect of interest: what has no effect at all
+_PEAKS = 0.95  # quantile at which a sensor's error counts: a WSP reacts to peaks of slip, not to the mean (assumption)
+_LEAST = 1e-6  # in smallest effects of interest: size of a mechanism without any effect
 
 
 @dataclasses.dataclass(frozen=True)
 class StopChange:
-    """What a mechanism does to the recorded stops."""
+    """Change of the recorded stops by a mechanism."""
 
-    distance: float  # relative change of the stopping distance [-], mean of the stops that it changes most, gentle or sliding
-    slip: float  # largest change of an axle's slip, upper or lower half of speeds, mean of stops [m/s]
-    push: float = 0.0  # of a force that pushes and pulls: its amplitude over what retards the vehicle, mean of stops [-]
+    distance: float  # relative change of stopping distance [-]; mean of stops without slides or of sliding ones, the larger
+    slip: float  # largest change of an axle's slip in the upper or lower half of the speeds, mean of the stops [m/s]
+    push: float = 0.0  # of an alternating force: amplitude over the retarding force, mean of the stops [-]
 
     @property
     def multiple(self) -> float:
-        """Size as multiple of the smallest effect of interest [-]."""
+        """Size in smallest effects of interest [-]."""
         return max(abs(self.distance) / DISTANCE, abs(self.slip) / SLIP_MPS, self.push / PUSH, _LEAST)
 
 
@@ -49,7 +48,7 @@ def only_sensors(choice: Choice) -> bool:
 
 
 class Compared:
-    """A model along the recorded stops that others are compared with: what of the comparison is its alone."""
+    """Compares a reference model along the recorded stops with others; holds what depends on the reference only."""
 
     def __init__(self, replica: Replica, before: Sequence[Evaluation]) -> None:
         self.before, self._radius = before, replica.radius
@@ -57,12 +56,12 @@ class Compared:
         self._parts = [_Part.of(stop.speed, one, replica.radius) for stop, one in pairs]
 
     def change(self, after: Sequence[Evaluation], sensor: bool = False, swings: bool = False) -> StopChange:
-        """Return what another model changes, evaluated along the same stops.
+        """Return the change of the stops by another model, evaluated along the same stops.
 
         Parameters
         ----------
         sensor : whether only sensors differ
-        swings : whether a force differs that pushes and pulls in turn
+        swings : whether an alternating force differs
 
         """
         distances: dict[bool, list[float]] = {True: [], False: []}
@@ -84,16 +83,16 @@ class Compared:
 
 
 class _Part(NamedTuple):
-    """What the comparison asks of one stop, T samples, in the upper and the lower half of its speeds."""
+    """Quantities of the reference model along one stop, T samples; "halves" are those of the speed range."""
 
     halves: np.ndarray  # (2, T) 1 or 0
     slides: np.ndarray  # (T, A) bool
     slid: bool  # whether the stop is a sliding one
     unbalanced: np.ndarray  # (T, A), see `_unbalanced`
-    flat: np.ndarray  # (2, A) what makes a mean change of slip [m/s] of sums over squares of changes of it; nan: hardly slides
+    flat: np.ndarray  # (2, A) factor from the root sum of squares of changes to a change of slip [m/s]; nan: hardly slides
     retarded: np.ndarray  # (T,), see `_retarded`
     braked: np.ndarray  # (T,) bool
-    travelled: np.ndarray  # (T,) share of the distance braked over what retards [s2/m]; 0 where it is not braked
+    travelled: np.ndarray  # share of braked distance over deceleration [s2/m]; 0 if not braked
 
     @classmethod
     def of(cls, speed: np.ndarray, one: Evaluation, radius: float) -> "_Part":
@@ -112,13 +111,13 @@ class _Part(NamedTuple):
 
 
 def _moved(part: _Part, unbalanced: np.ndarray) -> np.ndarray:
-    """Change (2, A) of each axle's slip [m/s] over the halves of the speeds, by one (T, A) of its balance."""
+    """Change (2, A) of each axle's slip [m/s] in the halves of the speeds, for a change (T, A) of its balance."""
     result: np.ndarray = np.sqrt(part.halves @ (unbalanced**2 * part.slides)) * part.flat
     return result
 
 
 def _shown(part: _Part, one: Evaluation, other: Evaluation) -> np.ndarray:
-    """Change (2, A) of each axle's slip as it is measured [m/s]; nan where a half is short."""
+    """Change (2, A) of each axle's measured slip [m/s]; nan for a half with too few samples."""
     shown = np.abs(other.slip + other.misread - one.slip - one.misread)
     result: np.ndarray = np.full((2, shown.shape[1]), np.nan)
     for i, half in enumerate(part.halves):
@@ -128,13 +127,13 @@ def _shown(part: _Part, one: Evaluation, other: Evaluation) -> np.ndarray:
 
 
 def _unbalanced(one: Evaluation, radius: float) -> np.ndarray:
-    """Adhesion (T, A) [-] that a wheel's balance asks for with the model's brake, less what the contact gives."""
+    """Adhesion (T, A) [-] needed for the wheel's balance with the model's brake, minus the adhesion of the contact."""
     result: np.ndarray = (one.force + (one.braking - one.torque) / radius) / (2.0 * one.load) - one.adhesion
     return result
 
 
 def _retarded(one: Evaluation, slides: np.ndarray, radius: float) -> np.ndarray:
-    """Deceleration (T,) [m/s2] that brakes, contacts and resistances give at the measured slip."""
+    """Deceleration (T,) [m/s2] by contacts, brakes and resistances at the measured slip."""
     force = np.where(slides, 2.0 * one.load * one.adhesion, one.braking / radius) @ np.ones(slides.shape[1]) + one.resistance
     result: np.ndarray = force / one.mass
     return result

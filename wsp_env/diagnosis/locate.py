@@ -1,4 +1,4 @@
-"""Where a mismatch is: balance, axles, runs, and the range of place, time, speed, slip or friction work."""
+"""Location of a mismatch: balance, axles, runs, and a range of place, time, speed, slip or friction work."""
 
 import dataclasses
 from typing import Any
@@ -11,22 +11,22 @@ from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.replica import Replica
 
-_LEAST_SHARE = 0.1  # of what a mechanism removed, from which on a balance is reported
-_LEAST_SHOWN = 0.01  # of all that was removed, from which on a balance is reported: less would read as nothing
-_LEAST_CONTRAST = 0.2  # of what is removed, that a range must hold more than its share of the rows
-_STRETCHES = 30  # of the track, in the map
+_LEAST_SHARE = 0.1  # share of a mechanism's removed squares from which on a balance is reported
+_LEAST_SHOWN = 0.01  # share of all removed squares from which on a balance is reported; less is printed as zero
+_LEAST_CONTRAST = 0.2  # least excess of a range's share of the removed squares over its share of the rows
+_STRETCHES = 30  # parts of the track in the map
 _UNITS = {"place": "m", "time": "s", "speed": "m/s", "slip": "m/s", "work": "J/m"}
 _CALLED = {"slip": "slip speed", "work": "friction work W_sp"}
-_AXLE_SHARE = 0.5  # of an equal share, from which on an axle or a run is reported
+_AXLE_SHARE = 0.5  # removed squares of an axle or a run over an equal share, from which on it is reported
 
 
 def _rest(balances: Replica, model: Model, weights: Weights) -> np.ndarray:
-    """Whitened residuals (n,) of a model, the nuisances' best part taken away."""
+    """Whitened residuals (n,) of a model after subtraction of the best-fitting nuisances."""
     return weights.projector.rest(weights(balances.raw(model)))
 
 
 def locate(balances: Replica, model: Model, extended: Model, weights: Weights) -> tuple[Location, ...]:
-    """Return where each mechanism removed what, or, without one, where the largest residuals are."""
+    """Return where each mechanism removes squares; without a mechanism, where the largest residuals are."""
     if not extended.choice:
         removed = _rest(balances, model, weights) ** 2 - 1.0
         return _places_of(balances, removed, float(removed.sum()))
@@ -36,7 +36,7 @@ def locate(balances: Replica, model: Model, extended: Model, weights: Weights) -
     for name in extended.choice:
         others = {other: values for other, values in extended.choice.items() if other != name}
         without = weights(balances.raw(dataclasses.replace(extended, choice=others)))
-        # With normal variation as it is beside the mechanism: fitted anew it would hide some of what is missing.
+        # Nuisances stay as fitted beside the mechanism: fitted again, they would absorb a part of its effect.
         removed_by.append((without - normal) ** 2 - (base - normal) ** 2)
     total = float(sum(removed.sum() for removed in removed_by))
     found = [one for removed in removed_by for one in _places_of(balances, removed, total)]
@@ -44,7 +44,7 @@ def locate(balances: Replica, model: Model, extended: Model, weights: Weights) -
 
 
 def _places_of(balances: Replica, removed: np.ndarray, total: float) -> tuple[Location, ...]:
-    """Return in which balances the squares `removed` (n,) lie, and where in them; shares are of `total`."""
+    """Return the balances that contain the squares `removed` (n,), and the ranges in them; shares relate to `total`."""
     rows, own, found = balances.rows, max(float(removed.sum()), 1e-12), []
     for balance, name in enumerate(BALANCES):
         mine = rows.balance == balance
@@ -73,26 +73,26 @@ def _stands_out(removed: np.ndarray, part: np.ndarray, whole: np.ndarray, parts:
 
 
 def _range(balances: Replica, removed: np.ndarray, mine: np.ndarray, over: tuple[str, ...]) -> str:
-    """Say between which two change points what is removed lies, of the quantity over which it is told apart best."""
+    """Return the range, between two change points of the most contrasting quantity, in which the removed squares lie."""
     best, where = 0.0, "everywhere"
     for name in over:
         low, high, contrast, inside = change_points(getattr(balances.rows, name)[mine], removed[mine])
-        stands_out = contrast / np.sqrt(max(inside * (1.0 - inside), 1e-6))  # as a step of a signal stands out of noise
+        stands_out = contrast / np.sqrt(max(inside * (1.0 - inside), 1e-6))  # signal-to-noise ratio of a step
         if contrast > _LEAST_CONTRAST and stands_out > best:
             best, where = stands_out, f"{_CALLED.get(name, name)} from {_number(low)} to {_number(high)} {_UNITS[name]}"
     return where
 
 
 def _number(value: float) -> str:
-    """Return three digits, without an exponent."""
+    """Return the number with three digits and without exponent."""
     return f"{float(f'{value:.3g}'):.6g}"
 
 
 def change_points(values: np.ndarray, removed: np.ndarray) -> tuple[float, float, float, float]:
-    """Return between which values (n,) what is removed (n,) lies above its mean, and by how much of it.
+    """Return the range of values (n,) in which `removed` (n,) exceeds its mean, and the excess.
 
-    The two change points are those of the largest sum of `removed` less its mean between them; the third number is that sum
-    over all that is removed: the share of it inside less the share of the rows inside, which is the fourth.
+    The two change points maximise the sum of `removed` less its mean between them. The third number is this sum over the total
+    of `removed`: its share inside minus the share of rows inside. The fourth number is the share of rows inside.
     """
     order = np.argsort(values, kind="stable")
     excess = removed[order] - removed.mean()
@@ -121,7 +121,7 @@ def residual_map(balances: Replica, model: Model, extended: Model, weights: Weig
 
 
 def _places(balances: Replica, squares: dict[str, np.ndarray]) -> list[dict[str, Any]]:
-    """Mean squares by balance, axle and stretch of track, of the runs that somebody placed on it; of a lone run always."""
+    """Mean squares by balance, axle and part of the track, for runs with known start position, or for a single run."""
     rows, cells = balances.rows, []
     placed = np.array([stop.start_is_known or len(balances.stops) == 1 for stop in balances.stops])[rows.run]
     if not placed.any():

@@ -1,19 +1,19 @@
-"""Friction that turns the wheel: in a closed loop what friction does by itself and the slip go together.
+"""Prediction of slip and torque that removes the correlation of friction and slip in the closed loop.
 
-A sliding wheel hardly holds itself: where the load bounces or the rail is better for a moment, the wheel speeds up, and the
-anti-slide device answers. So high friction and small slip go together without any law that says so (the bias of simultaneous
-equations, Haavelmo, Econometrica 11, 1943). The slip that a law is asked at must therefore not know the friction that it is to
-explain. What one knows before a block of time begins is the slip until then, and the torque; from these the wheel's own
-equation foresees the slip within the block (the prediction error method, L. Ljung, System identification, 1999, chapters 7 and
-13: in closed loop it has no such bias where the noise's colour is known, see `wsp_env.diagnosis.colour`). It begins one block
-earlier, as a slip that was smoothed knows a little of what follows. What friction was beside the law in the block before that
-is taken to go on, so that a large effect that is missing does not mislead. What holds for a slip holds for how fast a wheel
-turns: what reads a wheel late, or gives it another inertia, acts by its rates, and these know the friction just as well.
+Friction turns the sliding wheel, and its equilibrium is weak. If a load bounces or the rail is better for a moment, the wheel
+speeds up and the WSP reacts. High friction and small slip thus occur together although no law causes it (bias of simultaneous
+equations, Haavelmo, Econometrica 11, 1943). The slip at which a law is evaluated must therefore not depend on the friction that
+the law is to explain. Known before a block of time are the earlier slip and torque. The wheel's own equation predicts the slip
+within the block from them (prediction error method, L. Ljung, System identification, 1999, chapters 7 and 13: without bias in
+closed loop if the noise's autocorrelation is known, see `wsp_env.diagnosis.colour`). The prediction starts one block earlier,
+because a smoothed slip contains some later samples. The difference between friction and law in the block before that start is
+assumed to continue, so that a large missing effect does not bias the prediction. The wheel's acceleration is predicted too: a
+late reading or another inertia acts through it, and the measured one also depends on the friction.
 
-And the recorded torque within the block knows the friction, too, as the device answers within it. So the slip is foreseen under
-the torque that was to be expected before, by a regression over all blocks of a stop (the first of two stages of least squares,
-Theil 1953, in Economic forecasts and policy, 1961, chapter 6). Only what a time does, a late sensor or brake, is seen by the
-torque's own course; for that the torque stays the recorded one.
+The recorded torque within a block also depends on the friction, because the WSP reacts within the block. The slip is therefore
+predicted with an expected torque, from a regression over all blocks of a stop (two-stage least squares, Theil 1953, in Economic
+forecasts and policy, 1961, chapter 6). Delays (late sensors or brakes) show only in the torque's own course. For them, the
+recorded torque is used.
 """
 
 import dataclasses
@@ -24,11 +24,11 @@ import numpy as np
 from wsp_env.diagnosis.balances import Rows
 from wsp_env.diagnosis.stops import PreparedStop, least_slip
 
-_PAST_S = (0.04, 0.08, 0.16)  # before a block begins, over which it counts how the torque moved: some steps of a valve
+_PAST_S = (0.04, 0.08, 0.16)  # times [s] before a block whose torque changes enter the regression: some steps of a valve
 
 
 def stretches(rows: Rows) -> list[np.ndarray]:
-    """Return the rows (m,) of every wheel's slides without a gap, in the order of time."""
+    """Return the rows (m,) of every uninterrupted slide of a wheel, in the order of time."""
     found = []
     for run in np.unique(rows.run):
         for axle in range(int(rows.axle.max(initial=-1)) + 1):
@@ -43,17 +43,19 @@ def stretches(rows: Rows) -> list[np.ndarray]:
 def foreseen(
     stop: PreparedStop, torque: np.ndarray, holds: np.ndarray, block: int, radius: float, inertia: float
 ) -> tuple[PreparedStop, PreparedStop]:
-    """Return a stop whose sliding wheels turn in each block as it is foreseen at the beginning of the one before, twice.
+    """Return a stop twice, with the motion of sliding wheels predicted from the beginning of the previous block.
 
-    First under the torques that were to be expected, with torques at which the law's friction gives the foreseen rates; then
-    under the recorded torques, with the stop's own. A wheel that does not slide throughout both blocks stays as it is.
+    First under the expected torques; the torques of this copy give the predicted rates with the law's friction. Then under the
+    recorded torques; this copy keeps the stop's own torques. A wheel that does not slide in both whole blocks stays unchanged.
 
     Parameters
     ----------
-    stop : with the torques at which a law's friction gives its wheels' rates
-    torque : (T, A) recorded [N m]: where it is less, friction was less than the law's, and the wheel slower for it
-    holds : (T, A) the law's torque on a wheel by its slip [N m s/m]: what brings a wheel back on the creep curve's steep part
-    block : samples of a block
+    stop : with torques that give its wheels' rates with the law's friction
+    torque : (T, A) recorded [N m]. Where it is smaller than the stop's torque, friction was below the law's and the wheel
+        slower
+    holds : (T, A) derivative of the law's torque on a wheel by its slip [N m s/m]; it stabilises the wheel where the curve
+        rises
+    block : number of samples of a block
     radius, inertia : of a wheelset [m], [kg m2]
 
     """
@@ -62,19 +64,19 @@ def foreseen(
     both = throughout & _before(throughout)
     pushes = _blocks(torque - stop.torque, block)
     by_moment = radius * stop.step_s / inertia  # slip [m/s] in a sample by 1 N m
-    known = _before(_before(pushes.mean(axis=1) * throughout))  # what friction was beside the law goes on
+    known = _before(_before(pushes.mean(axis=1) * throughout))  # difference between friction and law, assumed to continue
     keeps = _with_before(np.exp(-_blocks(holds, block) * by_moment))
     moments = _with_before(pushes) - known[:, None]
     surprise = _with_before(_blocks(torque, block)) - _expected(torque, (slip, stop.wheel_rate), both, block, stop.step_s)
 
     def within(values: np.ndarray) -> np.ndarray:
-        """Return the second blocks (T, A) of values (B, 2 block, A)."""
+        """Return the second blocks, as (T, A), of values (B, 2 block, A)."""
         result: np.ndarray = (values[:, block:] * both[:, None]).reshape(-1, slip.shape[1])[: len(slip)]
         return result
 
     def turned(moments: np.ndarray) -> PreparedStop:
-        """Return the wheels without what moments (B, 2 block, A) [N m] did to them."""
-        less = np.zeros((len(moments), 2 * block + 1, slip.shape[1]))  # slip that they took [m/s]
+        """Return the stop without the wheel motion due to moments (B, 2 block, A) [N m]."""
+        less = np.zeros((len(moments), 2 * block + 1, slip.shape[1]))  # slip caused by the moments [m/s]
         for i in range(2 * block):
             less[:, i + 1] = keeps[:, i] * less[:, i] + by_moment * moments[:, i]
         rate = np.diff(less, axis=1) / stop.step_s
@@ -93,11 +95,11 @@ def foreseen(
 def _expected(
     torque: np.ndarray, states: Sequence[np.ndarray], both: np.ndarray, block: int, step_s: float
 ) -> np.ndarray:  # fmt: skip
-    """Return the torques (B, 2 block, A) [N m] that were to be expected over every block and the one before.
+    """Return the expected torques (B, 2 block, A) [N m] over every block and the one before.
 
-    A regression says so of all blocks `both` (B, A), by what was known as the first one began: the torque until then, and
-    `states` (T, A) of the wheel. Its prior is worth one block, and says that the torque stays (Kass and Wasserman, J. Am. Stat.
-    Assoc. 90, 1995). Other blocks have the recorded torques.
+    A regression over the blocks `both` (B, A) predicts them from the values known at the beginning of the previous block:
+    earlier torques, and `states` (T, A) of the wheel. Its prior is that the torque stays constant, with the weight of one block
+    (Kass and Wasserman, J. Am. Stat. Assoc. 90, 1995). Other blocks keep the recorded torques.
     """
     result = _with_before(_blocks(torque, block))
     blocks, axle = np.nonzero(both)
@@ -120,17 +122,17 @@ def _expected(
 
 
 def _with_before(values: np.ndarray) -> np.ndarray:
-    """Return of every block (B, block, A) the one before and itself (B, 2 block, A)."""
+    """Return for every block (B, block, A) the previous block and itself (B, 2 block, A)."""
     return np.concatenate([_before(values), values], axis=1)
 
 
 def _before(values: np.ndarray) -> np.ndarray:
-    """Return of every block (B, ...) the one before; of the first zeros."""
+    """Return for every block (B, ...) the previous one; zeros for the first."""
     return np.concatenate([np.zeros_like(values[:1]), values[:-1]])
 
 
 def _blocks(values: np.ndarray, block: int) -> np.ndarray:
-    """Return values (T, A) by blocks (B, block, A); the last one is filled up by its last sample."""
+    """Return values (T, A) by blocks (B, block, A); the last block is padded with its last sample."""
     blocks = -(-len(values) // block)
     filled = np.pad(values, ((0, blocks * block - len(values)), (0, 0)), "edge")
     return filled.reshape(blocks, block, values.shape[1])

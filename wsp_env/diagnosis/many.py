@@ -1,4 +1,4 @@
-"""Many campaigns diagnosed by an executor, a task for each; what was diagnosed before by the same code is not done again."""
+"""Diagnosis of many campaigns by an executor, one task for each; stored results of the same code and files are reused."""
 
 import json
 import pickle
@@ -20,12 +20,12 @@ from wsp_env.recordings import CampaignError, read_campaign
 from wsp_env.recordings.creep_curves import holds_creep_curves, read_creep_curves
 from wsp_env.recordings.origin import hashes
 
-#: In the folder of a diagnosis: from which files and by which code it was made.
+#: File in the folder of a diagnosis that lists the input files and the version of the code.
 MADE_FROM = "made_from.json"
 
 
 class Many(NamedTuple):
-    """How campaigns are diagnosed."""
+    """Options of the diagnoses."""
 
     effort: float  # of creep curves, see `diagnose_creep_curves`
     seed: int
@@ -38,12 +38,12 @@ class Task(NamedTuple):
     how: Many
 
     def __str__(self) -> str:
-        """Return what a line may call it."""
+        """Return the task's name for messages."""
         return str(self.campaign)
 
 
 def diagnose_folder(folder: Path, how: Many, report: Callable[[str], None], workers: int) -> Found:
-    """Diagnose what a folder holds, recorded stops or creep curves; `workers` threads, on which the answer does not depend."""
+    """Diagnose the recorded stops or creep curves in a folder; the answer does not depend on the number of `workers`."""
     if holds_creep_curves(folder):
         return diagnose_creep_curves(read_creep_curves(folder), how.effort, how.seed, report)
     recorded = read_campaign(folder)
@@ -51,7 +51,7 @@ def diagnose_folder(folder: Path, how: Many, report: Callable[[str], None], work
 
 
 def work(task: Task) -> bytes:
-    """Diagnose a campaign in one thread; return the diagnosis and what there was to warn of, pickled."""
+    """Diagnose a campaign in one thread; return the diagnosis and the warnings, pickled."""
     with task.campaign.here() as folder, warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
         try:
@@ -63,11 +63,11 @@ def work(task: Task) -> bytes:
 
 
 def diagnose_many(folders: Mapping[Path, Path], how: Many, executor: Executor) -> Iterator[tuple[Path, Found | str, list[str]]]:
-    """Yield every campaign's folder with its diagnosis, or why there is none, and the warnings, as they become ready.
+    """Yield every campaign's folder, its diagnosis or error message, and its warnings, in the order of completion.
 
     Parameters
     ----------
-    folders : of the campaigns, and of what is kept of each
+    folders : campaign folder -> folder of its stored diagnosis
 
     """
     todo = []
@@ -86,7 +86,7 @@ def diagnose_many(folders: Mapping[Path, Path], how: Many, executor: Executor) -
 
 
 def remember(folder: Path, out: Path, how: Many) -> None:
-    """Write what a diagnosis was made from, once all its other files are there."""
+    """Record the input files and versions of a diagnosis, after all its other files are written."""
     write_text(out / MADE_FROM, json.dumps(_made_from(folder, how), indent=1) + "\n")
 
 
@@ -96,10 +96,10 @@ def _made_from(folder: Path, how: Many) -> dict[str, Any]:
 
 
 def _kept(folder: Path, out: Path, how: Many) -> Found | None:
-    """Return the diagnosis that is there, if it was made of the same files by the same code."""
+    """Return the stored diagnosis if it was made from the same files by the same code, else None."""
     try:
         if json.loads((out / MADE_FROM).read_text(encoding="utf-8")) != _made_from(folder, how):
             return None
         return read_diagnosis(out / "diagnosis.json")
     except (OSError, ValueError, KeyError, CampaignError):
-        return None  # what is wrong with the campaign is said by who reads it
+        return None  # errors of the campaign are reported when it is read again

@@ -1,9 +1,9 @@
-"""How far a diagnosis is: the steps that it reports, as a share of its whole time."""
+"""Progress of a diagnosis: its steps as shares of the whole time."""
 
 import re
 
-#: Steps of a diagnosis of stops and the share of its time [-] after which each begins (measured on campaigns of three to five
-#: stops that took one round or two; of later rounds a guess; one that nothing is missing in ends before the rounds).
+#: Steps of a diagnosis of stops, with the share of the time [-] at which each begins. Measured on campaigns of three to five
+#: stops with one or two rounds; estimated for later rounds. A diagnosis without findings ends before the rounds.
 STEPS = {
     "checking the data": 0.0,
     "fitting the baseline": 0.02,
@@ -17,19 +17,19 @@ _COUNTED = re.compile(r"(?P<name>.*?)s? (?P<done>\d+) of (?P<of>\d+)")
 
 
 class Advance:
-    """How far a diagnosis is; the steps of creep curves are not known before, each takes half of what is left."""
+    """Tracks the progress of a diagnosis; a step of creep curves, unknown in advance, takes half of the remaining time."""
 
     def __init__(self) -> None:
-        """Stand before the first step."""
+        """Start before the first step."""
         self.share = 0.0
         self._name, self._span = "", (0.0, 0.0)
 
     def enters(self, step: str) -> bool:
-        """Whether a text is of another step than the last one."""
+        """Whether a text reports another step than the last one."""
         return _parsed(step)[0] != self._name
 
     def reach(self, step: str) -> float:
-        """Return the share of the whole [-] that is done when a step, "name" or "name 3 of 10", is reported."""
+        """Return the share of the whole [-] that is done when a step "name" or "name 3 of 10" is reported."""
         name, inside = _parsed(step)
         if name != self._name:
             self._name = name
@@ -41,7 +41,7 @@ class Advance:
 
 
 def _parsed(step: str) -> tuple[str, float]:
-    """Return the name of a step and the share of it [-] that is done; rounds of stops are steps of their own."""
+    """Return the name of a step and the share of it [-] that is done; rounds of stops are separate steps."""
     if step in STEPS:
         return step, 0.0
     counted = _COUNTED.fullmatch(step)

@@ -1,7 +1,7 @@
-"""How well baseline and extension fit: to the runs to tune on, then, frozen but for the runs' friction, to the others.
+"""Quality of fit of baseline and extended model: on the tuning runs, then with only mu_cd refitted on the held-out runs.
 
-Each is asked about a replica of its own, as mechanisms bend (`wsp_env.diagnosis.settle`); what a mechanism is worth to the
-held-out runs, about that of the extension.
+Each model is evaluated on its own replica, because effects are nonlinear (`wsp_env.diagnosis.settle`). The value of a mechanism
+for the held-out runs is evaluated on the replica of the extended model.
 """
 
 import dataclasses
@@ -26,8 +26,8 @@ from wsp_env.diagnosis.search import held_out_rows
 from wsp_env.diagnosis.trials import SURE, on_a_sensor
 from wsp_env.diagnosis.variation import Group, law_columns
 
-_BEYOND = 2.0  # deviations of chi-square by which the baseline must misfit, that a share of it can be removed: assumption
-#: Rows that are asked, by those (n,) bool that are held out; None: all.
+_BEYOND = 2.0  # standard deviations of chi-square by which the baseline must misfit for a removable share: assumption
+#: Rows of each part, from the mask (n,) of held-out rows; None: all rows.
 _ROWS: Mapping[str, Callable[[np.ndarray], np.ndarray | None]] = {
     "tuned": np.logical_not, "held out": np.asarray, "all": lambda held: None
 }  # fmt: skip
@@ -35,28 +35,28 @@ _ROWS: Mapping[str, Callable[[np.ndarray], np.ndarray | None]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Quality:
-    """How well baseline and extension fit."""
+    """Quality of fit of baseline and extended model."""
 
     fit: FitQuality
-    before: Model  # as fitted to the runs to tune on
+    before: Model  # fitted to the tuning runs
     after: Model
-    held_out: tuple[float, ...]  # by how much each accepted mechanism reduces chi-square of the runs to validate
-    removed_of: Mapping[str, float | None]  # share gone of what can be removed of them, by balance; None: nothing can be
-    repeated: tuple[bool, ...]  # whether they make it sure by themselves, if any is held out, at a size that can be
+    held_out: tuple[float, ...]  # reduction of chi-square of the validation runs by each accepted mechanism
+    removed_of: Mapping[str, float | None]  # removed share of the removable held-out residual, by balance; None: none removable
+    repeated: tuple[bool, ...]  # whether the held-out runs confirm each mechanism; False if a size ends at a bound
     weights: Weights  # of all rows
-    expected: Weights  # the same with the sizes and the noise that are expected of sound recordings
+    expected: Weights  # the same with the sizes and noise expected of sound recordings
 
 
 class Left(NamedTuple):
-    """Mean squares of some rows."""
+    """Mean squares of some rows, before and after adding the mechanisms."""
 
     before: float
     after: float
-    best: float  # with the mechanisms' sizes fitted to these very rows
+    best: float  # with the mechanisms' sizes fitted to these rows
 
 
 def quality(replica: Replica, outcome: Outcome) -> Quality:
-    """Return mean squares relative to what noise and nuisances of their sizes leave, of tuned and of held-out runs."""
+    """Return mean squares relative to those that noise and nuisances leave, for tuning and held-out runs."""
     held = held_out_rows(replica.rows)
     last = outcome.last
     first = outcome.first
@@ -64,7 +64,7 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
     own, variants = outcome.replica, outcome.fitted.variants
 
     def whitening_and_groups(about: Replica) -> tuple[Whitening, list[Group]]:
-        """Return what the rows vary by where wheels slide as sensors then say; channels' times count as noise."""
+        """Return whitening and nuisances for the slides on this replica; delays of channels count as noise."""
         seen = last if on_sensors(about.about) else first
         colour = bleach(about.rows, last.colour)
         return dataclasses.replace(seen.whitening, colour=colour), [*seen.groups, seen.times]
@@ -74,7 +74,7 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
         return weigh(about, *whitening_and_groups(about), sizes, _ROWS[rows](held))
 
     def held_out(about: Replica, model: Model) -> np.ndarray:
-        """Return deviances (2,) of the held-out runs: alone, and predicted from the others with all that is common to both."""
+        """Return deviances (2,) of the held-out runs: alone, and predicted from the other runs with all common parameters."""
 
         def of(rows: str) -> float:
             weighed = weights(about, rows)
@@ -95,7 +95,8 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
                 about = Replica(replica.recorded, off) if others else replica
                 weighed = weights(about, "tuned")
             off = refit(about, off, others, weighed, ~held).model
-            # Alone they show what nuisances take over once it is learned, predicted what these take over in a few runs.
+            # Nuisances may absorb the effect: after learning it from the tuning runs (predicted), or in a few runs (alone). The
+            # larger gain counts.
             gains += (float(np.max(held_out(about, off) - whole)),)
     repeated = tuple(
         0.5 * gain > SURE and not at_bound(one.trial.variant, outcome.fitted.model)
@@ -106,14 +107,14 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
         for one, sure in zip(outcome.accepted, repeated, strict=True):
             after = after if sure else without(after, one.trial.variant)
         own = Replica(replica.recorded, refit(own, after, kept, weights(own, "all")).model) if kept else replica
-        # What was fitted beside the others stands by itself now.
+        # A mechanism fitted together with others is now fitted without the rejected ones.
         after = refit(own, after, kept, weights(own, "tuned"), ~held).model
     every = weights(replica, "all")
     parts = {"tune": ~held} | ({"validate": held} if held.any() else {})
     each = {name: held & (replica.rows.balance == balance) for balance, name in enumerate(BALANCES)}
     parts_and_balances = parts | {name: rows for name, rows in each.items() if rows.any()}
     figures = left(own, after, kept, weights(own, "all"), parts_and_balances, before)
-    if kept:  # the baseline about its own replica
+    if kept:  # the baseline on its own replica
         bare = left(replica, after, kept, every, parts_and_balances, before)
         figures = {name: one._replace(before=bare[name].before) for name, one in figures.items()}
     base, extended = ({name: figures[name][i] for name in parts} for i in (0, 1))
@@ -137,11 +138,11 @@ def left(
     parts: Mapping[str, np.ndarray],
     baseline: Model,
 ) -> dict[str, Left]:
-    """Return what parts of the rows (n,) bool leave of the baseline and of a model with mechanisms.
+    """Return the mean squares of parts of the rows (n,) bool, for the baseline and for a model with mechanisms.
 
-    The law of each is the one fitted with it, but for the friction of the runs, which is fitted anew. All other nuisances stay
-    as they are found beside mechanisms of any size, so that neither is favoured: were they fitted to either, they would take
-    over what is missing.
+    The law of each model is the one fitted with it, except that mu_cd of the runs is fitted again. All other nuisances are
+    estimated once, with mechanisms of free size, and used for both models, so that neither is favoured. Fitted to one model,
+    they would absorb a part of what it lacks.
     """
     base, bare = replica.raw(model), replica.raw(baseline)
     y = weights(base)
@@ -152,7 +153,7 @@ def left(
     fitted = free @ fit(projector.inner(free, free), projector.inner(free, y[:, None])[:, 0]).amplitude
     amplitudes = projector.amplitudes(y - fitted)
     sound = (y - fitted) - projector.rest(y - fitted)
-    unlikely = float(amplitudes @ amplitudes) / len(y)  # in the nuisances' own deviations: the same beside any model
+    unlikely = float(amplitudes @ amplitudes) / len(y)  # prior term of the nuisances, equal for all models
 
     def mean(rows: np.ndarray, level: np.ndarray, keep: np.ndarray) -> float:
         mine, level = rows[keep], level[keep, 1:]
@@ -164,7 +165,7 @@ def left(
 
 
 def _removed(held: Left | None, rows: int) -> float | None:
-    """Return the share that is gone of what can be removed; None where nothing can be."""
+    """Return the removed share of what can be removed; None if nothing can."""
     if held is None or held.before <= max(held.best, 1.0) + _BEYOND * float(np.sqrt(2.0 / rows)):
         return None
     return (held.before - held.after) / (held.before - min(held.best, 1.0))

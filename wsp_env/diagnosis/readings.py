@@ -1,8 +1,8 @@
-"""Recordings whose speeds are read late or wrong, put right as a model says; and what such sensors would read.
+"""Corrects recordings whose speeds are late or wrong according to a model, and computes the readings of such sensors.
 
-Wheel speeds that are read late are not made prompt: that would take their noise's rate into them, and friction's, which no
-model foresees. What belongs to the same instant is made as late: filtered alike, the torques and the vehicle's speed balance
-the wheels as they are read (all balances but the law's are linear, and the law is alike over such a time).
+Late wheel speeds are not advanced, because this would add the rate of their noise and of the friction, which no model predicts.
+Instead, the other channels are delayed equally. Torques and vehicle speed that pass the same filter balance the wheels as they
+are read: all balances except the law's are linear, and the law hardly changes within such a time.
 """
 
 import dataclasses
@@ -17,21 +17,21 @@ from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import Campaign
 
-_ITERATIONS = 3  # of what is read from what is true: a late reading's rate is read late, too
+_ITERATIONS = 3  # iterations from true values to readings: the rate of a late reading is late, too
 
 
 def on_sensors(model: Model) -> Choice:
-    """Return the mechanisms of a model that act on what sensors read."""
+    """Return the mechanisms of a model that act on sensors."""
     return {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on == "sensor"}
 
 
 def readings_of(model: Model) -> Choice:
-    """Return the mechanisms of a model that change what is read; a wheel of another radius reads right."""
+    """Return the mechanisms of a model that change readings; a wrong radius is excluded, because its reading is right."""
     return {name: values for name, values in on_sensors(model).items() if "radii" not in ALL[name].acts}
 
 
 def put_right(campaign: Campaign, stops: Sequence[PreparedStop], readings: Choice) -> list[PreparedStop]:
-    """Return stops with the vehicle's speed that was true, and all but the wheels as late as these are read."""
+    """Return stops with the true vehicle speed, and with all channels except the wheel speeds as late as these."""
     evaluator = Evaluator(campaign, stops)
     lag = read_late(evaluator.vehicle, readings)
     found = evaluator.forces(_model(stops, readings))
@@ -39,7 +39,7 @@ def put_right(campaign: Campaign, stops: Sequence[PreparedStop], readings: Choic
 
 
 def as_read(campaign: Campaign, stops: Sequence[PreparedStop], readings: Choice) -> list[PreparedStop]:
-    """Return stops as sensors read them, so that a model with these sensors says of them what it says of true ones."""
+    """Return stops as sensors read them: a model with these sensors evaluates them as a model without does the true ones."""
     read = list(stops)
     for _ in range(_ITERATIONS):
         evaluator = Evaluator(campaign, read)
@@ -49,7 +49,7 @@ def as_read(campaign: Campaign, stops: Sequence[PreparedStop], readings: Choice)
 
 
 def _model(stops: Sequence[PreparedStop], readings: Choice) -> Model:
-    """Return a model with nothing but readings; nobody asks for its friction."""
+    """Return a model with readings only; its friction is not used."""
     return Model(0.0, (1.0,) * len(stops), readings)
 
 
@@ -58,7 +58,7 @@ def _with_speed(stop: PreparedStop, one: Evaluation) -> PreparedStop:
 
 
 def _as_late(stop: PreparedStop, lag_s: float) -> PreparedStop:
-    """Return a stop with all but the wheels' speeds filtered by a lag."""
+    """Return a stop with all channels except the wheel speeds filtered by a lag."""
     if lag_s == 0.0:
         return stop
 
@@ -72,24 +72,24 @@ def _as_late(stop: PreparedStop, lag_s: float) -> PreparedStop:
 
 
 def _filtered(values: np.ndarray, lag_s: float, step_s: float) -> np.ndarray:
-    """Return values (T, ...) filtered by lag dy/dt + y = x, exact for lines between samples; before them the first goes on."""
+    """Filter values (T, ...) by lag dy/dt + y = x, exactly for lines between samples; the first line is extended backwards."""
     kept, steps = np.exp(-step_s / lag_s), lag_s / step_s
     numerator = [1.0 - steps * (1.0 - kept), steps * (1.0 - kept) - kept]
-    behind = lag_s / step_s * (values[1:2] - values[:1])  # a line is late by the lag
+    behind = lag_s / step_s * (values[1:2] - values[:1])  # a line is delayed by the lag
     start = values[:1] - behind
     result: np.ndarray = lfilter(numerator, [1.0, -kept], values, axis=0, zi=start - numerator[0] * values[:1])[0]
     return result
 
 
 def _undone(read: PreparedStop, one: Evaluation, vehicle: Vehicle) -> PreparedStop:
-    """Return what a model says of what was read."""
+    """Return a stop with the true values that a model derives from the readings."""
     wheel = (one.speed[:, None] - one.slip) / vehicle.wheel_radius_m
     rate = (one.force * vehicle.wheel_radius_m - one.torque) / vehicle.wheelset_inertia_kgm2
     return dataclasses.replace(_with_speed(read, one), wheel=wheel, wheel_rate=rate)
 
 
 def _less(read: PreparedStop, found: PreparedStop, true: PreparedStop) -> PreparedStop:
-    """Return a reading less what it is beyond the truth once it is undone."""
+    """Return a corrected reading: subtract the error that remains after the model's correction."""
 
     def less(name: str) -> np.ndarray:
         result: np.ndarray = getattr(read, name) - (getattr(found, name) - getattr(true, name))

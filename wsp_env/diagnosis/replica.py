@@ -1,17 +1,14 @@
-"""The replica of a campaign: what the baseline would have recorded, without noise, on the recorded stops.
+"""The replica of a campaign: the recording without noise that the baseline predicts for the recorded stops.
 
-Recorded slip and force are noisy, and so is everything computed from them. A change of the model evaluated on noisy channels
-shares their noise with the residual, and a fit then explains noise. So the residuals come from the recordings once, at the
-baseline, and every change of the model is evaluated on the replica (an instrument in the sense of regression with errors in
-variables).
-
-The replica keeps the estimated speed and, where a wheel slides, its creepage. Below that, on the steep part of the creep curve,
-its slip is the one at which the baseline gives the recorded force: the measured one is noise there. For the same reason the
-residual is taken linear in the measured less the replica's slip.
-
-And as friction turns the wheel, and the device answers, changes of the model are evaluated at the slip and the torque that were
-foreseen before each block of time (`wsp_env.diagnosis.loop`); the residuals of the recordings at the slip that was. Changes of
-a time, which the torque's own course shows, are evaluated under the recorded torque.
+Recorded slip and force are noisy, and so is everything computed from them. If a change of the model is evaluated on noisy
+channels, its noise is correlated with that of the residual, and a fit explains noise. Residuals are therefore computed from the
+recordings only once, at the baseline. Every change of the model is evaluated on the replica (an instrumental variable in
+regression with errors in variables). The replica keeps the estimated speed and, where a wheel slides, its creepage. On the
+steep part of the creep curve, the measured slip is mostly noise. There the replica's slip is the one at which the baseline
+gives the recorded force. For the same reason the residual is linear in measured slip minus replica slip. Friction turns the
+wheel and the WSP reacts. Changes of the model are therefore evaluated at slip and torque predicted before each block of time
+(`wsp_env.diagnosis.loop`); the residuals of the recordings are evaluated at the actual slip. Changes of a delay show in the
+torque's own course and are evaluated under the recorded torque.
 """
 
 import dataclasses
@@ -40,19 +37,19 @@ from wsp_env.diagnosis.thinning import averaged
 from wsp_env.plant.mechanisms import ALL
 
 _NEWTON = 12
-_FLAT_S = 0.5  # over which it is averaged how flat the curve is: that is no course of noise
+_FLAT_S = 0.5  # averaging time of the curve's flatness [s], so that it does not follow noise
 OF_TIME = tuple(name for name, card in ALL.items() if any(one.unit == "s" and one.fitted for one in card.sizes))
-_LEAST_ADHESION = 0.01  # against which an error of slip is compared: hardly braked wheels roll
+_LEAST_ADHESION = 0.01  # lower bound of the adhesion with which a slip error is compared: hardly braked wheels roll
 
 
 class Replica:
-    """The balances of recorded stops about a baseline; offers what `Balances` does.
+    """The balances of recorded stops about a baseline; has the interface of `Balances`.
 
-    What smoothing leaves in the wheels' rows of the replica it leaves in those of the recordings: it is taken away.
+    Errors of smoothing are the same in the wheel rows of replica and recordings; they are subtracted.
 
-    Where a model says that speeds are read late or wrong the recordings are put right first, and the replica is what such
-    sensors would have read. A wheel of another radius reads right: the replica holds its reading, but the radius says where it
-    slides.
+    If a model says that speeds are read late or wrong, the recordings are corrected first, and the replica contains the
+    readings of such sensors. With a wrong wheel radius, the reading is right and stays in the replica; the radius determines
+    where the wheel slides.
     """
 
     def __init__(self, recorded: Balances, model: Model) -> None:
@@ -73,16 +70,16 @@ class Replica:
         braked = [_braked(right, stop, one) for stop, one in zip(made, forces, strict=True)]
         self._copy = self.timed = right.like(braked)
         self.rows = _rows_of_true_slips(right.rows, self._copy.rows, larger)
-        self._kept = threading.local()  # every thread keeps its last evaluation
-        # A wheel of another radius is in the replica as it slides, and what its sensor shows is linear in that radius.
+        self._kept = threading.local()  # each thread keeps its last evaluation
+        # The replica contains the true slip of a wheel with wrong radius; the reading of its sensor is linear in the radius.
         shares = [share * (larger == 0.0) for share in kept]
         self._share = [averaged(share, stop.step_s) for share, stop in zip(shares, right.sources, strict=True)]
         self._slopes = [one.slope for one in self._copy.evaluate(baseline)]
-        if rest is not baseline:  # the curve is as steep as where the wheels slide, whatever the sensors show
+        if rest is not baseline:  # the slope of the curve at the true slips, whatever the sensors show
             slid = self._slid(self._copy, rest)[-1]
             self._slopes = [one.slope for one in slid]
             self.rows = _rows_as_they_slide(self.rows, self._copy.parts, slid)
-        smoothing = self._changed(baseline)  # what smoothing leaves of an exact balance
+        smoothing = self._changed(baseline)  # residual of an exact balance due to smoothing
         residuals = self._residuals(right) - smoothing * right.rows.wheels
         turned = zip(*_foreseen(right, braked, forces), strict=True)
         self._copy, self.timed = (right.like(as_read(campaign, stops, readings) if readings else stops) for stops in turned)
@@ -90,20 +87,20 @@ class Replica:
         self._offset = residuals - self._changed(self.physical(baseline))
 
     def __getattr__(self, name: str) -> Any:
-        """Return what the replica's balances have."""
+        """Delegate other attributes to the replica's balances."""
         if name.startswith("__") or name == "_copy":
             raise AttributeError(name)
         return getattr(self._copy, name)
 
     def evaluate(self, model: Model) -> list[Evaluation]:
-        """Return what a model says of every stop of the replica; the last one is kept."""
+        """Evaluate a model along every stop of the replica; the last result is cached."""
         last: tuple[Model, list[Evaluation]] | None = getattr(self._kept, "last", None)
         if last is None or last[0] is not model:
             last = self._kept.last = (model, self._of_times(model))
         return last[1]
 
     def _of_times(self, model: Model) -> list[Evaluation]:
-        """Evaluate a model; what other times than those that the replica is about change, under the recorded torques."""
+        """Evaluate a model; changes of delays, against those of the replica, are evaluated under the recorded torques."""
         known = {**self.baseline.choice, **self._readings}
         others = {name: values for name, values in model.choice.items() if name not in OF_TIME}
         prompt = dataclasses.replace(model, choice=others | {name: known[name] for name in OF_TIME if name in known})
@@ -113,10 +110,11 @@ class Replica:
         return [one.changed(late, less) for one, late, less in zip(*parts, strict=True)]
 
     def _evaluated(self, copy: Balances, model: Model) -> list[Evaluation]:
-        """Evaluate a model along a replica, and what its sensors show.
+        """Evaluate a model along a copy, with the readings of its sensors.
 
-        The recordings' residual is linear in the measured less the replica's slip. So is a sensor's error, at the slope of the
-        baseline, as far as the measured slip is not kept: with the error as it is both cancel.
+        The recordings' residual is linear in measured slip minus replica slip. A sensor's error is therefore also taken as
+        linear, with the slope at the baseline, to the extent that the measured slip is not kept. Evaluated nonlinearly, the two
+        would not cancel.
         """
         if on_sensors(model) == self._readings:
             return copy.evaluate(model)
@@ -137,25 +135,25 @@ class Replica:
     def _slid(
         self, copy: Balances, model: Model
     ) -> tuple[list[Evaluation], list[Evaluation], list[np.ndarray], list[Evaluation]]:
-        """Return a model without contacts, and with the replica's sensors only; misread slips (T, A); it as wheels slide."""
+        """Evaluate a model: forces only, with the replica's sensors only, its slip errors (T, A), and at the true slips."""
         whole, without = copy.evaluate_forces(model), copy.evaluate(self.physical(model))
         errors = [one.slip - other.slip for one, other in zip(without, whole, strict=True)]
         slid = copy.evaluate_slid(model, [(1.0 - kept) * error for kept, error in zip(self._share, errors, strict=True)])
         return whole, without, errors, slid
 
     def physical(self, model: Model) -> Model:
-        """Return a model whose sensors read as the replica's do."""
+        """Return a model with the sensors of the replica."""
         if on_sensors(model) == self._readings:
             return model
         true = without_sensors(model)
         return dataclasses.replace(true, choice={**true.choice, **self._readings})
 
     def whitening(self, model: Model) -> Whitening:
-        """Return what makes the rows' noise white where wheels slide as a model says."""
+        """Return the whitening of the rows' noise at the slips of a model."""
         return self._copy.whitening_of(self.evaluate(model))
 
     def raw(self, model: Model) -> np.ndarray:
-        """Residuals (n,) of a model: those of the recordings at the baseline and what the model changes."""
+        """Residuals (n,) of a model: those of the recordings at the baseline plus the change by the model."""
         return self._changed(model) + self._offset
 
     def _changed(self, model: Model) -> np.ndarray:
@@ -174,13 +172,13 @@ class Replica:
 
 
 def without_sensors(model: Model) -> Model:
-    """Return a model without mechanisms on sensors; itself where it has none."""
+    """Return a model without mechanisms on sensors; the same object if it has none."""
     sensors = on_sensors(model)
     return _choosing(model, lambda name: name not in sensors)
 
 
 def _choosing(model: Model, kept: Callable[[str], bool]) -> Model:
-    """Return a model with some of its mechanisms; itself where these are all."""
+    """Return a model with the mechanisms whose name passes `kept`; the same object if all do."""
     choice = {name: values for name, values in model.choice.items() if kept(name)}
     return model if len(choice) == len(model.choice) else dataclasses.replace(model, choice=choice)
 
@@ -188,9 +186,12 @@ def _choosing(model: Model, kept: Callable[[str], bool]) -> Model:
 def _foreseen(
     right: Balances, braked: Sequence[PreparedStop], said: Sequence[Evaluation]
 ) -> list[tuple[PreparedStop, PreparedStop]]:  # fmt: skip
-    """Return the replica's stops with the slips that are foreseen before each block, by what the baseline says of them.
+    """Return the stops with the slips predicted before each block: under the expected and under the recorded torques.
 
-    Under the torques that were to be expected, and under the recorded ones.
+    Parameters
+    ----------
+    said : evaluations of the baseline
+
     """
     found = []
     for mine, stop, part, one in zip(braked, right.sources, right.parts, said, strict=True):
@@ -201,14 +202,14 @@ def _foreseen(
 
 
 def _rows_of_true_slips(recorded: Rows, copied: Rows, larger: np.ndarray) -> Rows:
-    """Return the recorded rows with the replica's slip and work of wheels of another radius."""
+    """Return the recorded rows, with the replica's slip and work for wheels of wrong radius."""
     turned = recorded.wheels & (larger[recorded.axle] != 0.0)
     slip, work = (np.where(turned, copy, own) for copy, own in ((copied.slip, recorded.slip), (copied.work, recorded.work)))
     return dataclasses.replace(recorded, slip=slip, work=work)
 
 
 def _rows_as_they_slide(rows: Rows, parts: Sequence[Blocks], slid: Sequence[Evaluation]) -> Rows:
-    """Return rows with the slip and the work of wheels as they truly slide, whatever sensors show."""
+    """Return rows with the true slip and work of the wheels, whatever their sensors show."""
     found: dict[str, list[np.ndarray]] = {"slip": [], "work": []}
     for part, one in zip(parts, slid, strict=True):
         work = one.force * one.slip / np.maximum(one.speed, 1.0)[:, None]
@@ -219,9 +220,9 @@ def _rows_as_they_slide(rows: Rows, parts: Sequence[Blocks], slid: Sequence[Eval
 
 
 def _larger_radii(recorded: Balances, model: Model) -> np.ndarray:
-    """Return the shares (A,) by which the wheels' radii are larger than believed, as they roll before they are first braked.
+    """Return the relative excess (A,) of the wheel radii over the believed ones, from rolling before the first braking.
 
-    0 where that looks like no slide, or where less than three blocks of the recordings say so.
+    It is 0 if the resulting slip error is below the smallest one of interest, or if there are fewer than three blocks of data.
     """
     found: list[list[np.ndarray]] = [[] for _ in range(recorded.axles)]
     for stop, one in zip(recorded.stops, recorded.evaluate(model), strict=True):
@@ -240,9 +241,10 @@ def _larger_radii(recorded: Balances, model: Model) -> np.ndarray:
 def _rolling(
     recorded: Balances, one: Evaluation, index: int, needed: np.ndarray, share: np.ndarray, true: np.ndarray, larger: np.ndarray
 ) -> PreparedStop:
-    """Return a stop with the wheels at the replica's slip; their torques are still the recorded ones.
+    """Return a stop with the wheels at the replica's slip and the recorded torques.
 
-    The slip is as measured where the wheel slides, else as its force needs it; of a wheel of another radius the true one.
+    The slip is the measured one where the wheel slides (the true one if its radius is wrong), else the one that its force
+    requires.
     """
     stop, radius, noise = recorded.sources[index], recorded.radius, recorded.sources[index].noise
     v = np.maximum(stop.speed, 0.1)[:, None]
@@ -254,7 +256,7 @@ def _rolling(
 
 
 def _braked(recorded: Balances, stop: PreparedStop, one: Evaluation) -> PreparedStop:
-    """Return the stop with the torques that balance its wheels as the baseline's brakes and wheelsets are, smoothed."""
+    """Return the stop with the torques that balance its wheels with the baseline's brakes and wheelsets, smoothed."""
     torque = stop.torque + (2.0 * one.load * one.adhesion - one.force) * recorded.radius
     wheel, rate, jerk, smooth = smooth_wheels(stop.wheel, torque, stop.step_s)
     return dataclasses.replace(stop, wheel=wheel, wheel_rate=rate, wheel_jerk=jerk, torque=smooth)
@@ -263,7 +265,7 @@ def _braked(recorded: Balances, stop: PreparedStop, one: Evaluation) -> Prepared
 def _true_slips(
     read: Sequence[Evaluation], said: Sequence[Evaluation], stops: Sequence[PreparedStop], larger: np.ndarray
 ) -> list[np.ndarray]:
-    """Return the slips (T, A) of every stop as a model says of its sensors; of wheels whose radii were read, as these say."""
+    """Return the true slips (T, A) of every stop: from a model's sensors, or from the measured radii if these are wrong."""
     true = []
     for one, other, stop in zip(read, said, stops, strict=True):
         v = np.maximum(stop.speed, 0.1)[:, None]
@@ -274,11 +276,11 @@ def _true_slips(
 def _needed(
     balances: Balances, evaluator: Evaluator, model: Model, found: Sequence[Evaluation], true: Sequence[np.ndarray]
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:  # fmt: skip
-    """Return the slips (T, A) that wheels' forces need on the creep curve's steep part, and the shares kept of the measured.
+    """Return the slips (T, A) required by the wheels' forces on the steep part, and the share kept of the measured slips.
 
-    The measured slip is kept where it is a slide's, and where the curve is so flat at both slips that an error hardly moves the
-    adhesion; blended between, so that no wheel jumps. What a sensor's error shows of a rolling wheel is no slide: the true
-    slips (T, A) tell. The curve is the model's, whatever it says of loads and friction.
+    The measured slip is kept where the true slip (T, A) is a slide, and where the curve is so flat at both slips that a slip
+    error hardly changes the adhesion. The transition is gradual, so that no wheel jumps. A sensor's error of a rolling wheel is
+    no slide: the true slips decide. The curve includes the model's loads and friction.
     """
     speeds = [np.maximum(stop.speed, 0.1)[:, None] for stop in balances.sources]
 
@@ -303,5 +305,5 @@ def _needed(
 
 
 def _aim(one: Evaluation) -> np.ndarray:
-    """Return the adhesion (T, A) that a wheel's force needs."""
+    """Return the adhesion (T, A) that a wheel's force requires."""
     return np.clip(one.force / (2.0 * one.load), -0.05, None)

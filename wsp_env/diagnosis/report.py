@@ -1,7 +1,7 @@
-"""The diagnosis as a self-contained page; every number in it comes from the JSON.
+"""The diagnosis as a self-contained page; all numbers come from the JSON.
 
-The first screen says it all: sentence, worth, confidence, place, share removed, and one run before and after. Everything that
-it rests on lies behind folds.
+The first screen is a summary: sentence, worth, confidence, place, removed share, and one run before and after. All details are
+in folded sections.
 """
 
 from collections.abc import Mapping
@@ -33,7 +33,7 @@ def write_report(path: Path, found: Diagnosis, options: PageOptions = PageOption
 
 
 def _first(found: Diagnosis) -> Section:
-    """Return what the first screen holds beside the sentence."""
+    """Return the first section, which follows the sentence."""
     shows: list[Any] = [facts(found)]
     if found.course and found.verdict != "data":
         shows.append(course_plot(found.course, found.course.shows, _extended(found)))
@@ -43,7 +43,7 @@ def _first(found: Diagnosis) -> Section:
 
 
 def _extended(found: Diagnosis) -> bool:
-    """Whether there is an after beside the before."""
+    """Whether the diagnosis has an extended model, shown as "after"."""
     return bool(found.mechanisms or found.discovered)
 
 
@@ -114,7 +114,7 @@ def _fitted(found: Diagnosis) -> list[Section]:
 
 
 def _parameters(parameters: Mapping[str, Estimate]) -> list[tuple[str, str, str, str]]:
-    """Return a row for each parameter; one that was not fitted has no interval."""
+    """Return a row for each parameter; the interval of a parameter that was not fitted is "not fitted"."""
     rows = []
     for name, one in parameters.items():
         low, high = one.interval90

@@ -1,4 +1,4 @@
-"""The evidence of a diagnosis, for its page: every candidate alone."""
+"""The evidence section of a diagnosis' page: each candidate alone."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,7 +11,7 @@ _SHOWN = 14  # candidates in the picture of the evidence
 
 
 def evidence(found: Diagnosis) -> Section | None:
-    """Return what every candidate explains alone; None where none was tried."""
+    """Return the section on the evidence of each candidate alone; None if no candidate was tried."""
     if not found.evidence:
         return None
     shown = sorted(found.evidence, key=lambda one: -one.gain)[:_SHOWN]

@@ -1,4 +1,4 @@
-"""What the first page of a diagnosis says beside its sentence: meaning, worth, confidence, place, and the share removed."""
+"""The facts on the first page of a diagnosis: verdict, worth, confidence, place, removed share and next test."""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from wsp_env.diagnosis.words import capital
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.report import Facts
 
-#: What every verdict means.
+#: The meaning of each verdict.
 MEANINGS: dict[Verdict, str] = {
     "adequate": "the tuned simulation explains these recordings, up to what noise, normal variation and small change can do",
     "named": "what is missing has a name in the library, and these recordings tell which",
@@ -27,19 +27,19 @@ _IN_WORDS = {
     "kinematics": "in wheels that roll freely",
     "actuator": "in the brake torque against the pressure",
 }
-#: The same in tables and plots.
+#: Names of the balances in tables and plots.
 BALANCES = {
     "vehicle": "vehicle speed",
     "adhesion": "adhesion while sliding",
     "kinematics": "free rolling",
     "actuator": "brake torque",
 }
-LEAST_SHARE = 0.005  # of what is removed: less reads as 0 %
-_PLACES = 2  # told on the first page
+LEAST_SHARE = 0.005  # of the removed squares; less is printed as 0 %
+_PLACES = 2  # on the first page
 
 
 def facts(found: Diagnosis) -> Facts:
-    """Return the rows of the first page; what does not apply is left out."""
+    """Return the rows of the first page; rows that do not apply are omitted."""
     rows = [("Verdict", f"{found.verdict}: {_meaning(found)}")]
     if found.mechanisms or found.discovered:
         rows.append(("Worth in a stop", worth_said(found)))
@@ -57,16 +57,16 @@ def facts(found: Diagnosis) -> Facts:
 
 
 def _meaning(found: Diagnosis) -> str:
-    """Say what the verdict means here: a name may have one other beside it."""
+    """Return the meaning of the verdict; `named` may leave one other name open."""
     if found.verdict == "named" and any(len(one.alternatives) > 1 for one in found.mechanisms):
         return "what is missing has a name in the library; these recordings leave one other name open"
     return MEANINGS[found.verdict]
 
 
 def lead(found: Diagnosis) -> str:
-    """Return the sentence, with the stopping distance that it is worth."""
+    """Return the sentence of the answer, with the corresponding change of the stopping distance."""
     nothing = not found.mechanisms and not found.discovered
-    if nothing or found.worth is None or abs(found.worth.distance_share) < 0.0005:  # 0.0 % as it is said
+    if nothing or found.worth is None or abs(found.worth.distance_share) < 0.0005:  # printed as 0.0 %
         return found.sentence
     sides = "longer" if found.worth.distance_share > 0.0 else "shorter"
     share = 100.0 * abs(found.worth.distance_share)
@@ -79,13 +79,13 @@ def lead(found: Diagnosis) -> str:
 
 
 def _metres(worth: Worth, share: float | None = None) -> str:
-    """Say a share of the stopping distance in metres, the worth's own where none is given."""
+    """Return a share of the stopping distance in metres; default: the share of `worth`."""
     metres = abs(worth.distance_share if share is None else share) * (worth.stop_m or 0.0)
     return f"{metres:.1f} m" if metres < 10.0 else f"{metres:.0f} m"
 
 
 def worth_said(found: Diagnosis) -> str:
-    """Say what was found changes in a stop."""
+    """Return the change of a stop by the findings, in words."""
     if found.worth is not None:
         return _changes(found.worth)
     multiples = [one.multiple for one in found.mechanisms] + [one.multiple for one in found.discovered]
@@ -104,13 +104,13 @@ def _changes(worth: Worth) -> str:
         low, high = (100.0 * bound for bound in worth.interval90)
         metres = "" if worth.stop_m is None else f"{low * worth.stop_m / 100.0:+.1f} to {high * worth.stop_m / 100.0:+.1f} m, "
         parts[0] += f" (change {metres}{low:+.1f} to {high:+.1f} %, 90 %)"
-    if worth.slip_mps >= 0.005 or share == 0.0:  # less reads as 0.00
+    if worth.slip_mps >= 0.005 or share == 0.0:  # less is printed as 0.00
         parts.append(f"a change of slip of {worth.slip_mps:.2f} m/s")
     return "; ".join(parts)
 
 
 def confidence_said(found: Diagnosis) -> str:
-    """Say how sure every name is, and what speaks against it."""
+    """Return the confidence of every name, in words, with failed held-out tests."""
     parts = [
         f"{one.name.replace('_', ' ')}: {_at_most_one(one.confidence)} of 1{_others(one)}{doubt(one)}"
         for one in found.mechanisms
@@ -129,14 +129,14 @@ def _others(one: Named) -> str:
 
 
 def doubt(one: Named | Discovered) -> str:
-    """Say that the held-out runs speak against it; nothing where they do not."""
+    """Return a remark if the held-out runs contradict a finding, else ""."""
     if one.held_out_gain >= 0.0:
         return ""
     return f", but its held-out test failed: chi-square rises by {-one.held_out_gain:.0f} there"
 
 
 def removed_said(share: float | None) -> str:
-    """Say which share of the held-out residual is gone."""
+    """Return the removed share of the held-out residual, in words."""
     whole = "what the baseline leaves beyond noise and normal variation in held-out runs"
     if share is None or math.isnan(share):
         return f"not measurable: there is too little of {whole}"
@@ -149,7 +149,7 @@ def removed_said(share: float | None) -> str:
 
 
 def misfit_said(fit: FitQuality) -> str:
-    """Say how far the tuned law is from the recordings."""
+    """Return the misfit of the tuned law, in words."""
     held_out = "validate" in fit.baseline
     value = fit.baseline["validate"] if held_out else max(fit.baseline.values())
     runs = "held-out runs" if held_out else "the runs"
@@ -157,7 +157,7 @@ def misfit_said(fit: FitQuality) -> str:
 
 
 def where_said(found: Diagnosis) -> str:
-    """Say at which axle, in which runs and at which place it is."""
+    """Return the axles, runs and ranges of the findings, in words."""
     runs = [one.run for one in found.runs]
     axles = {cell["axle"] for cell in found.residuals.get("cells", ()) if cell["axle"]}
     own = named_axles(found)
@@ -169,7 +169,7 @@ def where_said(found: Diagnosis) -> str:
 
 
 def named_axles(found: Diagnosis) -> tuple[int, ...]:
-    """Return the axles, from 1, that the first of what was found is about by its own words; none if it tells none."""
+    """Return the axles, from 1, that the first finding names itself; empty if it names none."""
     for one in found.mechanisms[:1]:
         whole = [parameter.name for parameter in ALL[one.name].parameters if parameter.kind == "axle"]
         return tuple(
@@ -179,7 +179,7 @@ def named_axles(found: Diagnosis) -> tuple[int, ...]:
 
 
 def place_said(one: Location, runs: Sequence[str], axles: int, named: tuple[int, ...] = ()) -> str:
-    """Say a location: its axles (or those that are named instead), balance, runs and range."""
+    """Return a location in words: axles (`named` ones take precedence), balance, runs and range."""
     parts = [] if one.equation == "vehicle" and not named else [axles_said(named or one.axles, axles)]
     parts.append(_IN_WORDS.get(one.equation, one.equation))
     if one.runs:
@@ -191,7 +191,7 @@ def place_said(one: Location, runs: Sequence[str], axles: int, named: tuple[int,
 
 
 def axles_said(axles: Sequence[int], of: int) -> str:
-    """Say which axles."""
+    """Return axles in words."""
     if not axles:
         return ""
     if 1 < of <= len(axles):
@@ -200,7 +200,7 @@ def axles_said(axles: Sequence[int], of: int) -> str:
 
 
 def _open(one: Discovered) -> str:
-    """Say what a discovered term looks like, and where else it may act."""
+    """Return the known physics that a discovered term resembles, and the other slots in which it may act."""
     like = f"looks like {' or '.join(one.looks_like)}" if one.looks_like else ""
     slots = f"may as well act on {' or '.join(one.slots_not_separable)} as on {one.slot}" if one.slots_not_separable else ""
     text = " and ".join(filter(None, (like, slots)))

@@ -1,4 +1,4 @@
-"""The runs on a diagnosis' page: residuals of every run, one run's course, and the paper's figures before and after."""
+"""The runs on a diagnosis' page: residuals of all runs, the course of one run, and the paper's figures before and after."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,10 +8,10 @@ from wsp_env.diagnosis.answer import Diagnosis, RunTrace
 from wsp_env.diagnosis.report_facts import BALANCES
 from wsp_env.report import COLOURS, Table, axes, plotly
 
-#: Mean squares from which on a cell is reported: twice what noise alone leaves.
+#: Mean square from which on a cell is reported: twice that of noise alone.
 HIGH = 2.0
-_REPORTED = 8  # cells at most
-#: Colours go by the logarithm, as misfits do: from what noise leaves to a hundred times as much.
+_REPORTED = 8  # largest number of reported cells
+#: Colours follow the logarithm of the mean square, from the noise level to a hundred times this level.
 _TICKS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 _SCALE = {
     "colorscale": [[0.0, "#ffffff"], [0.15, "#fff3d0"], [0.35, "#fec44f"], [0.6, "#ec7014"], [1.0, "#7f2704"]],
@@ -27,17 +27,17 @@ _ROW_PX = 30
 
 
 def series_name(balance: str, axle: int) -> str:
-    """Name a series of residuals; axle 0 is the vehicle."""
+    """Return the name of a series of residuals; axle 0 is the vehicle."""
     words = BALANCES.get(balance, balance)
     return f"{words}, axle {axle}" if axle else words
 
 
 def heat_maps(cells: Sequence[Mapping[str, Any]], over: str, sides: Mapping[str, str], x: str) -> Any:
-    """Draw mean squares by balance and axle over runs or places, on one colour scale.
+    """Draw mean squares by balance and axle over runs or places, with one colour scale.
 
     Parameters
     ----------
-    cells : of the JSON's `residuals`
+    cells : from the JSON's `residuals`
     over : "run" or "place_m"
     sides : "before", "after" -> title
     x : title of the axis
@@ -48,7 +48,7 @@ def heat_maps(cells: Sequence[Mapping[str, Any]], over: str, sides: Mapping[str,
     if over != "run":
         across.sort()
     series = list(dict.fromkeys((cell["balance"], cell["axle"]) for cell in cells))
-    below = over != "run"  # a track is long: one side under the other
+    below = over != "run"  # a map over the track is wide: draw both sides one below the other
     shape = (len(sides), 1) if below else (1, len(sides))
     figure = subplots.make_subplots(
         *shape, shared_yaxes=True, shared_xaxes=True, subplot_titles=list(sides.values()), vertical_spacing=0.1,
@@ -79,7 +79,7 @@ def _shown(square: float | None) -> str:
 
 
 def still_high(found: Diagnosis) -> str:
-    """Say which cells stay high."""
+    """Return a sentence on the cells that stay high."""
     extended = bool(found.mechanisms or found.discovered)
     side = "after" if extended else "before"
     high = sorted((one for one in found.residuals["cells"] if one[side] > HIGH), key=lambda one: -one[side])
@@ -96,8 +96,8 @@ def course_plot(course: RunTrace, shows: str, extended: bool) -> Any:
 
     Parameters
     ----------
-    shows : "adhesion": that of its axle, and the residual of it; "speed": the residual of the vehicle's speed
-    extended : whether there is an after
+    shows : "adhesion": adhesion of its axle and its residual; "speed": residual of the vehicle's speed
+    extended : whether there is an extended model ("after")
 
     """
     _, subplots = plotly()
@@ -149,7 +149,7 @@ def course_plot(course: RunTrace, shows: str, extended: bool) -> Any:
 
 
 def _left(values: Mapping[str, Sequence[float]], extended: bool, unit: str) -> str:
-    """Say the root mean square of a residual, before and after."""
+    """Return the root mean square of a residual, before and after, in words."""
     squares = [math.sqrt(sum(v * v for v in some) / max(len(some), 1)) for some in values.values()]
     sizes = [f"{size:.2g} {unit}".rstrip() for size in squares]
     if not extended:
@@ -160,7 +160,7 @@ def _left(values: Mapping[str, Sequence[float]], extended: bool, unit: str) -> s
 
 
 def figures(found: Diagnosis, extended: bool) -> list[Table]:
-    """Return the paper's figures by run and axle; as tuned alone where nothing was found."""
+    """Return the paper's figures by run and axle; only "as tuned" if nothing was found."""
     sides = {"before": "before", "after": "after"} if extended else {"before": "as tuned"}
     speeds, axle_rows = [], []
     for one in found.runs:

@@ -1,9 +1,9 @@
-"""The search: what every candidate would explain about a model, beside everything that varies anyway.
+"""The search: what each candidate would explain, linearised about a model, beside all normal variation.
 
-One principle decides. Sound recordings differ from any model by many small things; all of them, the library's mechanisms
-included, are in the model at sizes too small to matter (`SMALL` of the smallest effect of interest, see `interest`). A
-mechanism is missing when the recordings say that it is larger: the evidence is the ratio of the likelihoods with its size
-free up to `LARGE` and with its size small (a spike and a slab, George and McCulloch 1993).
+Sound recordings differ from any model in many small ways. All of these, the library's mechanisms included, are in the model at
+sizes too small to matter (`SMALL` smallest effects of interest, see `interest`). A mechanism is missing if the recordings show
+that it is larger. Its evidence is the log ratio of the likelihoods with its size free (prior deviation `LARGE`) and with its
+size small (spike and slab, George and McCulloch 1993).
 """
 
 import dataclasses
@@ -25,32 +25,31 @@ from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import Group, Net, law_columns, nuisances, segment_columns
 from wsp_env.plant.mechanisms import ALL
 
-#: Deviation of a mechanism that does not matter, and of one that does, in smallest effects of interest. The first is the
-#: assumption that many such together move a stop by less than one interest; the second is one too: what conceals itself from a
-#: validation is hardly larger.
+#: Prior standard deviations of a mechanism that does not matter, and of one that does, in smallest effects of interest
+#: (assumptions: many small ones together move a stop by less than one smallest effect of interest; effects that pass a
+#: validation unnoticed are hardly larger than `LARGE`).
 SMALL, LARGE = 0.15, 5.0
-#: Samples that the smallest effect of interest has at least where a size is a time, or a distance that is rolled at the stops'
-#: median speed in such a time. Its small size is then 0.6 of a sample:
-#: channels of one logger are read within a sample of each other.
+#: Lower bound of the smallest effect of interest of a time, in samples; of a rolled distance, at the stops' median speed.
+#: Channels of one logger are read within a sample of each other; the small size is then 0.6 of a sample.
 _SAMPLES = 4.0
-#: Evidence from which on a mechanism counts as seen: 95 % at a prior of one in fifty.
+#: Evidence from which on a mechanism counts as detected: 95 % at prior odds of one in fifty.
 SEEN = float(np.log(19.0 * 50.0))
-#: Iterations by which sizes that were found beside coloured noise are found again beside white noise and small mechanisms.
+#: EM iterations that update the sizes after the noise was whitened and the small mechanisms were added.
 AGAIN = 6
-#: Stretches of a single run that are held out in turn [s]: some slides long.
+#: Length of the stretches of a single run that are held out in turn [s]: a few slides.
 _STRETCH_S = 4.0
 
 
 @dataclasses.dataclass(frozen=True)
 class Found:
-    """What the recordings say of one candidate."""
+    """Result of the search for one candidate."""
 
     candidate: Candidate  # without its columns
-    evidence: float  # log of the likelihood with it large over that with it small, less the price of its variants
+    evidence: float  # log likelihood ratio, size large over size small, less the log of the number of variants
     amplitude: np.ndarray  # (k,) of its columns
-    multiple: np.ndarray  # (k,) of the smallest effect of interest
-    deviation: np.ndarray  # (k,) of the multiples
-    reduction: float  # of chi-square, against the same mechanism at a small size
+    multiple: np.ndarray  # (k,) in smallest effects of interest
+    deviation: np.ndarray  # (k,) standard deviations of the multiples
+    reduction: float  # of chi-square, against the same mechanism at its small size
 
     @property
     def name(self) -> str:
@@ -60,23 +59,23 @@ class Found:
 
 @dataclasses.dataclass(frozen=True)
 class Screen:
-    """All candidates about a model."""
+    """Result of the search for all candidates about a model."""
 
     model: Model
-    about: Model  # that of the replica
+    about: Model  # model of the replica
     base: np.ndarray  # (n,) raw residuals of the recordings
     whitening: Whitening
     groups: tuple[Group, ...]  # nuisances
     small: Group  # mechanisms at sizes that do not matter
-    times: Group  # those of them whose size is a time
+    times: Group  # the small mechanisms whose size is a time
     sizes: Sizes  # of the nuisances
     colour: np.ndarray  # (p,) autoregression of sliding wheels' rows
     found: tuple[Found, ...]  # best first
-    second: Mapping[str, Found]  # the next best variant of a name
+    second: Mapping[str, Found]  # the second-best variant of each name
 
 
 class _Law:
-    """How the law's parameters move the residuals and the adhesion of a model."""
+    """Derivatives of residuals and adhesion by the law's parameters, for net effects."""
 
     def __init__(self, replica: Replica, model: Model, base: np.ndarray, whitening: Whitening) -> None:
         segments = segment_columns(replica)
@@ -93,16 +92,16 @@ class _Law:
         ]
 
     def grows(self, column: np.ndarray) -> bool:
-        """Whether the residual grows by a column (n,), the law tuned anew."""
+        """Whether the weighted residual grows along a column (n,) after refitting the law."""
         return bool(self._whitening(self.net(column[:, None])[0])[:, 0] @ self._rest > 0.0)
 
     def net(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return columns (n, k) less what the law does as well, and the logs (1 + runs, k) that do so."""
+        """Return columns (n, k) after refitting the law, and the changes (1 + runs, k) of log tau and log mu_cd by it."""
         left, amplitudes = self._net(columns)
         return left, amplitudes[self._segments :]
 
     def without(self, after: Sequence[Evaluation], logs: np.ndarray) -> list[Evaluation]:
-        """Return evaluations with changes of the law's logs (1 + runs,) taken away."""
+        """Return evaluations with changes (1 + runs,) of log tau and log mu_cd subtracted."""
         return [
             dataclasses.replace(one, adhesion=one.adhesion - logs[0] * by_tau - logs[1 + i] * by_mu)
             for i, (one, (by_tau, by_mu)) in enumerate(zip(after, self._by, strict=True))
@@ -110,7 +109,7 @@ class _Law:
 
 
 def candidate(replica: Replica, model: Model, base: np.ndarray, law: _Law, variant: Variant) -> Candidate:
-    """Return a mechanism that is off, with its columns about a model and their size in smallest effects of interest, net."""
+    """Return a mechanism that is off, with its columns about a model and their net size in smallest effects of interest."""
     found, scale, moves = [], [], variant.moves()
     sensor, swings = only_sensors({variant.name: {}}), ALL[variant.name].signature.swings
 
@@ -124,7 +123,7 @@ def candidate(replica: Replica, model: Model, base: np.ndarray, law: _Law, varia
     for i, move in enumerate(moves):
         column, logs, after = step_by(i, move)
         size = parameter_of(variant.name, variant.sizes[i])
-        if size.null > size.low and law.grows(column):  # what bends is taken on the side where it would have to be
+        if size.null > size.low and law.grows(column):  # nonlinear effects: step to the side that the residual asks for
             moves[i] = -move
             column, logs, after = step_by(i, -move)
         found.append(column)
@@ -134,7 +133,7 @@ def candidate(replica: Replica, model: Model, base: np.ndarray, law: _Law, varia
 
 
 def _samples(replica: Replica, name: str, size: str, move: float) -> float:
-    """Return the samples that pass in a change of a time, or of a distance rolled at the stops' median speed; else infinity."""
+    """Return a change of a time in samples, or of a rolled distance at the stops' median speed; infinity for other sizes."""
     parameter = parameter_of(name, size)
     if parameter.unit != "s" and not parameter.rolled:
         return np.inf
@@ -145,12 +144,12 @@ def _samples(replica: Replica, name: str, size: str, move: float) -> float:
 def screen(
     replica: Replica, model: Model, tried: Sequence[Variant], pool: Executor, accepted: Sequence[Variant] = ()
 ) -> Screen:  # fmt: skip
-    """Say of every candidate what the recordings say about a model.
+    """Search all candidates about a model.
 
     Parameters
     ----------
     tried : mechanisms that are off
-    accepted : those that are on
+    accepted : mechanisms that are on
 
     """
     base = replica.raw(model)
@@ -162,7 +161,7 @@ def screen(
     listed = list(pool.map(lambda one: candidate(replica, model, base, law, one), tried))
     named = [one for one in listed if not one.variant.family]
     unnamed = [one for one in listed if one.variant.family]
-    # A mechanism is small in all its variants together.
+    # The small prior applies to all variants of a mechanism together.
     shares = _shares(named)
     every = [one.columns / one.scale * share for one, share in zip(named, shares, strict=True)]
     small = Group("small mechanisms", law.net(np.column_stack([nothing, *every]))[0], SMALL, True)
@@ -177,16 +176,16 @@ def screen(
 
 
 class Noise(NamedTuple):
-    """What the recordings vary by about a model, but for mechanisms that do not matter."""
+    """Normal variation of the recordings about a model, without mechanisms that do not matter."""
 
     groups: tuple[Group, ...]  # nuisances
     whitening: Whitening
     colour: np.ndarray  # (p,) autoregression of sliding wheels' rows
-    sizes: Sizes  # of nuisances and of what is free
+    sizes: Sizes  # of nuisances and of the free groups
 
 
 def noise_of(replica: Replica, model: Model, base: np.ndarray, free: Sequence[Group]) -> Noise:
-    """Return what residuals `base` (n,) of a model vary by; `free`: columns of what may have any size."""
+    """Estimate the normal variation of a model's residuals `base` (n,); `free`: columns whose size is free."""
     plain = replica.whitening(replica.about)
     groups = nuisances(replica, model, base, plain)
     alone = Evidence(replica, plain, [*groups, *free], base, np.zeros((len(base), 0)))
@@ -196,7 +195,7 @@ def noise_of(replica: Replica, model: Model, base: np.ndarray, free: Sequence[Gr
 
 
 def net_effect(replica: Replica, model: Model, variant: Variant, whitening: Whitening) -> StopChange:
-    """Return what a mechanism that is on changes against the law tuned anew without it."""
+    """Return the change of the stops by a mechanism that is on, against the law refitted without it."""
     sensor, swings = only_sensors({variant.name: {}}), ALL[variant.name].signature.swings
     return net_change(replica, model, without(model, variant), whitening, sensor, swings)
 
@@ -204,7 +203,7 @@ def net_effect(replica: Replica, model: Model, variant: Variant, whitening: Whit
 def net_change(
     replica: Replica, model: Model, off: Model, whitening: Whitening, sensor: bool = False, swings: bool = False
 ) -> StopChange:  # fmt: skip
-    """Return what a model changes against the law of another, tuned anew."""
+    """Return the change of the stops by a model, against another model `off` with refitted law."""
     after, base = replica.evaluate(model), replica.raw(off)
     law = _Law(replica, off, base, whitening)
     if sensor:
@@ -214,9 +213,9 @@ def net_change(
 
 
 def held_out_rows(rows: Rows) -> np.ndarray:
-    """Return the rows (n,) bool to validate on.
+    """Return the mask (n,) of the rows to validate on.
 
-    Those of the validate group; where there is none, or nothing else, every other run, and in a single run every other stretch.
+    It is the validate group. If there is none, or nothing else, it is every other run; in a single run, every other stretch.
     """
     if rows.validate.any() and not rows.validate.all():
         return rows.validate
@@ -226,7 +225,7 @@ def held_out_rows(rows: Rows) -> np.ndarray:
 
 
 def detectable(seen: Screen) -> dict[str, dict[str, float]]:
-    """Return for every name the smallest change of each size that would have been seen, at an evidence of `SEEN`."""
+    """Return for each name the smallest detectable change of each size, at an evidence of `SEEN`."""
     found: dict[str, dict[str, float]] = {}
     for one in seen.found:
         variant = one.candidate.variant
@@ -241,9 +240,9 @@ def detectable(seen: Screen) -> dict[str, dict[str, float]]:
 def _judged(
     evidence: Evidence, sizes: Sizes, named: Sequence[Candidate], unnamed: Sequence[Candidate]
 ) -> tuple[list[Found], dict[str, Found]]:
-    """Return the best variant of every name, best first, and the next best of each.
+    """Return the best variant of each name, best first, and the second-best of each.
 
-    Names are judged beside all others at small sizes; terms without a name, which are many and alike, one by one.
+    Names are judged with all others at small sizes. Terms without a name are many and similar; each is judged alone.
     """
     mean, covariance, alone = _posterior(evidence, sizes)
     first = len(mean) - sum(len(one.scale) for one in named)
@@ -273,7 +272,7 @@ def _judged(
 def _posterior(
     evidence: Evidence, sizes: Sizes
 ) -> tuple[np.ndarray, np.ndarray, Callable[[slice], tuple[np.ndarray, np.ndarray]]]:
-    """Return mean (c,) and covariance (c, c) of the common nuisances, in deviations, and the same of any other columns alone.
+    """Return mean (c,) and covariance (c, c) of common nuisances, in deviations, and a function for other columns alone.
 
     The last group of the nuisances comes last.
     """
@@ -293,13 +292,13 @@ def _posterior(
 
 
 def _shares(named: Sequence[Candidate]) -> list[float]:
-    """Return the share of the small size that one variant of a mechanism has."""
+    """Return the share of the small size for one variant of each mechanism."""
     names = [one.variant.name for one in named]
     return [1.0 / float(np.sqrt(names.count(name))) for name in names]
 
 
 def _freed(mean: np.ndarray, covariance: np.ndarray, small: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return what the recordings say of sizes (k,), and its covariance, from the same with the sizes small, in units of it."""
+    """Return mean (k,) and covariance of the likelihood of sizes, from the posterior with small prior in units of `small`."""
     mean, covariance = small * mean, small**2 * covariance
     precision = np.linalg.inv(covariance) - np.eye(len(mean)) / small**2
     values, vectors = np.linalg.eigh(0.5 * (precision + precision.T))
@@ -308,7 +307,7 @@ def _freed(mean: np.ndarray, covariance: np.ndarray, small: float) -> tuple[np.n
 
 
 def _one(one: Candidate, centre: np.ndarray, spread: np.ndarray, variants: int, least: float = SMALL) -> Found:
-    """Judge one candidate by what the recordings say of its size: centre (k,) and covariance."""
+    """Judge one candidate from the likelihood of its size: centre (k,) and covariance (k, k)."""
     k = len(centre)
     small, large = np.eye(k) * least**2, np.eye(k) * LARGE**2
 
@@ -326,7 +325,7 @@ def _one(one: Candidate, centre: np.ndarray, spread: np.ndarray, variants: int, 
 
 
 def can_be(one: Candidate, amplitude: np.ndarray) -> bool:
-    """Whether a mechanism of one size whose null is a bound (no brake pushes) was fitted to its possible side."""
+    """Whether the fitted size is possible: if the null of a single size is a bound, only one side is (no brake pushes)."""
     if len(one.variant.sizes) != 1:
         return True
     size = parameter_of(one.variant.name, one.variant.sizes[0])

@@ -1,6 +1,6 @@
-"""Makes replicas about an extended model, until the model fitted to the last one is the model that it was made about.
+"""Iterates replicas of an extended model until the model fitted to a replica equals the model of this replica.
 
-What a mechanism does bends: about the baseline it is linear over a part of its size only.
+Effects of mechanisms are nonlinear: about the baseline they are linear only for small sizes.
 """
 
 import dataclasses
@@ -13,24 +13,24 @@ from wsp_env.diagnosis.candidates import Variant, parameter_of, switched, values
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.replica import Replica
 
-#: Replicas that are made, each about the fit to the one before: the first may be far from the recordings, and of a wheel that
-#: is turned by a per cent so may the second. At least, and at most.
+#: Least and largest number of replicas, each made from the fit to the previous one. The first may be far from the recordings;
+#: after a change of wheel radius of a per cent, the second too.
 _REPLICAS = 2, 8
-#: Deviations by which a size still moves from replica to replica, below which it has settled.
+#: Change of a size between replicas, in standard deviations, below which it has converged.
 _SETTLED = 0.5
-#: Share of the first move that the last one is at most where it comes to rest: a move that is not halved in so many has none
-#: (assumption).
+#: Largest ratio of last to first change at which the iteration counts as converging: if the changes are not halved within the
+#: largest number of replicas, it does not converge (assumption).
 _COMES_TO_REST = 0.5
-#: Deviations of a sum of squares by which a model fits worse about its own replica, from which on its mechanism has run away
-#: (assumption: what chance alone reaches once in a thousand).
+#: Standard deviations of a sum of squares by which a model must fit worse on its own replica to count as diverged (assumption:
+#: by chance, this happens once in a thousand).
 _AWAY = 3.0
-#: Shares of a mechanism's size from which a fit that has run away begins anew: where it bends, the straight line about the
-#: baseline ends short of its size or beyond it.
+#: Shares of a mechanism's size at which a diverged fit is restarted: with a nonlinear effect, the linear estimate about the
+#: baseline is too small or too large.
 _SHARES = (0.5, 0.75, 1.25, 1.5)
 
 
 class _Made(NamedTuple):
-    """A replica, what it was made about, and the model fitted to it."""
+    """A replica, the fit from which it was made, and the model fitted to it."""
 
     replica: Replica
     about: Fitted
@@ -38,9 +38,9 @@ class _Made(NamedTuple):
 
 
 def settle(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Replica, Fitted]:
-    """Return the replica about an extended model, and the model fitted to it: of infinite cost if it does not come to rest.
+    """Return the replica of an extended model and the model fitted to it, with infinite cost if it does not converge.
 
-    Where the next replica fits the recordings worse, the way there was too long: half of it is gone.
+    If a replica fits the recordings worse than the best one before, the step to it is halved.
     """
     moves: list[float] = []
     last, least = None, np.inf
@@ -57,14 +57,14 @@ def settle(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Replic
         if made >= _REPLICAS[0] and moves[-1] < _SETTLED:
             return replica, fitted
     assert last is not None
-    if len(moves) < made:  # further on it is worse
+    if len(moves) < made:  # the steps beyond this replica fit worse
         return last.replica, _held(last, weights)
     rests = moves[-1] < _COMES_TO_REST * moves[0]
     return last.replica, fitted if rests else dataclasses.replace(fitted, cost=np.inf)
 
 
 def _halfway(near: Fitted, far: Fitted) -> Fitted:
-    """Return a fit between two, to be made a replica about."""
+    """Return the midpoint of two fits, from which the next replica is made."""
     tau, mu_cd = 0.5 * (near.model.tau + far.model.tau), 0.5 * (np.array(near.model.mu_cd) + np.array(far.model.mu_cd))
     model = dataclasses.replace(far.model, tau=tau, mu_cd=tuple(mu_cd.tolist()))
     values = tuple(0.5 * (one + other) for one, other in zip(near.values, far.values, strict=True))
@@ -74,22 +74,21 @@ def _halfway(near: Fitted, far: Fitted) -> Fitted:
 
 
 def _held(made: _Made, weights: Weights) -> Fitted:
-    """Return the fit of the law alone, mechanisms as they are in the replica."""
+    """Return the fit of the law alone, with the mechanisms as they are in the replica."""
     law = refit(made.replica, made.about.model, (), weights)
     return dataclasses.replace(made.fitted, model=law.model, values=made.about.values, cost=law.cost)
 
 
 def has_run_away(fitted: Fitted, before: float) -> bool:
-    """Whether a model about its own replica fits worse than a sum of squares `before`, by more than such a sum scatters.
+    """Whether a model on its own replica fits worse than a sum of squares `before`, by more than the scatter of such a sum.
 
-    About its own replica a model is right by construction, so that what goes with it says nothing of a mechanism that ran away;
-    how well the model fits there does.
+    On its own replica, any model is right by construction. The evidence there does not show a diverged mechanism, the fit does.
     """
     return fitted.cost > before + _AWAY * float(np.sqrt(2.0 * before))
 
 
 def moved(before: Fitted, after: Fitted) -> float:
-    """Return by how many deviations the size of a mechanism moved at most."""
+    """Return the largest change of a mechanism's parameters between two fits, in standard deviations."""
     return max(
         float(np.max(np.abs(new - old) / np.sqrt(np.maximum(np.diag(spread), 1e-300))))
         for new, old, spread in zip(after.values, before.values, after.covariance, strict=True)
@@ -97,7 +96,7 @@ def moved(before: Fitted, after: Fitted) -> float:
 
 
 def settle_anew(recorded: Balances, fitted: Fitted, variant: Variant, weights: Weights) -> tuple[Replica, Fitted]:
-    """Settle from that share of a mechanism's size about whose own replica the model fits best."""
+    """Settle again, starting from the share of a mechanism's size on whose own replica the model fits best."""
     others = [one for one in fitted.variants if one is not variant]
     tried = []
     for share in _SHARES:
@@ -109,7 +108,7 @@ def settle_anew(recorded: Balances, fitted: Fitted, variant: Variant, weights: W
 
 
 def _scaled(variant: Variant, values: np.ndarray, share: float) -> np.ndarray:
-    """Return the values (k,) with a share of the sizes; what says where a mechanism acts stays."""
+    """Return the values (k,) with the sizes scaled by a share; parameters that locate the mechanism are unchanged."""
     null = variant.null()
     size = np.array([parameter_of(variant.name, name).kind == "size" for name in variant.sizes])
     result: np.ndarray = np.where(size, null + share * (values - null), values)

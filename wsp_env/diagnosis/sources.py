@@ -1,4 +1,4 @@
-"""What a diagnosis was made from and by: files with their hashes, day and version; and how long the recorded stops are."""
+"""Origin of a diagnosis: input files with hashes, date and version; and the length of the recorded stops."""
 
 import dataclasses
 from datetime import date
@@ -14,19 +14,19 @@ from wsp_env.recordings.origin import hashes
 
 
 def sources(folder: Path) -> tuple[Source, ...]:
-    """Return campaign.toml and the runs' files of a campaign folder that was read, each with its SHA-256."""
+    """Return campaign.toml and the files of its runs, each with its SHA-256."""
     return tuple(Source(name, digest) for name, digest in hashes(folder))
 
 
 def signed(found: Diagnosis, folder: Path, campaign: Campaign | None = None) -> Diagnosis:
-    """Return a diagnosis with its sources, today's date and this package's version; with the campaign, its worth in metres."""
+    """Return a diagnosis with sources, today's date and the package version; with a campaign, also its worth in metres."""
     if campaign is not None and found.worth is not None:
         found = dataclasses.replace(found, worth=dataclasses.replace(found.worth, stop_m=braked_m(campaign)))
     return dataclasses.replace(found, sources=sources(folder), made=date.today().isoformat(), version=wsp_env.__version__)
 
 
 def braked_m(campaign: Campaign) -> float | None:
-    """Return the distance [m] run while braking, as recorded, mean of the stops; None where none brakes."""
+    """Return the recorded distance while braking [m], mean of the stops; None if no stop brakes."""
     ways = []
     for run in campaign.runs.values():
         start, end = braking(run, campaign.sample_time_s)

@@ -1,8 +1,8 @@
-"""The vehicle's speed out of a noisy recording: what the noise is like is estimated from the recordings themselves.
+"""Estimates the vehicle's speed from a noisy recording; the noise model is estimated from the recordings themselves.
 
-The recorded speed less what the wheels' own balances predict of it is a slowly changing course plus noise. The course is an
-integrated Wiener process of the acceleration, about a free line; the noise is white plus an Ornstein-Uhlenbeck process, as the
-filters of radar and satellite receivers leave it. Four sizes, common to the stops of a campaign, maximise the restricted
+The recorded speed, minus its prediction by the wheels' own balances, is a slowly changing course plus noise. The course is an
+integrated Wiener process of the acceleration about a free line. The noise is white plus an Ornstein-Uhlenbeck process, as the
+filters of radar and satellite receivers produce it. Four parameters, common to the stops of a campaign, maximise the restricted
 likelihood (Rasmussen, Williams: Gaussian processes for machine learning, 2006, chapters 2 and 5).
 """
 
@@ -15,32 +15,32 @@ from scipy import linalg, optimize
 
 from wsp_env.diagnosis.arrow import inverse_of
 
-#: Blocks over which the course is fitted [s]; shorter than the correlation of any noise that a filter of a receiver leaves.
+#: Length of the blocks (nodes) for the course [s]; shorter than the correlation time of any receiver filter's noise.
 NODE_S = 0.2
 _START = (0.01, 0.02, 0.3, 0.01)
 _BOUNDS = ((1e-4, 1.0), (1e-4, 1.0), (0.1, 20.0), (1e-4, 1.0))
-#: Most nodes of one stop that the sizes are estimated from: more tell no more and cost their cube.
+#: Largest number of nodes of one stop for the noise estimate: more hardly improve it and cost the cube of their number.
 _MOST_NODES = 300
-#: Until rounding decides nothing: a likelihood is flat about its maximum.
+#: Tolerances below the effect of rounding: a likelihood is flat about its maximum.
 _CONVERGED = {"maxiter": 200, "ftol": 1e-12, "gtol": 1e-4}
 
 
 class SpeedNoise(NamedTuple):
-    """What a recorded speed holds beside the speed."""
+    """Parameters of the noise of a recorded speed, and of the course."""
 
-    white: float  # of a node's mean [m/s]
-    coloured: float  # deviation of the Ornstein-Uhlenbeck noise [m/s]
-    correlation_s: float  # its correlation time [s]
-    walk: float  # of the acceleration that the wheels do not predict [m/s2 per root second]
+    white: float  # standard deviation of a node's mean [m/s]
+    coloured: float  # standard deviation of the Ornstein-Uhlenbeck noise [m/s]
+    correlation_s: float  # correlation time of this noise [s]
+    walk: float  # intensity of the acceleration that the wheels do not predict [m/s2 per root second]
 
     def covariance(self, time: np.ndarray) -> np.ndarray:
-        """Covariance (n, n) [m2/s2] of the noise at nodes of times (n,) [s]."""
+        """Covariance (n, n) [m2/s2] of the noise at nodes with times (n,) [s]."""
         apart = np.abs(time[:, None] - time)
         result: np.ndarray = self.coloured**2 * np.exp(-apart / self.correlation_s) + self.white**2 * (apart == 0.0)
         return result
 
     def course(self, time: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """Covariance (n, m) [m2/s2] of the course between two sets of times from the start [s]."""
+        """Covariance (n, m) [m2/s2] of the course between two sets of times since the start [s]."""
         first, last = np.minimum(time[:, None], other), np.maximum(time[:, None], other)
         result: np.ndarray = self.walk**2 * (first**2 * last / 2.0 - first**3 / 6.0)
         return result
@@ -48,28 +48,28 @@ class SpeedNoise(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class SpeedEstimate:
-    """The course of one stop at its nodes (n,), and how uncertain it is."""
+    """The estimated course of one stop at its nodes (n,), with its uncertainty."""
 
     time: np.ndarray  # (n,) [s] from the start
     course: np.ndarray  # (n,) [m/s]
-    modes: np.ndarray  # (n, m) deviations of the course along its principal directions [m/s]
-    gain: np.ndarray  # (n, n) of the nodes' means, that the course is
+    modes: np.ndarray  # (n, m) standard deviations of the course along its principal directions [m/s]
+    gain: np.ndarray  # (n, n) matrix from the nodes' means to the course
 
 
 @dataclasses.dataclass(frozen=True)
 class SpeedEstimator:
-    """How the estimated speed follows from the recorded one."""
+    """Linear map from the recorded speed to the estimated one."""
 
     time: np.ndarray  # (n,) of its nodes [s]
     gain: np.ndarray  # (n, n)
 
     def __call__(self, time: np.ndarray, change: np.ndarray) -> np.ndarray:
-        """Return the change (T,) of the estimated speed by a change (T,) of the recorded one [m/s]."""
+        """Return the change (T,) of the estimated speed for a change (T,) of the recorded one [m/s]."""
         course = self.gain @ np.interp(self.time, time, change)
         if len(course) < 2:
             return np.full(len(time), course[0])
         result: np.ndarray = np.interp(time, self.time, course)
-        for edge, inner in ((0, 1), (-1, -2)):  # beyond the outer nodes it goes on as a line
+        for edge, inner in ((0, 1), (-1, -2)):  # extrapolate linearly beyond the outer nodes
             beyond = time < self.time[0] if edge == 0 else time > self.time[-1]
             slope = (course[inner] - course[edge]) / (self.time[inner] - self.time[edge])
             result[beyond] = course[edge] + slope * (time[beyond] - self.time[edge])
@@ -77,7 +77,7 @@ class SpeedEstimator:
 
 
 def nodes(rest: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return times (n,) [s] and means (n,) [m/s] of the nodes of a rest (T,) sampled every `step` [s]."""
+    """Return times (n,) [s] and means (n,) [m/s] of the nodes of a residual speed (T,) sampled every `step` [s]."""
     length = max(round(NODE_S / step), 1)
     count = max(len(rest) // length, 1)
     time = (np.arange(count) * length + 0.5 * (length - 1)) * step
@@ -85,7 +85,7 @@ def nodes(rest: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def estimate_noise(rests: Sequence[tuple[np.ndarray, np.ndarray]]) -> SpeedNoise:
-    """Return the sizes that maximise the restricted likelihood of all stops' nodes (times, means)."""
+    """Return the parameters that maximise the restricted likelihood of all stops' nodes (times, means)."""
     parts = [_Part.of(time[:_MOST_NODES] - time[0], rest[:_MOST_NODES]) for time, rest in rests]
 
     def cost(logs: np.ndarray) -> tuple[float, np.ndarray]:
@@ -99,12 +99,12 @@ def estimate_noise(rests: Sequence[tuple[np.ndarray, np.ndarray]]) -> SpeedNoise
 
 
 class _Part(NamedTuple):
-    """The nodes of one stop (n,), and what their covariance is made of."""
+    """The nodes of one stop (n,), and the components of their covariance."""
 
     rest: np.ndarray
     line: np.ndarray  # (n, 2)
     apart: np.ndarray  # (n, n) [s]
-    course: np.ndarray  # (n, n) of a walk of 1
+    course: np.ndarray  # (n, n) of a walk with intensity 1
 
     @classmethod
     def of(cls, time: np.ndarray, rest: np.ndarray) -> "_Part":
@@ -116,7 +116,7 @@ def _line(time: np.ndarray) -> np.ndarray:
 
 
 def _restricted(noise: SpeedNoise, part: _Part) -> tuple[float, np.ndarray]:
-    """Minus the restricted log likelihood of one stop's nodes, and its slope (4,) over the logs of the sizes."""
+    """Minus the restricted log likelihood of one stop's nodes, and its gradient (4,) by the logs of the parameters."""
     coloured = noise.coloured**2 * np.exp(-part.apart / noise.correlation_s)
     covariance = coloured + noise.walk**2 * part.course
     covariance[np.diag_indices_from(covariance)] += noise.white**2
@@ -124,7 +124,7 @@ def _restricted(noise: SpeedNoise, part: _Part) -> tuple[float, np.ndarray]:
     inverse = inverse_of(root)
     across = inverse @ part.line
     normal = part.line.T @ across
-    kept = inverse - across @ np.linalg.solve(normal, across.T)  # the inverse on what is no line
+    kept = inverse - across @ np.linalg.solve(normal, across.T)  # inverse covariance projected off the line
     weighted = kept @ part.rest
     cost = 0.5 * part.rest @ weighted + np.log(np.diag(root)).sum() + 0.5 * np.linalg.slogdet(normal)[1]
     misfit = kept - np.outer(weighted, weighted)
@@ -134,11 +134,11 @@ def _restricted(noise: SpeedNoise, part: _Part) -> tuple[float, np.ndarray]:
 
 
 def estimate(noise: SpeedNoise, time: np.ndarray, rest: np.ndarray, least_share: float = 0.001) -> SpeedEstimate:
-    """Return the course at nodes (n,) given their means.
+    """Return the estimated course at nodes (n,) with means `rest` (n,) [m/s].
 
     Parameters
     ----------
-    least_share : of the uncertainty's variance, below which a direction is left out of `modes`
+    least_share : directions with a smaller share of the uncertainty's variance are omitted from `modes`
 
     """
     time = time - time[0]

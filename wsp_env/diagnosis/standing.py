@@ -1,6 +1,6 @@
-"""Asks what was tried to hold about a replica of its own, and with the sizes of nuisances that are found there.
+"""Tests whether a tried mechanism holds on a replica of its own, with the nuisance sizes estimated there.
 
-About the replica that it was found with a mechanism that bends is a straight line at its end.
+On the replica on which it was found, a mechanism with nonlinear effect is extrapolated linearly.
 """
 
 import dataclasses
@@ -20,38 +20,39 @@ from wsp_env.diagnosis.search import Screen, net_effect
 from wsp_env.diagnosis.settle import has_run_away, moved, settle
 from wsp_env.diagnosis.trials import SURE, Trial, anew, form_of, forms, least_deviance, odds, told, weights_of
 
-#: Deviations by which a mechanism moves under the nuisances' sizes beside it, from which on all is asked again about it there.
+#: Change of a mechanism with new nuisance sizes, in standard deviations, from which on its replica is made again.
 MOVES = 1.0
-#: Replicas that are weighed anew at most until a mechanism rests.
+#: Largest number of replicas with newly estimated weights.
 _WEIGHED = 4
-#: Deviations by which a nuisance may be pulled further beside a mechanism than without it: what cancels it is no finding.
+#: Additional pull on the nuisances by a mechanism, in standard deviations, above which it is rejected: nuisances cancel it.
 PULLED = 4.0
 
 
 class Held(NamedTuple):
-    """A trial, and the replica that it was fitted to."""
+    """A trial that holds, and the replica to which it was fitted."""
 
     trial: Trial
     replica: Replica
 
 
 def about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Trial) -> Held | None:
-    """Return a trial about a replica of its own, with the size and the evidence that it has there; None: it does not hold.
+    """Return a trial with its size and evidence on a replica of its own; None if it does not hold.
 
-    The evidence is what the parts of the recordings leave of it where that makes it no longer sure.
+    If the parts of the recordings disagree so that it is no longer sure, the evidence is the reduced one. A trial that diverges
+    and then fails is returned with its evidence there, so that it counts as not seen.
     """
     mine, ran_away, refused = weights, False, None
     weights_with: Callable[..., Weights] | None = None
-    if told(trial.listed):  # it was; and where it says that wheels slide, a model without it fits nothing
+    if told(trial.listed):  # already on its own replica; a model without it cannot fit the slides that it implies
         own, fitted, mine, other = trial.about, trial.fitted, trial.weights, replica
     else:
         own, fitted = settle(replica.recorded, trial.fitted, weights)
         other = own
         without_it = dataclasses.replace(trial.fitted, cost=trial.fitted.cost + trial.reduction)
         ran_away = has_run_away(fitted, without_it.cost)
-    if ran_away:  # under what everything varied by without it; so both are asked again, each under what it leaves itself
+    if ran_away:  # variances estimated without it do not hold: compare both models, each with variances of its own residuals
         begin = trial.fitted
-        if np.isfinite(fitted.cost):  # what spoke for it on a straight line is not there: if it does not hold, it was not seen
+        if np.isfinite(fitted.cost):  # the evidence of the linear search is void: if it fails now, it was not seen
             begin, lost = fitted, 0.5 * (without_it.cost - fitted.cost) - trial.price
             refused = Held(dataclasses.replace(trial, evidence=lost), own)
         own, fitted, weights_with = weighed_anew(replica, begin, seen, weights.deviance(without_it))
@@ -61,15 +62,15 @@ def about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Trial
     if _pulled(own, fitted.model, mine) - _pulled(other, gone.model, weights) > PULLED**2:
         return refused
     reduction = trial.reduction if told(trial.listed) else weights.deviance(gone) - mine.deviance(fitted)
-    if ran_away:  # what is there explains no less than it was found with, but for its form
+    if ran_away:  # on its own replica it must explain as much as when it was found, less its form error
         least = 2.0 * ((1.0 - form_of(trial.listed)) ** 2 * trial.evidence + trial.price)
         if reduction > least:
             reduction = least_deviance(replica, seen, gone, weights) - mine.deviance(fitted)
         if reduction <= least:
             return refused
     if others:
-        # It must be missing whether the forms of the others bend or not: bent, they do what it does; and free to bend, a false
-        # one bends to what another false one leaves.
+        # It must keep its evidence with and without form errors of the other mechanisms. If allowed, they may produce its
+        # effect; they may also fit a false mechanism to the residual of another false one.
         bent = (weights_with or functools.partial(weights_of, own, seen))(forms(own, fitted.model, others, seen.whitening))
         without_bent = bent if other is own else weights_of(other, seen, forms(other, gone.model, others, seen.whitening))
         left_without = without_bent.deviance(refit(other, gone.model, gone.variants, without_bent))
@@ -78,7 +79,7 @@ def about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Trial
     if leave_it_open(found, trial.variant):
         return refused
     if within_a_sample(found, trial.variant, replica.sample_s):
-        reduction = 0.0  # no recording of these samples tells it from nothing
+        reduction = 0.0  # a recording with these samples cannot distinguish it from zero
     evidence, size = 0.5 * reduction - trial.price, net_effect(own, fitted.model, trial.variant, seen.whitening)
     left = agreement(own, fitted.model, trial.variant, mine, form_of(trial.listed)).left_of(evidence)
     if odds(trial.listed, left) <= SURE:
@@ -89,9 +90,9 @@ def about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Trial
 def weighed_anew(
     replica: Replica, fitted: Fitted, seen: Screen, most: float = np.inf
 ) -> tuple[Replica, Fitted, Callable[..., Weights]]:  # fmt: skip
-    """Settle under the sizes of nuisances that every replica asks for itself, while the deviance is no more than `most`.
+    """Settle with nuisance sizes estimated on each replica, while the deviance does not exceed `most`.
 
-    Returns the last replica, the fit to it, and what gives its weights.
+    Return the last replica, the fit to it, and the function that gives its weights.
     """
     own, again = replica, fitted
     for _ in range(_WEIGHED):
@@ -105,6 +106,6 @@ def weighed_anew(
 
 
 def _pulled(replica: Replica, model: Model, weights: Weights) -> float:
-    """Return by how much nuisances are pulled from what they are: what is missing lets them relax, as they stood in for it."""
+    """Return the sum of squared nuisance amplitudes, in prior deviations; a true finding relaxes those that replaced it."""
     amplitudes = weights.projector.amplitudes(weights(replica.raw(model)))
     return float(amplitudes @ amplitudes)

@@ -1,8 +1,8 @@
-"""Recorded stops prepared for the balances: smoothed channels, blocks of time, and what noise does to them.
+"""Recorded stops prepared for the balances: smoothed channels, blocks of time, and the effect of noise on them.
 
-The wheel's channels pass a Savitzky-Golay filter. The vehicle's speed is estimated about its own momentum balance: what the
-wheels' forces predict is taken away, the rest, which changes slowly, is parted from its noise (`wsp_env.diagnosis.speed`), and
-the prediction is put back. That keeps what is fast.
+The wheel's channels pass a Savitzky-Golay filter. The vehicle's speed is estimated from its momentum balance: the prediction by
+the wheels' forces is subtracted, the slow remainder is separated from its noise (`wsp_env.diagnosis.speed`), and the prediction
+is added again. Fast changes of speed are thus preserved.
 """
 
 import dataclasses
@@ -17,55 +17,53 @@ from wsp_env.plant.card import LOCKED_MPS
 from wsp_env.recordings import Campaign, Recording
 from wsp_env.recordings.quality import describe
 
-WHEEL_WINDOW_S = 0.09  # blocks average the rest; a longer window shifts what happens in a slide's transients
-LEAST_S = 1.5  # of a stop: a shorter one has no course of speed
-BLOCK_S = 0.16  # residuals are averaged over blocks: of the adhesion
-VEHICLE_BLOCK_S = 0.4  # of the vehicle
-STEP_S = 0.01  # faster recordings are thinned to about this after smoothing
-LEAST_SPEED_MPS = 4.0  # creepage is mostly noise below
-LEAST_MOMENTUM_MPS = 10.0  # the vehicle's balance ends here: towards standstill the friction of pads is its own: assumption
-SLIP_MPS = 0.1  # smallest change of a slip that is of interest
-#: Creepage and slip speed beyond both of which a wheel slides: the contact limits its force, and no error of a sensor that
-#: hardly matters makes rolling look like it (assumption: twice as much).
+WHEEL_WINDOW_S = 0.09  # blocks average further; a longer window would distort the transients of a slide
+LEAST_S = 1.5  # shortest usable stop; a shorter one does not determine the course of speed
+BLOCK_S = 0.16  # length of the blocks of the adhesion
+VEHICLE_BLOCK_S = 0.4  # length of the blocks of the vehicle balance
+STEP_S = 0.01  # faster recordings are thinned to about this step after smoothing
+LEAST_SPEED_MPS = 4.0  # below this speed, creepage is mostly noise
+LEAST_MOMENTUM_MPS = 10.0  # lower end of the vehicle balance: near standstill, pad friction is different (assumption)
+SLIP_MPS = 0.1  # smallest slip change of interest
+#: Creepage [-] and slip speed [m/s] that a sliding wheel exceeds both. The contact then limits its force. An unimportant sensor
+#: error does not make a rolling wheel look like this (assumption: twice the smallest slip of interest).
 SLIDES, SLIDES_MPS = 0.01, 2.0 * SLIP_MPS
-ROLLING_SHARE = 0.05  # of the largest torque, below which a wheel rolls freely
-PRESSED_SHARE = (
-    0.5  # of an axle's torque that its own pressure leaves unexplained, from which on the two do not belong together
-)
+ROLLING_SHARE = 0.05  # share of the largest torque below which a wheel rolls freely
+PRESSED_SHARE = 0.5  # unexplained share of an axle's torque from which on its pressure does not belong to it
 _ORDER = 2
-#: Window [s] and order of the filter of a wheel's speed and its derivatives. Each keeps a course of fourth order: what a
-#: filter of a lower one takes from the wheel's acceleration, and not from the torque, would look like less inertia.
+#: Window [s] and order of the filters of a wheel's speed and its derivatives. The derivatives keep fourth-order courses: a
+#: lower order would reduce the wheel's acceleration but not the torque, as less inertia does.
 _FILTERS = {0: (WHEEL_WINDOW_S, 2), 1: (0.15, 4), 2: (0.19, 4)}
 
 
 @dataclasses.dataclass(frozen=True)
 class Noise:
-    """Standard deviation of one sample of each channel, and what one block of its smoothed residual keeps of it."""
+    """Standard deviation of a sample's noise in each channel, and what remains of it in a block of the residual."""
 
     speed: SpeedNoise
     wheel: float  # [rad/s]
     torque: float  # [N m]
     step_s: float  # [s] between samples
-    pressed: float = 0.0  # [N m] of the torque by the cylinder pressure, where that is recorded beside the torque
+    pressed: float = 0.0  # [N m] of the torque from the cylinder pressure, if recorded beside the torque
 
     def slip(self, radius: float) -> float:
-        """Deviation that the wheel's sensor gives the slip speed's mean over a block [m/s]."""
+        """Return the standard deviation of a block's mean slip speed by the noise of the wheel sensor [m/s]."""
         return radius * self.wheel * _kept(WHEEL_WINDOW_S, BLOCK_S, self.step_s, 0)
 
     def moment(self, inertia: float) -> float:
-        """Deviation of C + J dw/dt over a block [N m]."""
+        """Return the standard deviation of C + J dw/dt over a block [N m]."""
         torque = self.torque * _kept(WHEEL_WINDOW_S, BLOCK_S, self.step_s, 0)
         return float(np.hypot(torque, inertia * self.wheel * _kept(_FILTERS[1][0], BLOCK_S, self.step_s, 1)))
 
     @property
     def block_torque(self) -> float:
-        """Deviation of the measured torque less that by the cylinder pressure over a block [N m]."""
+        """The standard deviation of measured torque minus torque from the cylinder pressure over a block [N m]."""
         return float(np.hypot(self.torque, self.pressed)) * _kept(WHEEL_WINDOW_S, BLOCK_S, self.step_s, 0)
 
 
 @dataclasses.dataclass(frozen=True)
 class PreparedStop:
-    """One recorded stop; T samples, A axles."""
+    """One recorded stop, prepared; T samples, A axles."""
 
     name: str
     group: str  # "tune" or "validate"
@@ -78,28 +76,28 @@ class PreparedStop:
     wheel_rate: np.ndarray  # (T, A) [rad/s2]
     wheel_jerk: np.ndarray  # (T, A) [rad/s3]
     torque: np.ndarray  # (T, A) [N m]
-    pressed: np.ndarray | None  # (T, A) by the recorded cylinder pressure, where the torque is measured beside it [N m]
+    pressed: np.ndarray | None  # (T, A) torque from the cylinder pressure, if measured beside the torque [N m]
     place: np.ndarray  # (T,) of the leading axle [m]
-    usable: np.ndarray  # (T, A) bool: turning, fast enough, as recorded
-    segment: np.ndarray  # (T,) int: stretches without a locked wheel, over which momentum is summed; -1 outside
+    usable: np.ndarray  # (T, A) bool: turning, fast enough, not suspect
+    segment: np.ndarray  # (T,) int: stretches without a locked wheel, over which the momentum is integrated; -1 outside
     mass: float  # [kg]
     gradient: float  # [-] as believed
     believed_mu_cd: float  # [-]
     noise: Noise
-    uncertain: np.ndarray  # (T, m) deviations of the estimated speed along its principal directions [m/s]
+    uncertain: np.ndarray  # (T, m) standard deviations of the estimated speed along its principal directions [m/s]
     estimator: SpeedEstimator
-    start_is_known: bool = True  # whether somebody measured where on the track it began
-    earlier: int = 0  # stops before it on the same rail (assumption: a campaign lists its runs in the order they were made)
+    start_is_known: bool = True  # whether the start position on the track was measured
+    earlier: int = 0  # number of earlier stops on the same rail (assumption: a campaign lists its runs in their order)
 
 
 def least_slip(speed: np.ndarray) -> np.ndarray:
-    """Slip speed beyond which a wheel slides [m/s], at vehicle speeds [m/s]."""
+    """Slip speed [m/s] above which a wheel slides, at vehicle speeds [m/s]."""
     result: np.ndarray = np.maximum(SLIDES * speed, SLIDES_MPS)
     return result
 
 
 def prepare(campaign: Campaign) -> tuple[list[PreparedStop], list[str]]:
-    """Return the stops that can be used, and what was left out and why, with what the reader said of the runs."""
+    """Return the usable stops, and notes: the reader's warnings, assumptions, and what was left out and why."""
     stops: list[PreparedStop] = []
     left_out = [sentence for run in campaign.runs.values() for sentence in run.warnings]
     left_out += _believed(campaign)
@@ -112,7 +110,7 @@ def prepare(campaign: Campaign) -> tuple[list[PreparedStop], list[str]]:
         if fast < needed:
             left_out.append(f"run {name}: {fast} samples above {LEAST_SPEED_MPS:g} m/s, {needed} are needed")
             continue
-        if run.suspect is not None and run.suspect.all():  # nor does it say anything of the others' noise
+        if run.suspect is not None and run.suspect.all():  # nor does it contribute to the noise estimate
             left_out.append(f"run {name}: left out, no sample can be compared with the law")
             continue
         courses[name] = _predicted(campaign, run)
@@ -135,7 +133,7 @@ def prepare(campaign: Campaign) -> tuple[list[PreparedStop], list[str]]:
 
 
 def _believed(campaign: Campaign) -> list[str]:
-    """Say what nobody knows and is taken for granted: where runs began, what axles without sensors did."""
+    """Return notes on assumed data: unknown start positions, and axles without sensors."""
     notes = []
     if unknown := [name for name, run in campaign.runs.items() if not run.start_is_known]:
         notes.append(
@@ -156,7 +154,7 @@ def _believed(campaign: Campaign) -> list[str]:
 
 
 def _strange_pressures(stop: PreparedStop, whole: np.ndarray) -> list[int]:
-    """Return the axles, from 1, whose torque is not even roughly in proportion to their pressure: a dead channel, say."""
+    """Return the axles, from 1, whose torque is not even roughly proportional to the pressure, as with a dead channel."""
     found = []
     for k in range(stop.torque.shape[1]):
         torque, pressed = stop.torque[stop.usable[:, k], k], whole[stop.usable[:, k], k]
@@ -167,9 +165,9 @@ def _strange_pressures(stop: PreparedStop, whole: np.ndarray) -> list[int]:
 
 
 def torque_per_bar(campaign: Campaign) -> float:
-    """Return the nominal torque of a wheelset for one bar in its brake cylinders [N m/bar]; 0: nothing says it.
+    """Return the nominal torque of a wheelset per bar of cylinder pressure [N m/bar]; 0 if unknown.
 
-    The campaign's; where torques and pressures were both measured, the best common one of all runs and axles.
+    It is the campaign's value, or the common least-squares value of all runs and axles if both were measured.
     """
     vehicle = campaign.vehicle
     if not vehicle.torque_is_measured:
@@ -184,12 +182,12 @@ def torque_per_bar(campaign: Campaign) -> float:
 
 
 def channel_noise(run: Recording, speed: SpeedNoise, per_bar: float = 0.0) -> Noise:
-    """Estimate the noise of one run's channels of wheel and brake by third differences; the median over the axles.
+    """Estimate the noise of one run's wheel and brake channels by third differences; the median over the axles.
 
     Parameters
     ----------
-    speed : of the vehicle's recorded speed
-    per_bar : torque of a wheelset for one bar in its cylinders [N m/bar]
+    speed : noise of the vehicle's recorded speed
+    per_bar : torque of a wheelset per bar of cylinder pressure [N m/bar]
 
     """
     wheel = float(np.median([describe(column).noise for column in run.wheel_speed_radps.T]))
@@ -197,26 +195,26 @@ def channel_noise(run: Recording, speed: SpeedNoise, per_bar: float = 0.0) -> No
     pressure = 0.0
     if run.cylinder_pressure_bar is not None:
         pressure = float(np.median([describe(column).noise for column in run.cylinder_pressure_bar.T]))
-    # A noiseless recording (a simulation) still has rounding and the smoothing's own error.
+    # A noiseless (simulated) recording still has errors of rounding and smoothing.
     return Noise(speed, max(wheel, 1e-3), max(torque, 1.0), _step(run), per_bar * pressure)
 
 
 @dataclasses.dataclass(frozen=True)
 class _Course:
-    """The channels of a run smoothed, and what its wheels' balances do not predict of its speed."""
+    """The smoothed channels of a run, and the part of its speed that the wheels' balances do not predict."""
 
     step: float  # [s]
     wheels: tuple[np.ndarray, ...]  # wheel speed, its first and second rate, torque (T, A)
     predicted_rate: np.ndarray  # (T,) [m/s2]
     predicted: np.ndarray  # (T,) [m/s]
-    rest: np.ndarray  # (T,) recorded speed less the predicted [m/s]
+    rest: np.ndarray  # (T,) recorded minus predicted speed [m/s]
 
 
 def _predicted(campaign: Campaign, run: Recording) -> _Course:
     vehicle, step = campaign.vehicle, _step(run)
     wheel, rate, jerk, torque = smooth_wheels(run.wheel_speed_radps, run.brake_torque_nm, step)
     turning = vehicle.wheel_radius_m * wheel > LOCKED_MPS
-    if run.suspect is not None and run.suspect.any():  # a channel that jumps is no acceleration
+    if run.suspect is not None and run.suspect.any():  # a jump of a channel is no acceleration
         rate = np.where(maximum_filter1d(run.suspect, 2 * _length(WHEEL_WINDOW_S, step) + 1, axis=0), 0.0, rate)
     moment = np.where(turning, torque + vehicle.wheelset_inertia_kgm2 * rate, 0.0)
     predicted_rate = -moment.sum(axis=-1) / (vehicle.wheel_radius_m * run.mass_kg)
@@ -225,12 +223,12 @@ def _predicted(campaign: Campaign, run: Recording) -> _Course:
 
 
 def _estimated(course: _Course, noise: SpeedNoise) -> tuple[np.ndarray, np.ndarray, np.ndarray, SpeedEstimator]:
-    """Return the vehicle's speed (T,), its rate (T,), its uncertain directions (T, m) and how it was estimated."""
+    """Return the vehicle's speed (T,), its rate (T,), its principal uncertainties (T, m) and its estimator."""
     time, mean = nodes(course.rest, course.step)
     found = estimate(noise, time, mean)
     spline = CubicSpline(time, np.column_stack([found.course, found.modes]))
     every = np.arange(len(course.rest)) * course.step
-    held = np.clip(every, time[0], time[-1])  # beyond the outer nodes the course goes on as a line
+    held = np.clip(every, time[0], time[-1])  # extrapolate linearly beyond the outer nodes
     values, rates = spline(held), spline(held, 1)
     values += rates * (every - held)[:, None]
     estimator = SpeedEstimator(time, found.gain)
@@ -251,7 +249,7 @@ def _prepared(campaign: Campaign, run: Recording, group: str, course: _Course, n
     if run.suspect is not None and run.suspect.any():
         near = maximum_filter1d(run.suspect, 2 * end + 1, axis=0)
         usable &= ~near
-        there = ~np.isin(np.arange(vehicle.axles) + 1, run.missing_axles)  # what stands in for the others is believed there
+        there = ~np.isin(np.arange(vehicle.axles) + 1, run.missing_axles)  # for missing axles, the substitute values are used
         turning &= ~near[:, there].any(axis=1)
     usable[:end] = usable[len(usable) - end :] = False
     turning[:end] = turning[len(turning) - end :] = False
@@ -272,7 +270,7 @@ def _prepared(campaign: Campaign, run: Recording, group: str, course: _Course, n
 
 
 def smooth_wheels(wheel: np.ndarray, torque: np.ndarray, step: float) -> tuple[np.ndarray, ...]:
-    """Return wheel speed, its first and second rate, and torque, smoothed; arrays (..., T, A)."""
+    """Return smoothed wheel speed, its first and second derivative, and smoothed torque; arrays (..., T, A)."""
 
     def smoothed(values: np.ndarray, derivative: int) -> np.ndarray:
         window, order = _FILTERS[derivative]
@@ -284,13 +282,13 @@ def smooth_wheels(wheel: np.ndarray, torque: np.ndarray, step: float) -> tuple[n
 
 
 def wheel_filter(step: float) -> np.ndarray:
-    """Return the weights (w,) of the filter that a wheel's speed passes."""
+    """Return the weights (w,) of the filter of a wheel's speed."""
     result: np.ndarray = savgol_coeffs(_length(WHEEL_WINDOW_S, step), _ORDER)
     return result
 
 
 def smooth_torque(torque: np.ndarray, step: float) -> np.ndarray:
-    """Return a torque (..., T, A) smoothed as the wheels' speeds are."""
+    """Return a torque (..., T, A) smoothed like the wheel speeds."""
     result: np.ndarray = savgol_filter(torque, _length(WHEEL_WINDOW_S, step), _ORDER, axis=-2)
     return result
 
@@ -304,7 +302,7 @@ def _length(window_s: float, step_s: float) -> int:
 
 
 def _kept(window_s: float, block_s: float, step_s: float, derivative: int) -> float:
-    """Deviation that a block mean of the filtered channel keeps of white noise of deviation 1."""
+    """Return the standard deviation of a block mean of the filtered channel, for white noise of deviation 1."""
     order = _ORDER if derivative == 0 else _FILTERS[derivative][1]
     length = max(_length(window_s, step_s), order + 1 + order % 2)
     weights = savgol_coeffs(length, order, deriv=derivative, delta=step_s)

@@ -12,12 +12,12 @@ from wsp_env.recordings import CampaignError
 
 
 def read_diagnosis(file: Path) -> Diagnosis:
-    """Return the diagnosis of recorded stops that a diagnosis.json holds.
+    """Return the diagnosis of recorded stops in a diagnosis.json.
 
     Raises
     ------
     CampaignError
-        for a file that holds none, or one of another version's form
+        if the file contains none, or one in the format of another version
 
     """
     try:
@@ -29,7 +29,7 @@ def read_diagnosis(file: Path) -> Diagnosis:
 
 
 def _made(kind: Any, value: Any) -> Any:
-    """Return plain data as what its type hint says: a dataclass, a tuple of some, a dictionary of some, or as it is."""
+    """Convert plain data to the type of a hint: a dataclass, a tuple, a dictionary of dataclasses, or unchanged."""
     if dataclasses.is_dataclass(kind) and isinstance(kind, type):
         hints = typing.get_type_hints(kind)
         return kind(**{name: _made(hints[name], item) for name, item in value.items()})

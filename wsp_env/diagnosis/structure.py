@@ -1,9 +1,9 @@
-"""What goes on from row to row in what a model leaves: how large it is over the channels' noise, and whether it matters.
+"""Correlation from row to row in the residual of a model: its size over the channels' noise, and whether it matters.
 
-Noise of any size says that channels are noisy; what a row shares with the next one of the same axle and run is physics that
-neither model nor nuisances describe. The better the channels, the more is seen of it (loads that bounce, wind), and it matters
-as all else does (`wsp_env.diagnosis.interest`): as what pushes and pulls in turn, when its amplitude is 1 % of what retards the
-vehicle; of wheels that roll, as an error of the slip by 0.1 m/s.
+White residuals of any size are noise. What a row shares with the next row of the same axle and run is physics that neither
+model nor nuisances describe. Better channels show more of it (bouncing loads, wind). Whether it matters is judged as for
+mechanisms (`wsp_env.diagnosis.interest`): as an alternating force with an amplitude of 1 % of the retarding force; for rolling
+wheels, as a slip error of 0.1 m/s.
 """
 
 from typing import NamedTuple
@@ -18,34 +18,34 @@ from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Screen
 from wsp_env.diagnosis.stops import BLOCK_S, SLIP_MPS, VEHICLE_BLOCK_S
 
-#: What goes on from row to row over the channels' own noise, beside all that varies, from which on no model holds: what is as
-#: large as the noise is seen in any plot.
+#: Size of the correlated residual over the channels' noise, beside all nuisances, above which no model holds: a part as large
+#: as the noise is visible in any plot.
 STRUCTURED = 1.0
-_LEAST_PAIRS = 20  # neighbouring rows of a balance that say whether one follows the other
-_LEAST_MPS2 = 0.1  # of a mean deceleration, that a share of it is taken
+_LEAST_PAIRS = 20  # pairs of neighbouring rows of a balance that the estimate needs
+_LEAST_MPS2 = 0.1  # lower bound of the mean deceleration to which amplitudes relate
 
 
 class Structure(NamedTuple):
-    """What goes on from row to row in what a model leaves."""
+    """The residual's part that is correlated from row to row."""
 
     size: float  # over the channels' noise
-    balance: str  # in which it is largest, of those in which it matters if there are any
+    balance: str  # the balance with the largest one; balances in which it matters come first
     multiple: float  # of the smallest effect of interest
 
     @property
     def unexplained(self) -> bool:
-        """Whether it is seen, and matters."""
+        """Whether it is larger than the noise, and matters."""
         return self.size > STRUCTURED and self.multiple > 1.0
 
 
 def structured(replica: Replica, seen: Screen, weights: Weights) -> Structure:
-    """Return what goes on from row to row in what the model of a search leaves: the largest that matters, over the balances.
+    """Return the correlated residual of a search's model: the largest that matters, over the balances.
 
-    In the adhesion balance wheels that slide and wheels that roll under the brake are asked apart, as their noise is.
+    In the adhesion balance, sliding wheels and wheels that roll under the brake are separate kinds, as their noise is.
 
     Parameters
     ----------
-    weights : those of the search
+    weights : of the search
 
     """
     rows = replica.rows
@@ -62,7 +62,7 @@ def structured(replica: Replica, seen: Screen, weights: Weights) -> Structure:
 
 
 def _pairs(rows: Rows, kind: int, later: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rows (m,) of one kind of noise, and those some rows later of the same axle and run."""
+    """Return the rows (m,) of one kind of noise, and the rows `later` rows after them, of the same axle and run."""
     mine = np.flatnonzero(rows.noise == kind)
     order = mine[np.lexsort((rows.time[mine], rows.axle[mine], rows.run[mine]))]
     one, two = order[:-later], order[later:]
@@ -71,14 +71,14 @@ def _pairs(rows: Rows, kind: int, later: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _multiple(replica: Replica, seen: Screen, raw: np.ndarray, noise: np.ndarray, kind: int) -> float:
-    """Return the amplitude of what goes on in the residual (n,), in its balances' units, in smallest effects of interest."""
+    """Return the amplitude of the correlated residual in smallest effects of interest; `raw` (n,) in units of the balances."""
     rows = replica.rows
     one, two = _pairs(rows, kind, 1)
-    if kind in (ADHESION, KINEMATICS):  # of wheels that roll: what error of the slip it is
+    if kind in (ADHESION, KINEMATICS):  # rolling wheels: as an error of slip
         stops = zip(replica.parts, replica.evaluate(seen.model), strict=True)
         slope = np.concatenate([part.joined(part.wheel_rows(stop.slope)) for part, stop in stops])
         return _amplitude(float(np.mean(raw[one] * raw[two] / (slope[one] * slope[two])))) / SLIP_MPS
-    if kind == VEHICLE:  # of the mean square of its rate
+    if kind == VEHICLE:  # from the mean square of its rate
         square = 2.0 * (_of_speed(seen, raw, noise, rows, 1) - _of_speed(seen, raw, noise, rows, 2)) / VEHICLE_BLOCK_S**2
     else:
         unit = replica.axles / (replica.radius * replica.stops[0].mass) if kind == ACTUATOR else replica.vehicle.gravity_mps2
@@ -87,7 +87,7 @@ def _multiple(replica: Replica, seen: Screen, raw: np.ndarray, noise: np.ndarray
 
 
 def _of_speed(seen: Screen, raw: np.ndarray, noise: np.ndarray, rows: Rows, later: int) -> float:
-    """Mean product [m2/s2] of the vehicle's rows and those some rows later, less that of their own noise, which is coloured."""
+    """Mean product [m2/s2] of vehicle rows and rows `later` rows after them, minus the covariance of their noise."""
     one, two = _pairs(rows, VEHICLE, later)
     products, at = raw[one] * raw[two], np.zeros(len(raw), dtype=int)
     for mine, root in seen.whitening.roots:
@@ -99,7 +99,7 @@ def _of_speed(seen: Screen, raw: np.ndarray, noise: np.ndarray, rows: Rows, late
 
 
 def _of_all_axles(raw: np.ndarray, rows: Rows, kind: int) -> float:
-    """Mean product of neighbouring blocks' means over all axles, which may swing against each other."""
+    """Mean product of neighbouring blocks' means over all axles, whose forces may cancel each other."""
     mine = rows.noise == kind
     moments, which = np.unique(np.stack([rows.run[mine], rows.time[mine]]), axis=1, return_inverse=True)
     mean = np.bincount(which.ravel(), raw[mine]) / (rows.axle.max() + 1)
@@ -108,5 +108,5 @@ def _of_all_axles(raw: np.ndarray, rows: Rows, kind: int) -> float:
 
 
 def _amplitude(square: float) -> float:
-    """Amplitude of a swing of that mean square."""
+    """Amplitude of an oscillation with a given mean square."""
     return float(np.sqrt(2.0 * max(square, 0.0)))

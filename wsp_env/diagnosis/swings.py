@@ -1,6 +1,6 @@
-"""Frequencies at which a recorded speed swings beside what the wheels' balances predict: where a periodic force is looked for.
+"""Frequencies at which the recorded speed oscillates about its prediction by the wheels' balances, as candidates for a force.
 
-Each stop has a phase of its own here; whether one force explains all stops is for the search to say.
+Each stop has a free phase here. The search decides whether one force explains all stops.
 """
 
 from collections.abc import Sequence
@@ -10,15 +10,15 @@ import numpy as np
 from wsp_env.diagnosis.stops import PreparedStop
 from wsp_env.plant.card import LOCKED_MPS
 
-_MOST = 3  # frequencies proposed
-_LOWEST_HZ, _HIGHEST_HZ, _STEP_HZ = 0.15, 1.5, 0.01  # trains swing between some tenths of a hertz and one hertz
-_SLOW_S = 6.0  # between nodes of what is no swing
+_MOST = 3  # number of proposed frequencies
+_LOWEST_HZ, _HIGHEST_HZ, _STEP_HZ = 0.15, 1.5, 0.01  # train oscillations have some tenths of a hertz to one hertz
+_SLOW_S = 6.0  # distance of the nodes of the slow course that is removed
 _NODE_S = 0.1
-_FEWEST = 40  # nodes of a stop that says something
+_FEWEST = 40  # smallest number of nodes of a usable stop
 
 
 def swings(stops: Sequence[PreparedStop], radius_m: float, inertia_kgm2: float) -> tuple[float, ...]:
-    """Return the frequencies [Hz] that explain most of the recorded speeds, the best first; none if no stop is long enough."""
+    """Return the frequencies [Hz] that explain most of the recorded speeds, best first; empty if no stop is long enough."""
     tried = np.arange(_LOWEST_HZ, _HIGHEST_HZ, _STEP_HZ)
     explained = np.zeros(len(tried))
     for stop in stops:
@@ -41,7 +41,7 @@ def swings(stops: Sequence[PreparedStop], radius_m: float, inertia_kgm2: float) 
 
 
 def _rest(stop: PreparedStop, radius_m: float, inertia_kgm2: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return times (n,) [s] and the recorded speed less what the wheels' balances predict [m/s], means of `_NODE_S`."""
+    """Return times (n,) [s] and recorded minus predicted speed [m/s], as means over `_NODE_S`."""
     turning = radius_m * stop.wheel > LOCKED_MPS
     moment = np.where(turning, stop.torque + inertia_kgm2 * stop.wheel_rate, 0.0).sum(axis=1)
     predicted = -np.cumsum(moment) * stop.step_s / (radius_m * stop.mass)

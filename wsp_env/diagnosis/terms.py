@@ -1,18 +1,17 @@
-"""Searches the terms that explain a residual: greedily, chosen on some runs, accepted on others, errors taken from runs.
+"""Searches terms that explain a residual: greedy forward search, with selection and acceptance on different runs.
 
-A term is one column or a group of columns. It is accepted only if, off all nuisances and all terms before it,
+A term is one column or a group of columns. After projection off all nuisances and earlier terms, it is accepted only if
+1. it significantly reduces the sum of squares of the tuning runs, each predicted from the others (leave one run out), and of
+   the held-out runs, predicted from the tuning runs: the sum over runs exceeds zero by Student's one-sided quantile of its
+   standard error over runs, and
+2. its own effect, with all else refitted, is large enough to matter; the caller decides this.
 
-1. it reduces the sum of squares of the runs to tune on, each predicted from the others (leave one run out), and of the
-   held-out runs, predicted from those to tune on, both surely: the sum over runs exceeds zero by Student's one-sided
-   quantile of its standard error over runs, and
-2. its own effect, all else re-tuned, is large enough to matter, which the caller decides.
+Candidates are ranked by their reduction on the tuning runs. Of those that these runs cannot distinguish, the one with the
+fewest parameters is taken, and the others are named as alternatives. The held-out runs test only this candidate in each step,
+and the search stops at the first failure. Noise alone therefore passes at most with the probability of the level, however many
+terms are tried. Rows of one run may depend on each other in any way; runs must be independent.
 
-The candidates are ranked by what they explain on the runs to tune on; of those that these runs cannot tell apart the
-plainest is taken, that with the fewest parameters, and the others are named as alternatives. The held-out runs are asked
-one question a step, about this one candidate, and the search stops at the first no: however many terms are tried, noise
-alone passes at most as often as the level says. Rows of one run may depend on each other in any way; runs may not.
-
-Everything is done with the runs' Gram matrices: no step but the size of an effect touches the rows.
+All computations use the runs' Gram matrices; only the size of an effect needs the rows.
 """
 
 import dataclasses
@@ -24,34 +23,34 @@ from scipy.stats import t as student
 from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.grams import Fitted, Runs
 
-#: One-sided level at which a reduction counts as one: the usual 5 %.
+#: One-sided significance level of a reduction: the usual 5 %.
 LEVEL = 0.05
 
 
 @dataclasses.dataclass(frozen=True)
 class Term:
-    """A candidate."""
+    """A candidate term."""
 
     name: str
     columns: np.ndarray  # (n, k) whitened as the residual is
-    shape: int = 0  # parameters of its form that the caller tried several values of: a place, a frequency, a threshold
+    shape: int = 0  # number of shape parameters with several tried values: a place, a frequency, a threshold
 
     @property
     def parameters(self) -> int:
-        """Amplitudes and parameters of its form."""
+        """Number of amplitudes and shape parameters."""
         return self.columns.shape[1] + self.shape
 
 
 @dataclasses.dataclass(frozen=True)
 class Reduction:
-    """By how much a term reduces the sum of squares of runs that it was not fitted to."""
+    """Reduction of the sum of squares by a term, in runs to which it was not fitted."""
 
     total: float  # sum over runs
-    error: float  # its standard error, from the scatter between runs
+    error: float  # standard error of the total, from the scatter between runs
     runs: int
 
     def sure(self, level: float = LEVEL) -> bool:
-        """Whether it is above zero at a one-sided level; never with fewer than two runs."""
+        """Whether the total exceeds zero at a one-sided level; never with fewer than two runs."""
         return self.runs > 1 and self.total > student.ppf(1.0 - level, self.runs - 1) * self.error
 
 
@@ -60,22 +59,22 @@ class Chosen:
     """A term that was accepted, or the one at which the search stopped."""
 
     term: Term
-    amplitude: np.ndarray  # (k,) on the runs to tune on, all terms accepted in the end fitted together
-    covariance: np.ndarray  # (k, k) of it, cluster-robust: from the scatter between runs
-    reduction_tune: Reduction  # leaving one run out
+    amplitude: np.ndarray  # (k,) on the tuning runs, all accepted terms fitted together
+    covariance: np.ndarray  # (k, k) of the amplitude, cluster-robust: from the scatter between runs
+    reduction_tune: Reduction  # leave one run out
     reduction_held_out: Reduction
-    removed: float  # share of the held-out sum of squares that there was before any term
-    multiple: float  # its effect, all else re-tuned, in multiples of what matters
-    alternatives: tuple[str, ...] = ()  # names of terms that these runs cannot tell from it
+    removed: float  # share of the initial held-out sum of squares
+    multiple: float  # effect, with all else refitted, as a multiple of the smallest that matters
+    alternatives: tuple[str, ...] = ()  # names of terms that these runs cannot distinguish from it
 
 
 @dataclasses.dataclass(frozen=True)
 class Selection:
-    """What a search found."""
+    """Result of a search."""
 
     chosen: tuple[Chosen, ...]
-    refused: Chosen | None  # the candidate it stopped at; none if `most` were found or none is left
-    why: str  # it stopped
+    refused: Chosen | None  # candidate at which it stopped; None if `most` were found or no candidate is left
+    why: str  # reason for which it stopped
 
 
 def search(
@@ -93,13 +92,13 @@ def search(
     Parameters
     ----------
     y : (n,) residual, whitened
-    nuisances : columns (n, p), whitened, those with a prior scaled by its deviation, and which have one (p,) bool.
-        One that concerns a single run is fitted in that run also where the run is predicted; one of several runs is predicted
-        along with the terms.
+    nuisances : columns (n, p), whitened and scaled by the standard deviation of a prior if there is one; and (p,) bool, which
+        have one. A nuisance of a single run is fitted in this run even when the run is predicted. One of several runs is
+        predicted with the terms.
     cluster : (n,) int, the run of each row
-    held_out : (n,) bool, rows of the runs to validate on; at least two runs, as to tune on
-    least : size of an effect (n,) in multiples of what matters; below one a term is passed over
-    most : terms to accept at most
+    held_out : (n,) bool, rows of the validation runs; at least two runs, as for tuning
+    least : size of an effect (n,) as a multiple of what matters; terms below 1 are skipped
+    most : largest number of accepted terms
 
     Raises
     ------
@@ -138,15 +137,15 @@ def _reduction(by_run: np.ndarray) -> Reduction:
 
 @dataclasses.dataclass(frozen=True)
 class _Candidates:
-    """All terms that are not accepted yet, beside those that are."""
+    """All terms that are not accepted yet, fitted beside the accepted ones."""
 
     data: Runs
     terms: Sequence[Term]
-    free: Sequence[int]  # (J,) which terms
-    others: Projector  # off nuisances and accepted terms
+    free: Sequence[int]  # (J,) their indices in `terms`
+    others: Projector  # projector off nuisances and accepted terms
     amplitudes: Sequence[np.ndarray]
-    tune: np.ndarray  # (J, R) reductions by run
-    held: np.ndarray  # (J, H)
+    tune: np.ndarray  # (J, R) reductions by tuning run
+    held: np.ndarray  # (J, H) reductions by held-out run
     least: Callable[[np.ndarray], float]
     level: float
 
@@ -159,34 +158,34 @@ class _Candidates:
         least: Callable[[np.ndarray], float],
         level: float,
     ) -> "_Candidates":
-        """Fit all."""
+        """Fit all terms that are not `given`."""
         free = [i for i in range(len(terms)) if i not in given]
         amplitudes = Fitted.of(data.tune, data.base(given)).amplitudes([data.parts[i] for i in free])
         tune, held = data.predicted(given, free)
         return cls(data, terms, free, data.projector(given), amplitudes, tune, held, least, level)
 
     def best(self) -> int | None:
-        """Return the candidate to ask the held-out runs about."""
+        """Return the candidate that the held-out runs are to test; None if none qualifies."""
         for j in np.argsort(-self.tune.sum(axis=1)):
             if self.sure(j, held=False) and self.least(self.effect(j)) >= 1.0:
-                # Of terms that the runs to tune on cannot tell apart, the plainest; the best comes first of equals.
+                # Of the indistinguishable terms, take the one with the fewest parameters; the best comes first among equals.
                 alike = [one for one in self.alike(j, held=False) if self.least(self.effect(one)) >= 1.0]
                 return min([int(j), *alike], key=lambda i: self.terms[self.free[i]].parameters)
         return None
 
     def effect(self, j: int) -> np.ndarray:
-        """Effect (n,) of a candidate, all else re-tuned without it."""
+        """Effect (n,) of a candidate, after refitting all else without it."""
         return self.others.rest(self.terms[self.free[j]].columns @ self.amplitudes[j])
 
     def sure(self, j: int, held: bool) -> bool:
-        """Whether a candidate improves the runs to tune on and, if asked for, the held-out ones."""
+        """Whether a candidate significantly improves the tuning runs and, with `held`, the held-out runs."""
         parts = (self.tune, self.held) if held else (self.tune,)
         return all(_reduction(part[j]).sure(self.level) for part in parts)
 
     def alike(self, j: int, held: bool) -> list[int]:
-        """Return the candidates that cannot be told from one, that one excluded.
+        """Return the candidates that cannot be distinguished from candidate j, without j.
 
-        Either no part of the runs prefers the one for sure, or the effects of both differ by less than what matters.
+        Either no part of the runs significantly prefers j, or the two effects differ by less than what matters.
         """
         parts, effect, result = (self.tune, self.held) if held else (self.tune,), self.effect(j), []
         for i in np.argsort(-self.tune.sum(axis=1)):
@@ -198,7 +197,7 @@ class _Candidates:
         return result
 
     def chosen(self, j: int) -> Chosen:
-        """Return all figures of a candidate."""
+        """Return the complete figures of a candidate."""
         on_held, left, k = _reduction(self.held[j]), self.data.left_held_out(), len(self.amplitudes[j])
         return Chosen(
             self.terms[self.free[j]],

@@ -1,4 +1,4 @@
-"""Thins prepared stops to the samples at which models are evaluated: neighbouring ones are averaged."""
+"""Thins prepared stops to the time step at which models are evaluated, by averaging neighbouring samples."""
 
 import dataclasses
 from typing import Any
@@ -7,11 +7,11 @@ import numpy as np
 
 from wsp_env.diagnosis.stops import PreparedStop
 
-EVALUATED_S = 0.02  # models are evaluated at about this
+EVALUATED_S = 0.02  # approximate time step of evaluations
 
 
 def thinned(stop: PreparedStop) -> PreparedStop:
-    """Return the stop with neighbouring samples averaged until they are about `EVALUATED_S` apart."""
+    """Return the stop with neighbouring samples averaged to a step of about `EVALUATED_S`."""
     stride = max(round(EVALUATED_S / stop.step_s), 1)
     if stride == 1:
         return stop
@@ -33,7 +33,7 @@ def thinned(stop: PreparedStop) -> PreparedStop:
 
 
 def averaged(values: np.ndarray, step: float) -> np.ndarray:
-    """Return the means of neighbouring samples (T, ...) until they are about `EVALUATED_S` apart."""
+    """Return means (T', ...) of neighbouring samples (T, ...), with a step of about `EVALUATED_S`."""
     stride = max(round(EVALUATED_S / step), 1)
     result: np.ndarray = values if stride == 1 else _cut(values, stride).mean(axis=1)
     return result

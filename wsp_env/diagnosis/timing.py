@@ -1,10 +1,10 @@
-"""When the axles' channels were read: within a sample of each other, and the recordings say when.
+"""Estimates and corrects differences between the axles' sampling instants, which are within one sample.
 
-Loggers read their channels one after the other, so the wheel speeds and torques of different axles belong to instants that
-differ by up to a sample. At 25 samples a second that is seen at a hundred deviations: what a nuisance that is linear in it
-leaves looks like a contaminant layer with a memory. It is estimated beside everything that varies, and the axles' channels
-are moved to their common mean. What all axles share stays: the vehicle's speed says it too badly (an error of its scale
-looks the same), and a wheel speed that is late on all axles is a finding.
+Loggers read their channels one after the other. Wheel speeds and torques of different axles therefore belong to instants that
+differ by up to a sample. At 25 samples a second, the difference is a hundred standard deviations, and what a linear nuisance
+leaves of it looks like a memory of the contaminant layer. The differences are estimated with all nuisances, and the axles'
+channels are moved to their common mean. A common shift of all axles is not corrected: the vehicle's speed determines it badly
+(an error of its scale looks the same), and a lag of all wheel speeds is a finding.
 """
 
 import dataclasses
@@ -18,22 +18,22 @@ from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import TORQUE_TIME, WHEEL_TIME, contrasts, nuisances
 from wsp_env.recordings import Campaign
 
-#: Share of a sample below which moving the channels changes nothing that is seen.
+#: Share of a sample below which a shift of the channels has no visible effect.
 _LEAST = 0.1
-#: Iterations for the sizes of the nuisances: their order of magnitude is enough.
+#: Iterations for the sizes of the nuisances; only their order of magnitude matters.
 _ITERATIONS = 4
 
 
 class Times(NamedTuple):
-    """How much earlier the channels were read than the axles' mean [s]; (A,) each."""
+    """Lead of the recorded channels over the axles' mean [s], (A,) each: recorded(t) = true(t + lead)."""
 
     wheel: np.ndarray
     torque: np.ndarray
-    matters: bool  # whether moving the channels is worth it
+    matters: bool  # whether a correction has a visible effect
 
 
 def times(replica: Replica) -> Times:
-    """Estimate when each axle's wheel speed and torque were read, at most a sample from the axles' mean."""
+    """Estimate the lead of each axle's wheel speed and torque over the axles' mean, limited to one sample."""
     whitening = replica.whitening(replica.about)
     base = replica.raw(replica.baseline)
     groups = nuisances(replica, replica.baseline, base, whitening)
@@ -49,7 +49,7 @@ def times(replica: Replica) -> Times:
 
 
 def aligned(campaign: Campaign, found: Times) -> Campaign:
-    """Return the campaign with its wheel speeds and torques moved to instants that the axles share."""
+    """Return the campaign with its wheel speeds and torques moved to common instants of the axles."""
     runs = {
         name: dataclasses.replace(
             run,

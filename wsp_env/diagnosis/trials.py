@@ -1,4 +1,4 @@
-"""Tries mechanisms: each refitted together with what was accepted before, with the evidence that it then has."""
+"""Tries mechanisms: each is refitted together with the accepted ones, and its evidence is computed again."""
 
 import dataclasses
 import functools
@@ -23,75 +23,76 @@ from wsp_env.diagnosis.settle import has_run_away, settle, settle_anew
 from wsp_env.diagnosis.variation import Group, Net, law_columns, nuisances, segment_columns, shapes
 from wsp_env.plant.mechanisms import ALL
 
-#: Mechanisms that are refitted in every round.
+#: Number of mechanisms that are refitted in each round.
 TRIED = 4
-#: Shares of the linear step at which a refit may begin.
+#: Shares of the linear step that are tried as start of a refit.
 _SHARES = (2.0, 1.0, 0.5, 0.25, 0.1)
-#: Log odds that a name of the library is missing in a campaign before it is seen: one in fifty (assumption).
+#: Log prior odds that a name of the library is missing in a campaign: one in fifty (assumption).
 PRIOR = -float(np.log(50.0))
-#: The same of a term without a name: the library holds what practice meets (assumption: three in four), and there are three
-#: times as many terms (some eighty on four axles).
+#: Log prior odds of a term without a name. Three in four of the missing effects have a name (assumption), and there are three
+#: times as many terms as names (about eighty on four axles).
 PRIOR_TERM = PRIOR - float(np.log(3.0 * 3.0))
 #: Log odds from which on a mechanism is accepted: 95 %.
 SURE = float(np.log(19.0))
-#: Share of a mechanism's effect that nature's form may differ by, over slip, speed, work, axles and runs: assumption.
+#: Form error: share of a mechanism's effect by which the true form may differ, over slip, speed, work, axles and runs
+#: (assumption, one standard deviation).
 FORM = 0.2
-#: The same of a term without a name, which is one of few forms that were tried: assumption.
+#: Form error of a term without a name, which is one of few forms tried (assumption).
 FORM_TERM = 0.4
-#: Deviations within which a form is at 95 %, on one side.
+#: One-sided 95 % quantile of the normal distribution.
 _Z95 = 1.645
 
 
 @dataclasses.dataclass(frozen=True)
 class Trial:
-    """A mechanism refitted together with those accepted before."""
+    """A mechanism refitted together with the accepted ones."""
 
     found: Found
     listed: Variant  # as it was searched
-    variant: Variant  # with what the refit moves free
+    variant: Variant  # with the parameters that the refit moves as sizes
     fitted: Fitted
-    evidence: float  # with what the refit explains more than the linear search
-    beside: Model  # the same without it, fitted alike
-    reduction: float  # of chi-square, by the refit
+    evidence: float  # including what the refit explains beyond the linear search
+    beside: Model  # model without it, fitted in the same way
+    reduction: float  # of chi-square (of the deviance, if `told`), by the refit
     size: StopChange  # net
-    price: float  # what its sizes and variants take from half of the reduction
-    weights: Weights  # that it was fitted under
-    about: Replica  # that it was fitted to
+    price: float  # half of the reduction less the evidence: the cost of its sizes and variants
+    weights: Weights  # with which it was fitted
+    about: Replica  # to which it was fitted
 
 
 def form_of(variant: Variant) -> float:
-    """Share of an effect that nature's form may differ by; none where it is what a sensor shows by geometry or by its clock."""
+    """Form error as a share of the effect; 0 if geometry or a clock determines exactly what a sensor shows."""
     if variant.family:
         return FORM_TERM
     return 0.0 if ALL[variant.name].signature.exact and on_a_sensor(variant) else FORM
 
 
 def on_a_sensor(variant: Variant) -> bool:
-    """Whether a mechanism acts on what sensors read."""
+    """Whether a mechanism acts on the readings of sensors."""
     return ALL[variant.name].signature.acts_on == "sensor"
 
 
 def told(variant: Variant) -> bool:
-    """Whether a mechanism is compared about recordings of its own: one on sensors, or of a time."""
+    """Whether a mechanism is compared on recordings corrected for it: it acts on sensors, or is a delay."""
     return on_a_sensor(variant) or variant.name in OF_TIME
 
 
 def odds(variant: Variant, evidence: float) -> float:
-    """Log odds that a mechanism is missing, or a term that has no name."""
+    """Log posterior odds that a mechanism, or a term without a name, is missing."""
     return evidence + (PRIOR_TERM if variant.family else PRIOR)
 
 
 def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor) -> list[Trial]:
-    """Refit the mechanisms that promise most; the best first."""
+    """Refit the most promising mechanisms; return the trials, best first."""
     promising = sorted(seen.found, key=lambda one: -odds(one.candidate.variant, one.evidence))[:TRIED]
     promising = [one for one in promising if odds(one.candidate.variant, one.evidence) > 0.0]
     if not promising:
         return []
-    # What is late bends most, about the baseline its straight line says little: it is tried with whatever is found first. And
-    # wheels that are late are a brake that is, and a clock that is early.
+    # Delays are the least linear effects, and the linear search may miss them: try them with whatever is found first. Late
+    # wheel speeds are also equivalent to a late brake with an early clock.
     if not fitted.variants or any(one.name in OF_TIME for one in promising):
         promising += [one for one in seen.found if one.name in OF_TIME and one not in promising]
-    # A refit moves where a mechanism acts only from near: its next best place or band may be the better one to begin with.
+    # A refit moves the location of a mechanism only locally; the second-best place or band may be the better start.
     seconds = [seen.second[one.name] for one in promising if one.name in seen.second]
     promising += [one for one in seconds if len(refined(one.candidate.variant).sizes) > len(one.candidate.variant.sizes)]
     start = refit(replica, fitted.model, fitted.variants, weights)
@@ -116,20 +117,20 @@ def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, 
 
 
 class _Tried(NamedTuple):
-    """The best fit of a mechanism beside those accepted before."""
+    """The best fit of a mechanism beside the accepted ones."""
 
     about: Replica
-    variant: Variant  # with what the refit moves free
+    variant: Variant  # with the parameters that the refit moves as sizes
     fitted: Fitted
-    before: Model  # the same without it, fitted alike
-    reduction: float  # of the deviance
+    before: Model  # model without it, fitted in the same way
+    reduction: float  # decrease of the deviance
     weights: Weights
 
 
 def _nearby(replica: Replica, seen: Screen, start: Fitted, weights: Weights, one: Found) -> _Tried:
-    """Fit a mechanism from where the way to its linear step leaves least.
+    """Fit a mechanism, starting at those shares of its linear step that fit best.
 
-    The linear step may lead astray. Where a mechanism acts may be found better than it was searched, or be lost.
+    The linear step may be wrong, and a refit of the location may improve it or lose it.
     """
     listed = one.candidate.variant
     best, free, ends = start, listed, True
@@ -140,19 +141,19 @@ def _nearby(replica: Replica, seen: Screen, start: Fitted, weights: Weights, one
     narrow = [(there, first)] if wide.sizes != there.sizes else []
     for tried, begin in ((wide, first), *narrow, (wide, second)):
         again = refit(replica, begin, (*start.variants, tried), weights)
-        outside = at_bound(tried, again.model)  # the recordings ask for another form
+        outside = at_bound(tried, again.model)  # the recordings require another form
         if best is start or (outside, again.cost) < (ends, best.cost):
             best, free, ends = again, tried, outside
         if not ends and best.cost < start.cost - 0.8 * one.reduction:
             break
-    # Those before may fit better now for a reason of their own: no merit of the one that was tried.
+    # The accepted mechanisms may fit better now for another reason; this is not due to the tried one.
     alone = refit(replica, without(best.model, free), start.variants, weights)
     before = min(start, alone, key=lambda one: one.cost)
     return _Tried(replica, free, best, before.model, before.cost - best.cost, weights)
 
 
 def least_deviance(replica: Replica, seen: Screen, start: Fitted, weights: Weights) -> float:
-    """Return the deviance of what was accepted, about the present replica or one with sizes of its own."""
+    """Return the least deviance of the accepted model: on the present replica, or on its own with new nuisance sizes."""
     own = Replica(replica.recorded, start.model)
     mine = anew(own, seen)()
     return min(weights.deviance(start), mine.deviance(refit(own, start.model, start.variants, mine)))
@@ -161,11 +162,11 @@ def least_deviance(replica: Replica, seen: Screen, start: Fitted, weights: Weigh
 def _told(
     replica: Replica, seen: Screen, start: Fitted, weights: Weights, without_it: Callable[[], float], one: Found
 ) -> _Tried:  # fmt: skip
-    """Fit a mechanism on sensors, or of a time, about replicas of its own, each with the sizes of nuisances that it asks for.
+    """Fit a mechanism on sensors, or a delay, on its own replicas with nuisance sizes estimated there.
 
-    Recordings that are put right fit nothing without it, and where something is late everything else seems to vary more: the
-    stiffness of the contact from run to run, say. So both are compared by their deviances, of what is `without_it` too about a
-    replica and with sizes of its own.
+    A model without it cannot fit recordings that are corrected for it. If something is late, all nuisances seem larger, for
+    example the stiffness of the contact from run to run. Both models are therefore compared by their deviances. `without_it` is
+    the least deviance without the mechanism, also with nuisance sizes of its own.
     """
     listed = one.candidate.variant
     variant = near(listed)
@@ -176,27 +177,27 @@ def _told(
     begun = refit(first, model, variants, near_by)
     gained = weights.deviance(start) - near_by.deviance(begun)
     if odds(listed, one.evidence + 0.5 * max(gained - one.reduction, 0.0)) <= 0.0 or _in_a_sample(begun, replica.sample_s):
-        return _Tried(first, variant, begun, start.model, min(gained, 0.0), near_by)  # not seen on a straight line nor near by
+        return _Tried(first, variant, begun, start.model, min(gained, 0.0), near_by)  # seen neither linearly nor nearby
     about, fitted = settle(replica.recorded, begun, near_by)
     if has_run_away(fitted, begun.cost):
         about, fitted = settle_anew(replica.recorded, begun, variant, near_by)
     mine = anew(about, seen)()
     again = refit(about, fitted.model, variants, mine)
-    gained = without_it() - mine.deviance(again) if np.isfinite(fitted.cost) else -np.inf  # it came to rest
+    gained = without_it() - mine.deviance(again) if np.isfinite(fitted.cost) else -np.inf  # if the iteration converged
     return _Tried(about, variant, again, start.model, gained, mine)
 
 
 def _in_a_sample(fitted: Fitted, sample_s: float) -> bool:
-    """Whether the last mechanism of a fit is a time that is surely less than a sample: no recording of these tells it."""
+    """Whether the last mechanism of a fit is a time that is significantly below one sample; such times are not resolved."""
     variant, spread = fitted.variants[-1], np.sqrt(np.diag(fitted.covariance[-1]))
     times = [parameter_of(variant.name, name).unit == "s" for name in variant.sizes]
     return all(times) and bool((np.abs(fitted.values[-1] - variant.null()) + 2.0 * spread < sample_s).all())
 
 
 def weights_of(replica: Replica, seen: Screen, forms: Sequence[Group] = ()) -> Weights:
-    """Return the weights of a screen, mechanisms at sizes too small to matter among them, and `forms` if there are any.
+    """Return the weights of a screen, with mechanisms at sizes too small to matter, and with form errors `forms`.
 
-    About a replica whose wheels slide elsewhere than the screen's, as sensors say something else, of the same sizes there.
+    If other wheels slide on the replica than on the screen's, the nuisances are computed again with the same sizes.
     """
     sizes = Sizes(np.concatenate([seen.sizes.groups, np.ones(1 + len(forms))]), seen.sizes.noise)
     whitening, groups = seen.whitening, seen.groups
@@ -207,7 +208,7 @@ def weights_of(replica: Replica, seen: Screen, forms: Sequence[Group] = ()) -> W
 
 
 def anew(replica: Replica, seen: Screen) -> Callable[..., Weights]:
-    """Return what gives the weights of a screen, and of `forms`, with the sizes of nuisances that are found about a replica."""
+    """Return the function from `forms` to the weights of a screen with nuisance sizes estimated on a replica."""
     base = replica.raw(replica.about)
     noise = noise_of(replica, replica.about, base, [])
     every = [*noise.groups, seen.small]
@@ -222,10 +223,10 @@ def anew(replica: Replica, seen: Screen) -> Callable[..., Weights]:
 
 
 def forms(replica: Replica, model: Model, variants: Sequence[Variant], whitening: Whitening) -> list[Group]:
-    """Return for every mechanism that is on what it may leave of nature's form.
+    """Return for each mechanism that is on the columns of its form error.
 
-    That is its effect bent over what was measured, less the effect itself, whose size is fitted (M. Plumlee, Journal of the
-    American Statistical Association 112, 2017, on calibration with a discrepancy).
+    They are its effect, weighted over measured quantities, minus their part along the effect itself, whose size is fitted (M.
+    Plumlee, Journal of the American Statistical Association 112, 2017, on calibration with a discrepancy).
     """
     base, bent, net = replica.raw(model), shapes(replica), _net(replica, model, whitening)
     effects = [(one, replica.raw(without(model, one)) - base) for one in variants if form_of(one) > 0.0]
@@ -233,12 +234,12 @@ def forms(replica: Replica, model: Model, variants: Sequence[Variant], whitening
 
 
 def _net(replica: Replica, model: Model, whitening: Whitening) -> Net:
-    """Return what takes away what the law does as well."""
+    """Return the projection off the law's parameters."""
     return Net(whitening, np.column_stack([segment_columns(replica), law_columns(replica, model, replica.raw(model))]))
 
 
 def _across(net: Net, whitening: Whitening, effect: np.ndarray, bent: np.ndarray) -> np.ndarray:
-    """Return an effect (n,) bent by weights (n, k), less the share of the effect itself that is in it."""
+    """Return an effect (n,) times weights (n, k), minus the projection on the effect itself."""
     columns = effect[:, None] * bent
     seen = whitening(net(np.column_stack([columns, effect]))[0])
     shares = seen[:, -1] @ seen[:, :-1] / max(float(seen[:, -1] @ seen[:, -1]), np.finfo(float).tiny)
@@ -247,16 +248,17 @@ def _across(net: Net, whitening: Whitening, effect: np.ndarray, bent: np.ndarray
 
 
 class FormsLeft:
-    """What a further mechanism needs: log odds of 95 %, and more than the forms of those before may leave.
+    """Least log odds of a further mechanism: 95 %, or more if form errors of accepted ones may produce its effect.
 
-    Nature's form differs from that of what was accepted by a share of its effect (`form_of`). That share, at 95 %, squared of
-    the other's evidence is lent to a further mechanism as far as its effect looks like such a form, the law tuned anew: by the
-    squared cosine between both, over the directions of the form by how strongly it acts along them; and no more than the share
-    of the further one's own evidence that looks like it. A drag that grows with the speed is no coupler that swings.
+    The true form of an accepted mechanism may differ by a share s of its effect (`form_of`). At 95 %, this error produces
+    (1.645 s)^2 of its evidence, in an effect of the same form. A further mechanism needs this evidence times the squared cosine
+    between its effect and the form error, after refitting the law. Directions of the form error count by their strength. The
+    need is limited to that share of its own evidence. Example: a drag that grows with speed does not resemble an oscillating
+    coupler.
 
     Parameters
     ----------
-    accepted : every mechanism that was accepted, as it is on in the model, with its evidence
+    accepted : each accepted mechanism, as it is on in the model, with its evidence
 
     """
 
@@ -274,7 +276,7 @@ class FormsLeft:
         return self._whitening(self._net(columns)[0])
 
     def __call__(self, trial: Trial) -> float:
-        """Return the log odds from which on a trial is accepted."""
+        """Return the log odds that a trial must exceed."""
         on, off = trial.fitted.model, without(trial.fitted.model, trial.variant)
         effect = self._seen((self._replica.raw(off) - self._replica.raw(on))[:, None])[:, 0]
         square = max(float(effect @ effect), np.finfo(float).tiny)

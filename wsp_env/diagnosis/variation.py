@@ -1,8 +1,8 @@
-"""What sound vehicles, tracks and models vary by: the law's free parameters and the discrepancies beside it.
+"""Normal variation of sound vehicles, tracks and models: the law's free parameters and the discrepancies beside it.
 
-Every group of columns has a size that is expected of sound recordings (`_EXPECTED`). What differs between runs, places and
-times is only begun with: how large it is the recordings at hand say themselves, by their disagreement
-(`wsp_env.diagnosis.covariance`). What is common to all runs stays at the expected size: no disagreement tells it.
+Each group of columns has a size that is expected of sound recordings (`_EXPECTED`). For differences between runs, places and
+times, this size is only a starting value: the scatter of the recordings determines the size (`wsp_env.diagnosis.covariance`).
+For what is common to all runs, the expected size is kept, because no scatter shows it.
 """
 
 import dataclasses
@@ -17,59 +17,60 @@ from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.forces import Forces
 from wsp_env.diagnosis.replica import Replica
 
-#: Lengths over which mu_cd is alike along the track [m]. The short one is, of those tried, the likeliest on a campaign of 2 %
-#: over 5 to 20 m; how large it is the recordings say, as a wheel passes many such lengths. The long one is that of rails of
-#: different history; what is as long as that and large is a finding, so its size is the expected one (assumption). Leaves and
-#: water also lie differently in each run, where all its wheels pass; a wheel passes 10 m in two to six rows (6 m: the same).
+#: Correlation lengths of mu_cd along the track [m]. Short: the likeliest of the tried lengths, on a campaign with 2 % variation
+#: over 5 to 20 m; its size is estimated, because a wheel passes many such lengths. Long: rails of different history; a large
+#: change over this length is a finding, so its size is fixed (assumption). Of one run: leaves and water lie differently in each
+#: run, for all its wheels; a wheel passes 10 m in two to six rows (6 m gives the same results).
 _SHORT_M, _LONG_M, _RUN_M = 3.0, 30.0, 10.0
-_APART = 8.0  # lengths beyond which places are not alike at all: exp(-32)
-_COURSE_NODE_S = 4.0  # of what varies in time
-_ONSET_NODE_S, _ONSET_NODES = 0.4, 4  # of a torque from its brake's first application on: how it comes about is in no model
-_SHAPE_NODES = 6  # of what varies over slip, speed or work, at quantiles
-MU_CD = 0.15  # [-] of a run's, about the believed one: assumption
-LOG_TAU = 1.0  # [-] about where the search starts: says next to nothing
-_FREE = 1e3  # deviation of a free column, in its own unit of whitened rows of length 1
+_APART = 8.0  # distance in lengths beyond which places are uncorrelated: exp(-32)
+_COURSE_NODE_S = 4.0  # distance of the nodes of variation in time
+_ONSET_NODE_S, _ONSET_NODES = 0.4, 4  # nodes after a brake's first application, whose course no model describes
+_SHAPE_NODES = 6  # nodes of variation over slip, speed or work, at quantiles
+MU_CD = 0.15  # [-] prior deviation of a run's log mu_cd about the believed one: assumption
+LOG_TAU = 1.0  # [-] prior deviation of log tau about the start value: carries almost no information
+_FREE = 1e3  # standard deviation of a free column, after scaling its whitened rows to length 1
 _UNIFORM = 1.0 / np.sqrt(3.0)
 WHEEL_TIME, TORQUE_TIME, ONSET = "time of a wheel speed", "time of a torque", "torque as a brake is applied"
 
-#: Deviation expected of sound vehicles and tracks [-]: assumptions, from tolerances of brakes, wheels and test tracks.
+#: Standard deviations expected of sound vehicles and tracks [-]: assumptions, from tolerances of brakes, wheels and test
+#: tracks.
 _EXPECTED = {
-    "gain": 0.01 * _UNIFORM,  # of an axle's torque, where it comes from the cylinder pressure
-    "measured gain": 0.001,  # of a torque that is itself measured
-    "spring": 0.05,  # of what a brake's return spring, and a pressure's zero, take off, over the largest torque
-    "zero": 0.001 * _UNIFORM,  # of a torque over the largest: sensors are set to zero before a test
+    "gain": 0.01 * _UNIFORM,  # of an axle's torque, if computed from the cylinder pressure
+    "measured gain": 0.001,  # of a measured torque
+    "spring": 0.05,  # effect of a brake's return spring, and zero error of a pressure, over the largest torque
+    "zero": 0.001 * _UNIFORM,  # offset of a torque over the largest: sensors are zeroed before a test
     "inertia": 0.03,  # of a wheelset: wheels wear
     "radius": 0.0005 * _UNIFORM,  # of an axle's wheels
-    "turn": 0.001 * _UNIFORM,  # of a wheel speed, once a turn: a pulse wheel a tenth of a millimetre off its centre
+    "turn": 0.001 * _UNIFORM,  # of a wheel speed, once per turn: a pulse wheel a tenth of a millimetre off its centre
     "stiffness": 0.03 * _UNIFORM,  # of the creep curve
     "track": 0.02 * _UNIFORM,  # of mu_cd along the track
-    "friction": 0.008,  # of an axle's friction: from run to run, in time
-    "law": 0.002,  # of friction over slip, speed and work: the law's own form
+    "friction": 0.008,  # of an axle's friction: from run to run, and in time
+    "law": 0.002,  # of friction over slip, speed and work: form of the law
     "torque": 0.003 * _UNIFORM,  # of a brake's torque in time
-    "onset": 0.003,  # of a brake's torque, over the largest, as it is first applied: pads come to bear, a rigging gives
-    "force": 0.0005,  # of the vehicle in time, over its weight
+    "onset": 0.003,  # of a brake's torque at its first application, over the largest: pads make contact, rigging yields
+    "force": 0.0005,  # on the vehicle in time, over its weight
 }
 
 
 class Group(NamedTuple):
-    """Columns that share one size."""
+    """Columns with a common size."""
 
     name: str
-    columns: np.ndarray  # (n, p) change of the residuals by a deviation of 1
-    expected: float  # deviation; inf: free
+    columns: np.ndarray  # (n, p) change of the residuals per unit of the amplitude
+    expected: float  # standard deviation; inf: free
     fixed: bool = False  # whether the size is known and not estimated
-    mean_of: str = ""  # the group of the same thing's differences between runs: their mean adds to what is common
+    mean_of: str = ""  # group of this quantity's differences between runs; their mean adds to the common value
 
 
 def whitened(
     groups: Sequence[Group], whitening: Whitening, noise: np.ndarray | None = None, sizes: np.ndarray | None = None
 ) -> np.ndarray:  # fmt: skip
-    """Return the columns (n, p) of all groups, whitened and scaled by their deviations; a free one by as good as infinite.
+    """Return the columns (n, p) of all groups, whitened and scaled by their standard deviations; `_FREE` for free ones.
 
     Parameters
     ----------
-    noise : (n,) factor of each row's deviation; None: 1
-    sizes : (G,) of the groups over the expected; None: 1
+    noise : (n,) factor on each row's standard deviation; None: 1
+    sizes : (G,) of the groups over the expected sizes; None: 1
 
     """
     white = whitening(np.column_stack([group.columns for group in groups]))
@@ -97,18 +98,18 @@ def law_columns(balances: Balances | Replica, model: Model, base: np.ndarray) ->
 
 
 def segment_columns(balances: Balances | Replica) -> np.ndarray:
-    """Columns (n, segments): 1 in the rows of a stretch, whose speed has an offset of its own."""
+    """Columns (n, segments): 1 in the rows of a stretch, because the initial speed of each stretch is free."""
     segment = balances.rows.segment
     result: np.ndarray = (segment[:, None] == np.arange(segment.max(initial=-1) + 1)).astype(float)
     return result
 
 
 class Net:
-    """Takes from columns what the law's parameters do as well.
+    """Projects columns off the free parameters: offsets, tau and mu_cd.
 
     Parameters
     ----------
-    law : (n, l) columns of what is free, of tau and of mu_cd
+    law : (n, l) columns of these parameters
 
     """
 
@@ -119,20 +120,20 @@ class Net:
         self._inverse = np.linalg.pinv(white / self._scale, rcond=1e-6)
 
     def __call__(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what is left of columns (n, k), and the parameters' amplitudes (l, k) that do the rest."""
+        """Return the projected columns (n, k), and the parameters' amplitudes (l, k) in the removed part."""
         amplitudes = (self._inverse @ self._whitening(columns)) / self._scale[:, None]
         return columns - self._law @ amplitudes, amplitudes
 
 
 def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whitening: Whitening) -> tuple[Group, ...]:
-    """Return all nuisances of a model whose residuals are `base` (n,)."""
+    """Return all nuisances of a model with residuals `base` (n,)."""
     rows, axles = balances.rows, balances.axles
     law = law_columns(balances, model, base)
     friction: np.ndarray = law[:, 1:].sum(axis=1)
     by_run = (rows.run[:, None] == np.arange(len(balances.stops))).astype(float)
     own = (rows.axle[:, None] == np.arange(axles)).astype(float)
     forces = Forces(balances, model)
-    # Times are seen by the recorded torques, and by wheels as they slide, whatever sensors show.
+    # Channel times are evaluated with the recorded torques and the true slips, whatever the sensors show.
     timed = Forces(balances.timed, balances.physical(model)) if isinstance(balances, Replica) else forces
     steepness, radius, uncertain = _slips(balances, model)
     turning = forces.turning()
@@ -141,17 +142,17 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
     between = by_run @ contrasts(by_run.shape[1])
 
     def each(columns: np.ndarray) -> np.ndarray:
-        """Return what differs between runs; what is common to them is a column of its own."""
+        """Return the differences of columns between runs; the common part has a column of its own."""
         return np.column_stack([np.zeros((len(rows), 0)), *(columns[:, [k]] * between for k in range(columns.shape[1]))])
 
     segments = segment_columns(balances)
     clock = _hats(rows.time, _COURSE_NODE_S)
     shapes = [_interpolation(values, slides[:, 0] != 0.0) for values in (rows.slip, rows.speed, rows.work)]
-    apart = contrasts(axles)  # of axles from each other: what is common to them is the law's, or a finding
+    apart = contrasts(axles)  # differences between axles; their common part belongs to the law or is a finding
     differs = own @ apart
     lines = [_line(values, slides[:, 0] != 0.0) for values in (rows.slip, rows.speed, rows.work)]
     gain = _EXPECTED["measured gain" if balances.campaign.vehicle.torque_is_measured else "gain"]
-    sample = balances.sample_s * _UNIFORM  # in which channels are read: within one of each other
+    sample = balances.sample_s * _UNIFORM  # channels are read within a sample of each other
     groups = [
         Group("offset", segments, np.inf, True),
         Group("tau", law[:, :1], LOG_TAU, True),
@@ -179,7 +180,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
               0.5 * _EXPECTED["friction"], True),
         Group("friction of an axle in a run", each(friction[:, None] * own), _EXPECTED["friction"]),
         Group("friction in time", _in_time(slides, by_run, own, clock), _EXPECTED["friction"]),
-        # Net: what tau and mu_cd do is no discrepancy of the law.
+        # Net: tau and mu_cd are no discrepancy of the law.
         Group("law", Net(whitening, np.column_stack([segments, law]))(np.column_stack([slides * s for s in shapes]))[0],
               _EXPECTED["law"], True),
         Group("force in time", forces.on_vehicle(_COURSE_NODE_S), _EXPECTED["force"]),
@@ -196,7 +197,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
 
 
 def shapes(balances: Balances | Replica) -> np.ndarray:
-    """Weights (n, k) over slip, speed and friction work, and of every axle and run."""
+    """Weights (n, k) of form errors: over slip, friction work and speed, and for each axle and run."""
     rows = balances.rows
     vehicle = (rows.axle < 0)[:, None]
     over = [_interpolation(values, rows.slides) * ~vehicle for values in (rows.slip, rows.work)]
@@ -206,7 +207,7 @@ def shapes(balances: Balances | Replica) -> np.ndarray:
 
 
 def contrasts(several: int) -> np.ndarray:
-    """Return an orthonormal basis (m, m - 1) of what sums to zero over several runs or axles."""
+    """Return an orthonormal basis (m, m - 1) of the vectors over m runs or axles that sum to zero."""
     return np.linalg.svd(np.eye(several) - 1.0 / several)[0][:, : several - 1]
 
 
@@ -215,19 +216,20 @@ def _in_time(column: np.ndarray, by_run: np.ndarray, own: np.ndarray, clock: np.
 
 
 def _present(group: Group) -> Group:
-    """Leave out columns that touch no row."""
+    """Remove columns without any nonzero row."""
     touches = group.columns.any(axis=0)
     return group if touches.all() else group._replace(columns=group.columns[:, touches])
 
 
 def _slips(balances: Balances | Replica, model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the change of the residuals by stiffness (n,), by a wheel's radius (n,) and by the speed's directions (n, m)."""
+    """Return the change of the residuals by stiffness (n,), by a wheel's radius (n,) and by the speed's uncertainty (n, m)."""
     steepness, radius, uncertain = [], [], []
     sizes = [stop.uncertain.shape[1] for stop in balances.stops]
     for i, (part, one) in enumerate(zip(balances.parts, balances.evaluate(model), strict=True)):
-        # A stiffer contact acts as more slip: df/dlog k is about s df/ds (exact at small creepage, where alone it counts).
+        # A stiffer contact acts like more slip: df/dlog k is about s df/ds (exact at small creepage, where the stiffness
+        # matters).
         steepness.append(-part.joined(part.wheel_rows(one.slope * one.slip)))
-        # A larger radius: less slip, so less adhesion expected of the law.
+        # With a larger radius the slip is smaller, so the law predicts less adhesion.
         radius.append(part.joined(part.wheel_rows(one.slope * balances.radius * part.stop.wheel)))
         mine = [part.joined(-part.wheel_rows(one.slope * mode[:, None])) for mode in balances.stops[i].uncertain.T]
         wide = np.zeros((len(steepness[-1]), sum(sizes)))
@@ -238,29 +240,29 @@ def _slips(balances: Balances | Replica, model: Model) -> tuple[np.ndarray, np.n
 
 
 def _track_of_runs(friction: np.ndarray, rows: Rows) -> np.ndarray:
-    """Change of the residuals (n, m) by friction along the track in one run, where all wheels pass and other runs do not."""
+    """Change of the residuals (n, m) by friction along the track that varies in one run only, alike for all its wheels."""
     return np.column_stack(
         [friction[:, None] * _track(rows.place, rows.wheels & (rows.run == run), _RUN_M) for run in range(rows.run.max() + 1)]
     )
 
 
 def _track(place: np.ndarray, used: np.ndarray, length_m: float) -> np.ndarray:
-    """Weights (n, m) of the directions in which friction varies along the track, alike over a length."""
+    """Weights (n, m) of the independent directions in which friction varies along the track, with a correlation length."""
     return _kept_track(place.tobytes(), used.tobytes(), length_m)
 
 
-@functools.lru_cache(maxsize=64)  # every replica of a campaign has the same places
+@functools.lru_cache(maxsize=64)  # all replicas of a campaign have the same places
 def _kept_track(place: bytes, used: bytes, length_m: float) -> np.ndarray:
     places, inside = np.frombuffer(place), np.frombuffer(used, dtype=bool)
     order = np.flatnonzero(inside)[np.argsort(places[inside])]
-    # Stretches far from each other (runs of unknown places, say) have nothing to do with each other.
+    # Distant stretches (as runs with unknown places) are uncorrelated.
     stretches = np.split(order, np.flatnonzero(np.diff(places[order]) > _APART * length_m) + 1)
     found = [_of_stretch(places, one, length_m) for one in stretches if len(one)]
     return np.column_stack([np.zeros((len(places), 0)), *found])
 
 
 def _of_stretch(place: np.ndarray, used: np.ndarray, length_m: float) -> np.ndarray:
-    """Weights (n, m) of the rows (k,) that a stretch uses; 0 for the others."""
+    """Weights (n, m) in the rows (k,) of a stretch; 0 in the others."""
     hats = _hats(place[used], 0.5 * length_m)
     node = np.arange(hats.shape[1])
     values, vectors = np.linalg.eigh(np.exp(-0.5 * (0.5 * np.subtract.outer(node, node)) ** 2))
@@ -271,7 +273,7 @@ def _of_stretch(place: np.ndarray, used: np.ndarray, length_m: float) -> np.ndar
 
 
 def _hats(values: np.ndarray, apart: float) -> np.ndarray:
-    """Linear interpolation (n, nodes) between nodes `apart`."""
+    """Linear interpolation weights (n, nodes) between nodes at distance `apart`."""
     x = (values - values.min()) / apart
     nodes = int(x.max()) + 2
     weights: np.ndarray = np.clip(1.0 - np.abs(x[:, None] - np.arange(nodes)), 0.0, None)
@@ -279,7 +281,7 @@ def _hats(values: np.ndarray, apart: float) -> np.ndarray:
 
 
 def _line(values: np.ndarray, used: np.ndarray) -> np.ndarray:
-    """Straight line (n,) over the used values, of mean 0 and deviation 1 there."""
+    """Straight line (n,) over the used values, with mean 0 and standard deviation 1 there."""
     if not used.any():
         return np.zeros(len(values))
     result: np.ndarray = (values - values[used].mean()) / max(float(values[used].std()), 1e-12)
@@ -287,7 +289,7 @@ def _line(values: np.ndarray, used: np.ndarray) -> np.ndarray:
 
 
 def _interpolation(values: np.ndarray, used: np.ndarray) -> np.ndarray:
-    """Linear interpolation (n, nodes) between quantiles of the used values."""
+    """Linear interpolation weights (n, nodes) between quantiles of the used values."""
     if not used.any():
         return np.zeros((len(values), 0))
     nodes = np.unique(np.quantile(values[used], np.linspace(0.0, 1.0, _SHAPE_NODES)))

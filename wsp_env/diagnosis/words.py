@@ -1,4 +1,4 @@
-"""What a diagnosis says in words: what a mechanism does here, the verdict in one sentence, and the test to make next."""
+"""The words of a diagnosis: the effect of a mechanism, the verdict in one sentence, and the next test."""
 
 import math
 import re
@@ -9,9 +9,9 @@ from wsp_env.plant.mechanisms import ALL
 
 
 def said(name: str, parameters: Mapping[str, Estimate]) -> str:
-    """Say what a mechanism does: size, sign and axle or place, with the 90 % interval in brackets.
+    """Return the effect of a mechanism in words: size, sign and axle or place, with the 90 % interval in brackets.
 
-    A size whose interval holds its null is left out beside one whose interval does not.
+    Sizes whose interval contains the null value are omitted if the interval of another size does not.
     """
     card = ALL[name]
     nulls = {one.name: one.null for one in card.parameters}
@@ -32,11 +32,11 @@ def said(name: str, parameters: Mapping[str, Estimate]) -> str:
     return ", and ".join(parts)
 
 
-#: Units as they end the names of parameters; the longest first.
+#: Units at the end of parameter names, longest first.
 _ENDS = ("_ns2_per_m2", "_ns_per_m", "_1_per_bar", "_1_per_k", "_j_per_m", "_m_per_j", "_s_per_m", "_per_k", "_mps", "_nm",
          "_hz", "_m", "_s", "_n")  # fmt: skip
 
-#: Names of parameters that say little by themselves, without their unit.
+#: Words for parameter names that are unclear without their unit.
 _SAY_LITTLE = {
     "change": "relative change",
     "gain": "relative change of the gain",
@@ -63,12 +63,12 @@ def parameter_words(parameter: str) -> str:
 
 
 def unit_words(unit: str) -> str:
-    """Return a unit as it stands in a table of its own; a lone dash would read as minus."""
+    """Return a unit for a table column; a single dash could be read as minus."""
     return "(dimensionless)" if unit == "-" else unit
 
 
 def parameter_said(parameter: str, estimate: Estimate) -> str:
-    """Say a parameter with its unit and 90 % interval; one that was not fitted, as an axle or a place, once."""
+    """Return a parameter with its unit and 90 % interval in words; without interval if it was not fitted (axle, place)."""
     name, unit = parameter_words(parameter), "" if estimate.unit == "-" else estimate.unit
     low, high = estimate.interval90
     if name == "axle":
@@ -83,7 +83,7 @@ def _holds(interval: tuple[float, float], null: float) -> bool:
 
 
 def _numbers(*values: float) -> list[str]:
-    """Put an estimate and its interval in words, to the digits that the interval leaves."""
+    """Return an estimate and its interval as text, with the digits that the width of the interval justifies."""
     width = max(values) - min(values)
     if width <= 0.0:
         return [f"{value:.3g}" for value in values]
@@ -91,7 +91,7 @@ def _numbers(*values: float) -> list[str]:
     return [f"{value:.{digits}f}" for value in values]
 
 
-#: The test that shows on what an unknown cause depends, by the balance that is off.
+#: The test that shows the dependence of an unknown cause, by the balance with the misfit.
 _UNKNOWN_TESTS = {
     "adhesion": (
         "stops from several speeds at controlled slip, up and down the creep curve: that parts slip, speed, work and time"
@@ -108,7 +108,7 @@ def next_test(
     verdict: Verdict, named: Sequence[Named], reasons: Mapping[str, str], where: Sequence[Location] = (),
     terms: Sequence[Discovered] = (),
 ) -> str:  # fmt: skip
-    """Return the test that would tell most next."""
+    """Return the test that would give most information next."""
     if verdict == "adequate":
         return "none is needed for what these stops can show; gentle and hard stops from other speeds would show more"
     if verdict == "insufficient":
@@ -141,13 +141,13 @@ def sentence(
 
 
 def _term(term: Discovered) -> str:
-    """Say what a term without a name does, and what it looks like."""
+    """Return a claim on a term without a name, with the physics that it resembles."""
     like = f", which looks like: {' or '.join(term.looks_like)}" if term.looks_like else ""
     return f"something without a name in the library, {term.equation}{like}"
 
 
 def _claim(one: Named) -> str:
-    """Say what one mechanism does, and how far that can be trusted."""
+    """Return a claim on one mechanism, with its confidence."""
     others = " or ".join(name.replace("_", " ") for name in one.alternatives[1:])
     words = said(one.name, one.parameters)
     if one.multiple < 1.0:
@@ -158,5 +158,5 @@ def _claim(one: Named) -> str:
 
 
 def capital(text: str) -> str:
-    """Return a text as a sentence begins; a path stays as it is."""
+    """Return a text with a capital first letter; a path is unchanged."""
     return text if re.match(r"\S*[/\\]", text) else f"{text[:1].upper()}{text[1:]}"

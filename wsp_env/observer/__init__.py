@@ -1,1 +1,1 @@
-"""What a vehicle can know of itself and its rail from its own sensors and commands, and the observation made of it."""
+"""Estimation of vehicle and rail state from the vehicle's own sensors and commands, and the observation built from it."""

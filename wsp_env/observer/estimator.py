@@ -1,10 +1,9 @@
-"""Estimation of what no sensor measures: running speed, cylinder pressures and the adhesion that each wheelset uses.
+"""Estimation of unmeasured states: running speed, cylinder pressures and the adhesion that each wheelset uses.
 
-The pressures follow from the own commands and the brake's nominal times. With them the wheel's balance gives the force of the
-rail, T = (C + J dw/dt) / r, and the sum of these forces slows the vehicle, dv/dt = -sum T / M. The mass is not known: a Kalman
-filter of two states, the running speed v and q = nominal over true mass, is corrected whenever a wheelset rolls, which one does
-that is braked far less than before, by any wheel that turns faster than the vehicle could run, and gently by the fastest wheel
-as long as none has slid.
+The pressures follow from the own commands and the brake's nominal times. With them, the wheel's balance gives the rail force T
+= (C + J dw/dt) / r. The sum of these forces slows the vehicle: dv/dt = -sum T / M. The mass is unknown. A Kalman filter has the
+states running speed v and q = nominal over true mass. It is corrected by rolling wheelsets (braked far less than before), by
+any wheel that turns faster than the vehicle can run, and, until the first slide, weakly by the fastest wheel.
 """
 
 import math
@@ -16,21 +15,21 @@ from wsp_env.compiled import inlined
 from wsp_env.observer import bounds
 from wsp_env.parameters.vehicle import Vehicle
 
-#: A wheelset that the estimated brake asks for less adhesion than this [-] for `ROLLING_S` [s] rolls (assumption: half the
-#: adhesion of rail that the standard's tests call extremely low); so does one that is asked for less than this share of what it
-#: has used of late, low-passed with a time constant [s] (assumption). The adhesion that it uses, smoothed, is below that too: a
-#: wheel that was let go from a slide is still catching up with the vehicle, and the noise of its sensor may hide that.
+#: A wheelset rolls if its estimated brake requires less adhesion than this [-] for `ROLLING_S` [s] (assumption: half the
+#: adhesion of rail that the standard's tests call extremely low), or less than this share of its recent low-passed use
+#: (assumption). Its smoothed used adhesion must be below the limit too: a wheel released from a slide still accelerates to the
+#: vehicle's speed, and sensor noise may hide this.
 ROLLING_ADHESION = 0.015
 ROLLING_SHARE = 0.5
 ROLLING_S = 0.04
 USED_FILTER_S = 2.0
 
-#: It then slips by so much [m/s] (assumption: half the creep at which the poorest rail carries that adhesion).
+#: Slip of a rolling wheelset [m/s] (assumption: half the creep at which the poorest rail carries that adhesion).
 ROLLING_CREEP_MPS = 0.02
 
-#: Standard deviations (assumptions): of a rolling wheel's speed against the vehicle's [m/s], of the fastest braked one's before
-#: the first slide (large, as its errors at neighbouring times are alike), of the running speed at the start [m/s], of q at the
-#: start [-], and what both drift in a second [m/s / sqrt(s)], [1 / sqrt(s)].
+#: Standard deviations (assumptions): of a rolling wheel's speed against the vehicle's [m/s], of the fastest braked wheel's
+#: before the first slide (large, because its errors at neighbouring times are correlated), of the initial running speed [m/s]
+#: and q [-], and of the drift of both [m/s / sqrt(s)], [1 / sqrt(s)].
 ROLLING_DEVIATION_MPS = 0.1
 BRAKED_DEVIATION_MPS = 1.0
 START_DEVIATION_MPS = 0.05
@@ -38,94 +37,94 @@ MASS_DEVIATION = 0.04
 SPEED_DRIFT = 0.02
 MASS_DRIFT = 0.002
 
-#: A wheel so much faster than the estimated running speed [m/s], as a mean over the time constant [s], corrects it although it
-#: may slide; not smoothed, the noise of the sensors alone would drive the running speed up (assumptions).
+#: A wheel faster than the estimated running speed by this much [m/s], as a mean over the time constant [s], corrects it
+#: although the wheel may slide. Without smoothing, sensor noise alone would raise the running speed (assumptions).
 FASTER_MPS = 0.15
 FASTER_FILTER_S = 0.1
 
-#: Standard deviation of the running speed [m/s] from which it is in doubt, and below which no longer: a good moment to let a
-#: wheelset roll.
+#: Standard deviations of the running speed [m/s] at which it becomes doubtful and certain again; if doubtful, a wheelset should
+#: be released to roll.
 DOUBTFUL_MPS, CERTAIN_MPS = 0.3, 0.12
 
-#: A wheel slides that runs slower than the estimated speed by more than this creepage [-]: more than wheels that roll under
-#: full brake. For so long after the last slide [s] the speed may be in doubt, not longer: where nothing slides no wheelset is
-#: to be released for its sake (assumptions).
+#: A wheel slides if it is slower than the estimated speed by more than this creepage [-], which exceeds that of wheels that
+#: roll under full brake. The speed may be doubtful only for this time after the last slide [s]: without slides, no wheelset is
+#: to be released for the speed estimate (assumptions).
 SLIDING_CREEPAGE_SEEN = 0.008
 SLIDE_REMEMBERED_S = 2.0
 
-#: Below this speed nothing is in doubt [m/s]: errors of the slip matter less, and a stop is nearly over.
+#: Running speed below which nothing is doubtful [m/s]: slip errors matter less, and the stop is nearly over.
 SLOW_MPS = 10.0
 
 #: Bounds of q [-].
 MASS_RANGE = (0.8, 1.25)
 
-#: Time constant by which the used adhesion is smoothed [s]; half the brake's own times.
+#: Time constant for smoothing the used adhesion [s]; half the brake's own times.
 ADHESION_FILTER_S = 0.1
 
 
 class VehicleEstimate(NamedTuple):
-    """What is estimated of N vehicles with A axles, changed in place: to be read, never to be kept."""
+    """Estimates for N vehicles with A axles, changed in place: read them, do not keep references."""
 
     speed: np.ndarray  # (N,) running speed [m/s]
     uncertainty: np.ndarray  # (N,) its standard deviation [m/s]
-    doubtful: np.ndarray  # (N,) bool, a wheelset should roll for the running speed to become certain
+    doubtful: np.ndarray  # (N,) bool, a wheelset should roll to make the running speed certain
     distributor: np.ndarray  # (N,) pressure of the distributor, share of full pressure [-]
-    demand: np.ndarray  # (N,) the last one, share of full pressure [-]
+    demand: np.ndarray  # (N,) last demand, share of full pressure [-]
     mass_ratio: np.ndarray  # (N,) q, nominal over true mass [-]
-    speed_variance: np.ndarray  # (N,) of the running speed [m2/s2]
-    covariance: np.ndarray  # (N,) of both [m/s]
-    mass_variance: np.ndarray  # (N,) of q [-]
-    since_slide: np.ndarray  # (N,) time since a wheel slid [s]; inf: none has
+    speed_variance: np.ndarray  # (N,) variance of the running speed [m2/s2]
+    covariance: np.ndarray  # (N,) covariance of running speed and q [m/s]
+    mass_variance: np.ndarray  # (N,) variance of q [-]
+    since_slide: np.ndarray  # (N,) time since a wheel slid [s]; inf: no wheel has
     wheel: np.ndarray  # (N, A) circumferential wheel speed [m/s]
-    pressure: np.ndarray  # (N, A) in the cylinder, share of full pressure [-]
-    pressure_to_come: np.ndarray  # (N, A) the same once the commands on their way have acted [-]
-    most_pressure: np.ndarray  # (N, A) the most that the cylinder may hold, see `wsp_env.observer.bounds` [-]
-    vented: np.ndarray  # (N, A) for how long all commands on their way have been to vent [s]
-    unseen: np.ndarray  # (N, A) by how much the brake may exceed the estimated one, as an adhesion, smoothed [-]
-    adhesion: np.ndarray  # (N, A) used, T / N [-]
-    usual_adhesion: np.ndarray  # (N, A) the same of late [-]
-    rolling_adhesion: np.ndarray  # (N, A) that a wheelset which rolls is asked for at most [-]
-    rolling_time: np.ndarray  # (N, A) for which it was asked for less [s]
-    ahead: np.ndarray  # (N, A) of the running speed, smoothed [m/s]
-    trusted: np.ndarray  # (N, A) bool, the wheel's speed says something of the vehicle's, see `wsp_env.observer.guard`
-    commands: np.ndarray  # (N, K, A) on their way to the valves, newest first
+    pressure: np.ndarray  # (N, A) cylinder pressure, share of full pressure [-]
+    pressure_to_come: np.ndarray  # (N, A) cylinder pressure after all commands under way have acted [-]
+    most_pressure: np.ndarray  # (N, A) highest possible cylinder pressure, see `wsp_env.observer.bounds` [-]
+    vented: np.ndarray  # (N, A) time for which all commands under way have been to vent [s]
+    unseen: np.ndarray  # (N, A) possible excess of the brake over the estimate, as an adhesion, smoothed [-]
+    adhesion: np.ndarray  # (N, A) used adhesion T / N, smoothed [-]
+    usual_adhesion: np.ndarray  # (N, A) used adhesion, low-passed with `USED_FILTER_S` [-]
+    rolling_adhesion: np.ndarray  # (N, A) brake adhesion below which a wheelset rolls [-]
+    rolling_time: np.ndarray  # (N, A) time below that limit [s]
+    ahead: np.ndarray  # (N, A) wheel speed minus running speed, smoothed [m/s]
+    trusted: np.ndarray  # (N, A) bool, the wheel's speed may correct the running speed, see `wsp_env.observer.guard`
+    commands: np.ndarray  # (N, K, A) commands under way to the valves, newest first
 
 
 class EstimatorConstants(NamedTuple):
-    """Nominal values of the vehicle with half its payload, and shares of the filters in an interval."""
+    """Nominal values of the vehicle with half its payload, and gains of the filters in an interval."""
 
     radius: float  # of a wheel [m]
     full_pressure: float  # [bar]
     interval: float  # between measurements [s]
-    by_pressure: bool  # commands are pressures
+    by_pressure: bool  # whether commands are pressures
     mass: float  # [kg]
     axle_weight: float  # [N]
-    full_force: float  # of a wheelset's brake at full pressure, at the tread [N]
+    full_force: float  # brake force of a wheelset at full pressure, at the tread [N]
     full_brake: float  # see `full_brake` [-]
-    rotating: float  # a wheelset's inertia as a mass [kg]
-    rise: float  # of the distributor's pressure in an interval, share of full pressure [-]
-    fill: float  # share of an exponential approach [-]: of a cylinder that is filled
-    vent: float  # and one that is vented [-]
-    fill_most: float  # the same of the fastest filling
-    vent_least: float  # and the slowest venting
-    usual: float  # of `USED_FILTER_S` [-]
-    smooth: float  # of `ADHESION_FILTER_S` [-]
-    lift: float  # of `FASTER_FILTER_S` [-]
+    rotating: float  # a wheelset's inertia as an equivalent mass [kg]
+    rise: float  # change of the distributor's pressure in an interval, share of full pressure [-]
+    fill: float  # gain of the approach in an interval [-]: filling of a cylinder
+    vent: float  # venting of a cylinder [-]
+    fill_most: float  # fastest filling [-]
+    vent_least: float  # slowest venting [-]
+    usual: float  # gain of `USED_FILTER_S` [-]
+    smooth: float  # gain of `ADHESION_FILTER_S` [-]
+    lift: float  # gain of `FASTER_FILTER_S` [-]
 
 
 def full_brake(vehicle: Vehicle) -> float:
-    """Return the adhesion [-] that full pressure asks of a wheelset with half the payload on board."""
+    """Return the adhesion [-] that full pressure requires of a wheelset with half the payload."""
     weight = (vehicle.mass_kg + 0.5 * vehicle.payload_kg) * vehicle.gravity_mps2 / vehicle.axles
     return vehicle.full_brake_torque_nm / vehicle.wheel_radius_m / weight
 
 
 def approach(interval: float, time_constant: float) -> float:
-    """Return the share [-] of the way to its target that a low-pass goes in an interval; both [s]."""
+    """Return the gain [-] of a first-order low-pass in an interval; interval and time constant in [s]."""
     return float(1.0 - np.exp(-interval / time_constant))
 
 
 def constants(vehicle: Vehicle, interval: float, by_pressure: bool) -> EstimatorConstants:
-    """Return the constants for measurements every `interval` [s] and commands that are pressures or go to valves."""
+    """Return the constants for a measurement interval [s] and commands that are pressures or valve positions."""
     brake = vehicle.brake
     mass = vehicle.mass_kg + 0.5 * vehicle.payload_kg
     fastest, slowest = bounds.fill_and_vent(brake.fill_time_constant_s, brake.vent_time_constant_s)
@@ -151,7 +150,7 @@ def constants(vehicle: Vehicle, interval: float, by_pressure: bool) -> Estimator
 
 
 def allocate(n: int, vehicle: Vehicle, interval: float) -> VehicleEstimate:
-    """Return the estimates of n vehicles; `begin` gives them values."""
+    """Allocate the estimates of n vehicles; `begin` sets their values."""
     axles = vehicle.axles
     per_vehicle = {"speed", "uncertainty", "distributor", "demand", "mass_ratio", "since_slide"}
     per_vehicle |= {"speed_variance", "covariance", "mass_variance"}
@@ -188,14 +187,14 @@ def update(
     i: int, wheel_speed: np.ndarray, command: np.ndarray, demand: float, measured: np.ndarray,
     e: VehicleEstimate, c: EstimatorConstants,
 ) -> None:  # fmt: skip
-    """Go on by one interval with vehicle i.
+    """Update the estimates of vehicle i by one interval.
 
     Parameters
     ----------
     wheel_speed : (N, A) measured at the end of the interval [rad/s]
     command : (N, A) given at its start: vent -1, hold 0, apply 1; or the pressure -1 to 1
     demand : share of full pressure
-    measured : (N, A) pressures of sensors [bar]; (0, 0): they are estimated
+    measured : (N, A) measured cylinder pressures [bar]; an empty array (0, 0): they are estimated
 
     """
     axles = wheel_speed.shape[1]
@@ -219,7 +218,8 @@ def update(
         e.usual_adhesion[i, k] += c.usual * (e.adhesion[i, k] - e.usual_adhesion[i, k])
         e.rolling_adhesion[i, k] = max(ROLLING_ADHESION, ROLLING_SHARE * e.usual_adhesion[i, k])
     _predict(i, slowed / c.mass, e, c)
-    # No braked wheel is faster than one that rolls: the brake of a slower one is not as empty as it is taken to be.
+    # No braked wheel is faster than a rolling one. A wheel much slower than the fastest does not roll: its brake is
+    # underestimated.
     slowest = fastest * (1.0 - SLIDING_CREEPAGE_SEEN) - 3.0 * ROLLING_DEVIATION_MPS
     for k in range(axles):
         if e.rolling_time[i, k] >= ROLLING_S and e.wheel[i, k] > slowest:
@@ -243,7 +243,7 @@ def update(
 
 @inlined
 def _follow_brake(i: int, k: int, command: float, measured: np.ndarray, e: VehicleEstimate, c: EstimatorConstants) -> None:
-    """Take the next command of axle k; its pressure now, and once all commands on their way have acted."""
+    """Take the next command of axle k; update its pressure, and the pressure after all commands under way."""
     last = e.commands.shape[1] - 1
     for age in range(last, 0, -1):
         e.commands[i, age, k] = e.commands[i, age - 1, k]
@@ -263,7 +263,7 @@ def _follow_brake(i: int, k: int, command: float, measured: np.ndarray, e: Vehic
 
 @inlined
 def _bound(i: int, k: int, e: VehicleEstimate, c: EstimatorConstants) -> None:
-    """Follow the most that the cylinder of axle k may hold: any command on its way may act already, a vent be late."""
+    """Update the highest possible pressure of axle k: any command under way may act already, and venting may be late."""
     most, highest = e.most_pressure[i, k], 0.0
     for age in range(e.commands.shape[1]):
         acts = e.commands[i, age, k]
@@ -281,19 +281,19 @@ def _bound(i: int, k: int, e: VehicleEstimate, c: EstimatorConstants) -> None:
 
 @inlined
 def surely_rolls(i: int, k: int, e: VehicleEstimate, c: EstimatorConstants) -> bool:
-    """Return whether the wheelset of axle k rolls on any rail and with any brake within its tolerances."""
+    """Return whether the wheelset of axle k rolls, on any rail and with any brake within its tolerances."""
     return surely_empty(i, k, e, c) and e.adhesion[i, k] + e.unseen[i, k] < ROLLING_ADHESION
 
 
 @inlined
 def surely_empty(i: int, k: int, e: VehicleEstimate, c: EstimatorConstants) -> bool:
-    """Return whether the brake of axle k, if within its tolerances, asks for less than any rail carries."""
+    """Return whether any brake of axle k within its tolerances requires less adhesion than any rail carries."""
     return bounds.brake(e.most_pressure[i, k], c.full_brake) < ROLLING_ADHESION
 
 
 @inlined
 def _after(pressure: float, acts: float, distributor: float, demand: float, c: EstimatorConstants) -> float:
-    """Pressure after an interval under a command that acts; all shares of full pressure."""
+    """Pressure after an interval under an active command; all shares of full pressure."""
     held = 0.0 if acts < -0.5 else pressure
     target = distributor if acts > 0.5 else held
     if c.by_pressure:
@@ -303,7 +303,7 @@ def _after(pressure: float, acts: float, distributor: float, demand: float, c: E
 
 @inlined
 def _predict(i: int, slowed: float, e: VehicleEstimate, c: EstimatorConstants) -> None:
-    """Slow the vehicle by q times what the nominal mass would lose [m/s]."""
+    """Slow the vehicle by q times the loss of speed with nominal mass, `slowed` [m/s]; update the covariances."""
     e.speed[i] -= e.mass_ratio[i] * slowed
     e.speed_variance[i] = (
         e.speed_variance[i]
@@ -317,13 +317,12 @@ def _predict(i: int, slowed: float, e: VehicleEstimate, c: EstimatorConstants) -
 
 @inlined
 def _correct(i: int, seen: float, deviation: float, sure: bool, e: VehicleEstimate) -> None:
-    """Take a speed that was seen, with its standard deviation, both [m/s], for the running speed.
+    """Correct the running speed by an observed one, `seen`, with its standard deviation, both [m/s].
 
-    One that is further off than three standard deviations says that the forces are less certain than believed, as those of a
-    brake with other times are: so much less certain is all, but q no less than its bounds allow. Where the vehicle would run
-    slower by more than what is doubtful, the brake may also be fuller than believed, and the wheel slide on steadily: unless it
-    rolls for `sure`, see `surely_rolls`, it only makes the speed as uncertain as it is off, so that a wheelset is released
-    further.
+    A deviation of more than three standard deviations shows that the forces are less certain than assumed, as with other brake
+    times. The covariance is then increased to match, q only within its bounds. If the correction would lower the speed by more
+    than `DOUBTFUL_MPS`, the brake may also be fuller than estimated and the wheel slide steadily. Unless it rolls for `sure`
+    (see `surely_rolls`), only the uncertainty is increased to the deviation, so that a wheelset is released further.
     """
     missing = seen - e.speed[i]
     if missing < -DOUBTFUL_MPS and not sure:
@@ -346,7 +345,7 @@ def _correct(i: int, seen: float, deviation: float, sure: bool, e: VehicleEstima
 
 @inlined
 def _doubt_forces(i: int, more: float, e: VehicleEstimate) -> None:
-    """Make the running speed so many times as uncertain (variance), and q with it: what took it astray are the forces."""
+    """Increase the variance of the running speed by a factor, and that of q within its bounds: the forces are uncertain."""
     if more > 1.0:
         wider = min(more, max((MASS_RANGE[1] - 1.0) * (MASS_RANGE[1] - 1.0) / e.mass_variance[i], 1.0))
         e.speed_variance[i] *= more
@@ -356,7 +355,7 @@ def _doubt_forces(i: int, more: float, e: VehicleEstimate) -> None:
 
 @inlined
 def _raise(i: int, e: VehicleEstimate, c: EstimatorConstants) -> None:
-    """Follow the fastest of the wheels where it runs ahead; it may slide: nothing becomes more certain."""
+    """Raise the running speed to the fastest wheel if this is ahead; the uncertainty stays, because the wheel may slide."""
     fastest = -math.inf
     for k in range(e.wheel.shape[1]):
         e.ahead[i, k] += c.lift * (e.wheel[i, k] - e.speed[i] - e.ahead[i, k])

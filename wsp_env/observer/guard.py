@@ -1,20 +1,19 @@
-"""An observer that doubts: which wheel sensors to believe, and what to do with an axle that cannot be watched.
+"""Sensor supervision: excludes faulty wheel sensors, and controls axles that cannot be monitored.
 
-It stands between a measurement and `wsp_env.observer.observation.Observer`, and between a controller and the valves. The
+It is placed between the measurement and `wsp_env.observer.observation.Observer`, and between a controller and the valves. The
 learned policies and the adaptive controller share it.
 
-- Sensors that are lost, frozen, noisy or dead are found and left out for the rest of the stop: what has failed once is not
-  believed again while the brake depends on it. The observer is then given a wheel that rolls with the estimated running speed,
-  and takes no correction from it.
-- An axle whose valve does not obey is left out as well: its wheel slows more than its brake is taken to do. A wheel that stands
-  is reported whether its sensor is believed or not.
-- While a reading repeats, the wheel is taken to slow with the vehicle: a frozen one must not keep the estimated speed up.
-- Wheel radii are learned while all wheels roll, before the brake acts: the observer is given speeds as of nominal wheels.
-- Noise beyond what is usual is measured and filtered.
-- An axle without a believed sensor is braked by rules: fully where nothing slides, otherwise by less than what the watched
-  axles use.
-- No axle stays without brake for ever: a safety timer applies it for a moment.
-- At the end of a stop no wheel is left to lock on a running speed that is estimated too low: the fastest wheel counts too.
+- Lost, frozen, noisy or dead sensors are detected. A sensor flagged as failed stays excluded for the rest of the stop. The
+  observer then gets a wheel that rolls with the estimated running speed, and takes no correction from it.
+- An axle whose valve does not obey (its wheel slows more than its estimated brake can cause) is excluded as well. A standing
+  wheel is reported even if its sensor is excluded.
+- While a reading repeats, the wheel is assumed to slow with the vehicle: a frozen reading must not hold up the estimated speed.
+- Wheel radii are learned while all wheels roll before braking; the observer gets speeds converted to nominal wheels.
+- Noise above the usual level is measured and filtered.
+- An axle without a working sensor is braked by rules: fully if nothing slides, otherwise with less than the monitored axles
+  use.
+- A safety timer briefly applies the brake of any axle that was without brake for too long.
+- At the end of a stop, no wheel locks because of an underestimated running speed: the fastest wheel counts too.
 """
 
 import math
@@ -44,14 +43,14 @@ from wsp_env.plant.port import Measurement
 
 
 class Guard:
-    """Doubts for the stops of one observer; `failed`, `standing` (N, A) bool and `radius` (N, A) [m] say what was found.
+    """Sensor supervision for the stops of one observer. Results: `failed`, `standing` (N, A) bool, `radius` (N, A) [m].
 
     Parameters
     ----------
     vehicle : for its nominal values
-    observer : that is given what is believed, and asked for what it estimates
+    observer : gets the corrected wheel speeds; its estimates are used
     n : number of stops
-    timer_s, timer_rest_s : of the safety timer: longest time without brake, and for how long it applies then [s]
+    timer_s, timer_rest_s : safety timer: longest time without brake, and duration of the application [s]
 
     """
 
@@ -66,7 +65,7 @@ class Guard:
 
     @property
     def failed(self) -> np.ndarray:
-        """Sensors that are not believed (N, A) bool."""
+        """Excluded sensors (N, A) bool."""
         return self.doubts.failed
 
     @property
@@ -80,7 +79,7 @@ class Guard:
         return self._radius * self.doubts.ratio
 
     def begin(self, measurement: Measurement) -> np.ndarray:
-        """Take the first measurement, begin the observer; return its observations (N, size)."""
+        """Take the first measurement and reset the observer; return its observations (N, size)."""
         raw = self._readings(measurement)
         _begin(raw, self._state)
         observation = self._observer.reset(measurement._replace(wheel_speed=self.doubts.clean))
@@ -89,15 +88,15 @@ class Guard:
         return observation
 
     def observe(self, measurement: Measurement, command: np.ndarray) -> np.ndarray:
-        """Take the next measurement and the command (N, A) given before it; return the observation (N, size)."""
+        """Take the next measurement and the command (N, A) given before it; return the observations (N, size)."""
         raw = self._readings(measurement)
         _doubt(raw, self._state, self._given, self._observer.state, self._observer.given)
         return self._observer.observe(measurement._replace(wheel_speed=self.doubts.clean), command)
 
     def _readings(self, measurement: Measurement) -> np.ndarray:
-        """Return the wheel speeds (N, A) [rad/s]; `ValueError` for shapes or demands that cannot be.
+        """Return the wheel speeds (N, A) [rad/s]; `ValueError` for wrong shapes or demands outside 0 to 1.
 
-        The kernels look at nothing of that: they would write beyond the ends of what is kept.
+        The kernels do not check this: they would write beyond the ends of their arrays.
         """
         raw = np.array(measurement.wheel_speed, dtype=np.float64, order="C")
         demand = np.asarray(measurement.demand, dtype=np.float64)
@@ -110,7 +109,7 @@ class Guard:
         return raw
 
     def overrule(self, command: np.ndarray) -> np.ndarray:
-        """Change valve commands (N, A), in place, where an axle is not watched or a wheel would lock at the end of a stop."""
+        """Change valve commands (N, A) in place: for unmonitored axles, the safety timer, and wheels about to lock."""
         overrule(command, self._state, self._given, self._observer.state, self._observer.given)
         return command
 
@@ -134,7 +133,7 @@ def _begin(raw: np.ndarray, state: Any) -> None:
 
 @loop
 def _note(state: Any, given: Any, memory: Any) -> None:
-    """Note against which speeds a reading that repeats from the first one on is compared."""
+    """Store the speeds with which a reading that repeats from the first one is compared."""
     d, c = doubts_of(state), guard_of(given)
     e = memory_of(memory).estimate
     for i in range(d.raw.shape[0]):
@@ -145,7 +144,7 @@ def _note(state: Any, given: Any, memory: Any) -> None:
 
 @loop
 def _doubt(raw: np.ndarray, state: Any, given: Any, memory: Any, constants: Any) -> None:
-    """Judge the readings (N, A) [rad/s] of all stops; write what the observer is to believe."""
+    """Check the readings (N, A) [rad/s] of all stops; write the wheel speeds for the observer."""
     d, c = doubts_of(state), guard_of(given)
     e = memory_of(memory).estimate
     brake = constants_of(constants).estimator
@@ -163,6 +162,6 @@ def _doubt(raw: np.ndarray, state: Any, given: Any, memory: Any, constants: Any)
                 d.clean[i, k] = e.speed[i] / c.radius
                 continue
             d.clean[i, k] = d.ratio[i, k] * d.speed[i, k]
-            if d.same[i, k] > 0.0:  # it may be frozen: until that is clear the wheel is taken to slow with the vehicle
+            if d.same[i, k] > 0.0:  # possibly frozen: until this is clear, the wheel is assumed to slow with the vehicle
                 e.trusted[i, k] = False
                 d.clean[i, k] = max(d.clean[i, k] + (e.speed[i] - d.held_at[i, k]) / c.radius, 0.0)

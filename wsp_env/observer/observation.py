@@ -1,4 +1,4 @@
-"""What a learned policy sees of the measurements."""
+"""The observation of a learned policy, built from measurements and commands."""
 
 import math
 from typing import Any, NamedTuple
@@ -15,19 +15,19 @@ from wsp_env.plant.port import Measurement
 
 
 class Filtered(NamedTuple):
-    """What the observer low-passes beside its estimates; (N, A) unless said otherwise, changed in place."""
+    """Low-passed quantities of the observer in addition to its estimates; (N, A) unless stated otherwise, changed in place."""
 
-    acceleration: np.ndarray  # of the circumferential speed [m/s2]
-    slip: np.ndarray  # smoothed as the used adhesion is [m/s]
-    recent_slip: np.ndarray  # over half a second [m/s]
-    recent_adhesion: np.ndarray  # the same of the used adhesion [-]
-    slow_slip: np.ndarray  # over four seconds [m/s]
-    slow_adhesion: np.ndarray  # [-]
-    contradiction: np.ndarray  # (N, K) logarithm of what the rails' estimates deviate, as it is observed
+    acceleration: np.ndarray  # rate of the circumferential speed [m/s2]
+    slip: np.ndarray  # smoothed like the used adhesion [m/s]
+    recent_slip: np.ndarray  # low-passed over half a second [m/s]
+    recent_adhesion: np.ndarray  # used adhesion, low-passed over half a second [-]
+    slow_slip: np.ndarray  # low-passed over four seconds [m/s]
+    slow_adhesion: np.ndarray  # used adhesion, low-passed over four seconds [-]
+    contradiction: np.ndarray  # (N, K) log10 of the deviations of the rail estimates, as observed
 
 
 class Memory(NamedTuple):
-    """All that an observer remembers."""
+    """The state of an observer."""
 
     estimate: VehicleEstimate
     rail: RailEstimate
@@ -35,11 +35,11 @@ class Memory(NamedTuple):
 
 
 class ObserverConstants(NamedTuple):
-    """All that stays, see `Observer`."""
+    """The constants of an observer, see `Observer`."""
 
     estimator: EstimatorConstants
     rail: RailEstimateConstants
-    acceleration: float  # shares of the filters in an interval [-]
+    acceleration: float  # gains of the low-passes in an interval [-]
     recent: float
     slow: float
 
@@ -47,42 +47,41 @@ class ObserverConstants(NamedTuple):
 class Observer:
     """Builds the observation from the history of measurements and own commands.
 
-    The environments and any deployed policy share this class: a policy that was trained on the one runs on the other.
-
-    Observation, float32 (N, size), in this order; the first ten hold one value per axle:
+    The environments and all deployed policies share this class, so that a policy sees the same input in both. Observation,
+    float32 (N, size), in this order; the first ten hold one value per axle:
 
     ========================  ==================================================================================
     slip                      estimated running speed less circumferential wheel speed, / 5 m/s
     creepage                  the same over the running speed
     wheel acceleration        of the circumferential speed, low-passed, / 10 m/s2
-    brake                     adhesion that the cylinder pressure asks for, / 0.1; from the sensors where there are any,
+    brake                     adhesion that the cylinder pressure requires, / 0.1; measured if there are sensors,
                               otherwise estimated
-    brake to come             the same once the commands on their way have acted
+    brake to come             the same once the commands under way have acted
     used adhesion             estimated, / 0.1
     recent slip               low-passed over half a second, / 5 m/s
-    recent adhesion           the same of the used adhesion, / 0.1
+    recent adhesion           used adhesion, low-passed over half a second, / 0.1
     slow slip                 low-passed over four seconds, / 5 m/s
-    slow adhesion             the same of the used adhesion, / 0.1
-    friction of the rail      mu_cd that fits what was seen, for each of four rates of recovery, / 0.05 (four values)
-    contradiction             deviation of its logarithm, for each of these rates: log10 of it over 0.05 (four values)
-    seen                      how long wheels have slid, fading, / 8 s (one value)
+    slow adhesion             used adhesion, low-passed over four seconds, / 0.1
+    friction of the rail      mu_cd that fits the data, for each of four recovery rates, / 0.05 (four values)
+    contradiction             log10 of (standard deviation of log mu_cd / 0.05), for each of these rates (four values)
+    seen                      time for which wheels have slid, fading, / 8 s (one value)
     uncertainty               standard deviation of the running speed, / 0.2 m/s (one value)
-    in doubt                  1 while a wheelset should roll for the running speed to become certain (one value)
-    distributor               adhesion that the distributor's pressure asks for, / 0.1 (one value)
+    in doubt                  1 while a wheelset should roll to make the running speed certain (one value)
+    distributor               adhesion that the distributor's pressure requires, / 0.1 (one value)
     running speed             estimated, / 50 m/s (one value)
-    demanded brake            / 0.1 (one value)
+    demanded brake            adhesion that it requires, / 0.1 (one value)
     ========================  ==================================================================================
 
-    What is estimated is explained in `wsp_env.observer.estimator` and `wsp_env.observer.rail`, and can be read from the
-    attributes `estimate` and `rail`. Pressures are seen as the adhesion that they ask of a wheelset under its nominal load:
-    what a policy learns on one brake holds for a stronger one.
+    `wsp_env.observer.estimator` and `wsp_env.observer.rail` explain the estimates; the attributes `estimate` and `rail` hold
+    them. Pressures are expressed as the adhesion that they require of a wheelset under its nominal load, so that a policy
+    trained with one brake also applies to a stronger one.
 
     Parameters
     ----------
     vehicle : for its number of axles and nominal values
     control_interval_s : time between observations [s]
-    pressure_sensors : measurements hold cylinder pressures
-    by_pressure : commands are pressures
+    pressure_sensors : whether measurements contain cylinder pressures
+    by_pressure : whether commands are pressures
 
     """
 
@@ -96,7 +95,7 @@ class Observer:
     ACCELERATION_FILTER_S = 0.08  # time constant [s]
     RECENT_S = 0.5  # time constants of recent and slow slip and adhesion [s]
     SLOW_S = 4.0
-    CREEPAGE_FLOOR = 1.0  # [m/s]; below this running speed the creepage fades out
+    CREEPAGE_FLOOR = 1.0  # [m/s]; divisor of the creepage at lower running speeds
     BOUND = 10.0  # observations are clipped to this magnitude
 
     def __init__(
@@ -115,17 +114,17 @@ class Observer:
 
     @property
     def estimate(self) -> VehicleEstimate:
-        """What is estimated of the vehicles; to be read, never to be kept."""
+        """Estimates for the vehicles; read them, do not keep references."""
         return self._memory.estimate
 
     @property
     def rail(self) -> RailEstimate:
-        """What is estimated of their rails; to be read, never to be kept."""
+        """Estimates for their rails; read them, do not keep references."""
         return self._memory.rail
 
     @property
     def filtered(self) -> Filtered:
-        """What is low-passed; to be read, never to be kept."""
+        """Low-passed quantities; read them, do not keep references."""
         return self._memory.filtered
 
     def reset(self, measurement: Measurement, mask: np.ndarray | None = None) -> np.ndarray:
@@ -143,7 +142,7 @@ class Observer:
         return self._observation.copy()
 
     def observe(self, measurement: Measurement, command: np.ndarray) -> np.ndarray:
-        """Take the next measurement and the command (N, A) given before it; return the observation (N, size)."""
+        """Take the next measurement and the command (N, A) given before it; return the observations (N, size)."""
         wheel_speed = np.array(measurement.wheel_speed, np.float64, order="C")
         demand = np.array(measurement.demand, np.float64, order="C")
         command = np.array(command, np.float64, order="C")
@@ -159,17 +158,17 @@ class Observer:
         return self._observation.copy()
 
     def _check(self, per_axle: np.ndarray, per_vehicle: np.ndarray) -> None:
-        """Refuse arrays of another shape than (N, A) and (N,), in which the kernels would look beyond their ends."""
+        """Refuse arrays with shapes other than (N, A) and (N,); the kernels would read beyond their ends."""
         n, axles = self.estimate.wheel.shape
         if per_axle.shape != (n, axles) or per_vehicle.shape != (n,):
             given = f"{per_axle.shape} and {per_vehicle.shape}"
             raise ValueError(f"the observer was reset for {n} vehicles of {axles} axles, not for arrays of {given}")
 
 
-#: Pressures of a vehicle that does not measure them.
+#: Empty pressures of a vehicle without pressure sensors.
 _NO_SENSORS = np.empty((0, 0))
 
-# A value is observed times this.
+# Factors on the observed values.
 _PER_SLIP, _PER_SPEED, _PER_ACCELERATION = 1 / Observer.SLIP_SCALE, 1 / Observer.SPEED_SCALE, 1 / Observer.ACCELERATION_SCALE
 _PER_ADHESION, _PER_FRICTION, _PER_MEMORY = 1 / Observer.ADHESION_SCALE, 1 / Observer.FRICTION_SCALE, 1 / rail.MEMORY_S
 _PER_CONTRADICTION, _PER_UNCERTAINTY = 1 / Observer.CONTRADICTION_SCALE, 1 / Observer.UNCERTAINTY_SCALE
@@ -192,7 +191,7 @@ def _allocate(n: int, vehicle: Vehicle, interval: float) -> Memory:
     return Memory(estimator.allocate(n, vehicle, interval), rail.allocate(n), filtered)
 
 
-#: Kernels that make `Memory` and `ObserverConstants` of `Observer.state` and `Observer.given`, for compiled code that goes on.
+#: Kernels that rebuild `Memory` and `ObserverConstants` from `Observer.state` and `Observer.given`, for other compiled code.
 memory_of = rebuilder(_allocate(1, COACH, 0.02))
 constants_of = rebuilder(_constants_of(COACH, 0.02, False))
 
@@ -220,7 +219,7 @@ def _observe(
     wheel_speed: np.ndarray, command: np.ndarray, demand: np.ndarray, pressure: np.ndarray,
     state: Any, given: Any, observation: np.ndarray,
 ) -> None:  # fmt: skip
-    """Go on by one interval with every vehicle, see `Observer.observe`; pressures (N, A) or (0, 0) [bar]."""
+    """Update every vehicle by one interval, see `Observer.observe`; pressures (N, A), or (0, 0) without sensors [bar]."""
     memory, c = memory_of(state), constants_of(given)
     e, f = memory.estimate, memory.filtered
     n, axles = wheel_speed.shape
@@ -250,7 +249,7 @@ def _contradict(i: int, memory: Memory) -> None:
 
 @inlined
 def _write(i: int, demand: float, memory: Memory, c: ObserverConstants, observation: np.ndarray) -> None:
-    """Write the observation of vehicle i under a demand, share of full pressure; see `Observer`."""
+    """Write the observation of vehicle i with the demand as a share of full pressure; see `Observer`."""
     e, r, f = memory.estimate, memory.rail, memory.filtered
     axles, rates = e.wheel.shape[1], r.friction.shape[1]
     brake = c.estimator.full_brake * _PER_ADHESION

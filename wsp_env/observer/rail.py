@@ -1,9 +1,9 @@
-"""What the wheels so far tell of the rail: friction of the contaminant and how readily sliding cleans it.
+"""Estimation of the rail from sliding wheels: friction of the contaminant, and recovery rate by sliding.
 
-For every rate of recovery tau that is tried, each slip and adhesion of a sliding wheel says which mu_cd the rail then has: with
-lambda = 1 - exp(-tau f N e) known, f = (1 - lambda) f_d + lambda f_r gives f_d, and f_d gives mu_cd (eqs. 1 to 7 of the seed
-paper). Only at the true tau is that the same at all slips. Mean and scatter of log mu_cd, over all wheelsets and fading slowly,
-are what is kept for each tau.
+For each recovery rate tau that is tried, slip and adhesion of a sliding wheel give mu_cd of the rail: with lambda = 1 -
+exp(-tau f N e) known, f = (1 - lambda) f_d + lambda f_r gives f_d, and f_d gives mu_cd (eqs. 1 to 7 of the seed paper). Only
+with the true tau is mu_cd the same at all slips. For each tau, mean and scatter of log mu_cd over all wheelsets are stored,
+with slow fading.
 """
 
 import math
@@ -17,16 +17,16 @@ from wsp_env.contact.degraded import DegradedLaw
 from wsp_env.contact.polach import falling_friction, saturation
 from wsp_env.parameters.vehicle import Vehicle
 
-#: Rates of recovery that are tried [m/J]; 0 is the classic law.
+#: Recovery rates that are tried [m/J]; 0 is the classic law.
 RECOVERY_M_PER_J = (0.0, 1e-4, 2e-4, 3.5e-4)
 
-#: A wheel from this creepage on says something [-]; below most of the adhesion is that of the contact's stiffness (assumption).
+#: Creepage [-] from which on a wheel is used; below, the stiffness of the contact determines most of the adhesion (assumption).
 SLIDING_CREEPAGE = 0.015
 
-#: Time constant by which what was seen fades, in seconds of sliding [s].
+#: Time constant of the fading, in seconds of sliding [s].
 MEMORY_S = 8.0
 
-#: Before anything was seen: mu_cd [-] and deviation of its logarithm, as if seen for so long [s] (assumptions).
+#: Prior: mu_cd [-] and standard deviation of its logarithm, with the weight of this time of sliding [s] (assumptions).
 START_FRICTION = 0.035
 START_DEVIATION = 0.4
 START_S = 0.1
@@ -36,26 +36,26 @@ _RANGE = (0.004, 0.3)
 
 
 class RailEstimate(NamedTuple):
-    """Beliefs on the rails of N vehicles for K rates of recovery, changed in place: to be read, never to be kept."""
+    """Estimates of the rails of N vehicles for K recovery rates, changed in place: read them, do not keep references."""
 
-    seen: np.ndarray  # (N,) how long wheels have slid, fading [s]
+    seen: np.ndarray  # (N,) time for which wheels have slid, fading [s]
     friction: np.ndarray  # (N, K) mu_cd, exp of the mean of its logarithm [-]
-    deviation: np.ndarray  # (N, K) of that logarithm [-]
-    mean: np.ndarray  # (N, K) of the logarithm [-]
+    deviation: np.ndarray  # (N, K) standard deviation of log mu_cd [-]
+    mean: np.ndarray  # (N, K) mean of log mu_cd [-]
     square: np.ndarray  # (N, K) mean of its square [-]
-    sums: np.ndarray  # (2, K) scratch: of the logarithm and of its square over the axles of a vehicle
+    sums: np.ndarray  # (2, K) scratch: sums of log mu_cd and of its square over the axles of a vehicle
 
 
 class RailEstimateConstants(NamedTuple):
-    """What is the same for all vehicles."""
+    """Constants common to all vehicles."""
 
     interval: float  # between measurements [s]
-    load: float  # of a wheel with half the payload on board [N]
+    load: float  # on one wheel with half the payload [N]
     law: DegradedLaw
 
 
 def constants(vehicle: Vehicle, interval: float) -> RailEstimateConstants:
-    """Return the constants for measurements every `interval` [s]."""
+    """Return the constants for a measurement interval [s]."""
     mass = vehicle.mass_kg + 0.5 * vehicle.payload_kg
     return RailEstimateConstants(
         interval, mass * vehicle.gravity_mps2 / (2.0 * vehicle.axles), degraded.LAW.make(vehicle.contact)
@@ -63,7 +63,7 @@ def constants(vehicle: Vehicle, interval: float) -> RailEstimateConstants:
 
 
 def allocate(n: int) -> RailEstimate:
-    """Return the beliefs on n rails; `begin` gives them values."""
+    """Allocate the estimates of n rails; `begin` sets their values."""
     rates = len(RECOVERY_M_PER_J)
     shapes = {"seen": (n,), "sums": (2, rates)}
     return RailEstimate(*(np.zeros(shapes.get(name, (n, rates))) for name in RailEstimate._fields))
@@ -71,7 +71,7 @@ def allocate(n: int) -> RailEstimate:
 
 @inlined
 def begin(i: int, r: RailEstimate) -> None:
-    """Begin a new stop of vehicle i, of whose rail nothing was seen yet."""
+    """Begin a new stop of vehicle i with the prior of its rail."""
     r.seen[i] = START_S
     for j in range(len(RECOVERY_M_PER_J)):
         r.mean[i, j] = math.log(START_FRICTION)
@@ -81,9 +81,9 @@ def begin(i: int, r: RailEstimate) -> None:
 
 @inlined
 def update(i: int, slip: np.ndarray, adhesion: np.ndarray, speed: float, r: RailEstimate, c: RailEstimateConstants) -> bool:
-    """Take slips (N, A) [m/s] and adhesions (N, A) of vehicle i, both smoothed alike, at its running speed [m/s].
+    """Update the rail of vehicle i by slips (N, A) [m/s] and adhesions (N, A), smoothed alike, at its running speed [m/s].
 
-    Returns whether they say anything.
+    Return whether any wheel slides, so that the estimate changed.
     """
     share = 0.0
     if speed > 3.0:
@@ -115,7 +115,7 @@ def _conclude(i: int, j: int, r: RailEstimate) -> None:
 
 @inlined
 def _add(i: int, slip: float, adhesion: float, creepage: float, r: RailEstimate, c: RailEstimateConstants) -> None:
-    """Add the logarithm of mu_cd that every tau needs for the adhesion seen, weighted with the interval, and its square."""
+    """Add log mu_cd and its square, from one wheel's slip and adhesion, for each tau, weighted with the interval."""
     law, load = c.law, c.load
     recovered = falling_friction(slip, law.mu_cr, law.ratio_r, law.gamma_r)
     recovered *= saturation(law.stiffness * creepage / (recovered * load), law.k_ar, law.k_sr)

@@ -1,8 +1,8 @@
-"""The slip that is worth its price on the rail that is believed in.
+"""The slip with the least cost on the estimated rail.
 
-With the adhesion f(s) of the rail, a wheelset at slip speed s slows the vehicle by f g and slides s metres a second: of all
-slips the one with the least (v + c s) / f(s) costs least metres travelled and priced metres slid for the speed lost. Which rail
-it is the observer knows as beliefs, one for each rate of recovery (`wsp_env.observer.rail`): they are weighted by their fit.
+At slip speed s and adhesion f(s), a wheelset slows the vehicle by f g and slides s metres per second. The slip with the least
+(v + c s) / f(s) costs the least distance, travelled and priced for sliding, per loss of speed. The rail estimates, one for each
+recovery rate (`wsp_env.observer.rail`), are weighted by their fit.
 """
 
 from typing import Any
@@ -14,18 +14,18 @@ from wsp_env.contact.degraded import adhesion
 from wsp_env.contact.traction import Surface
 from wsp_env.observer.rail import RECOVERY_M_PER_J, RailEstimate, RailEstimateConstants
 
-#: Slips tried, as shares of the running speed, and the lowest [m/s] (assumptions: below the slide limit of 0.3, and down to
-#: what wheels slip that roll under brake).
+#: Tried slips as shares of the running speed, and the lowest [m/s] (assumptions: up to below the slide limit of 0.3, down to
+#: the slip of wheels that roll under brake).
 SHARES = tuple(0.003 * (0.25 / 0.003) ** (j / 15.0) for j in range(16))
 LEAST_MPS = 0.05
 
-#: What is seen of a rail within this time of sliding [s] is one independent reading (assumption: the slow changes of a slide).
+#: Sliding time [s] whose data count as one independent reading of the rail (assumption: slow changes within a slide).
 READING_S = 0.5
 
 
 @inlined
 def believe(i: int, r: RailEstimate, weights: np.ndarray) -> None:
-    """Write the weights (N, K) of the beliefs on rail i: likelihoods of normal readings whose deviation is not known."""
+    """Write the weights (N, K) of the estimates of rail i: likelihoods of normal readings with unknown standard deviation."""
     readings, total = r.seen[i] / READING_S, 0.0
     least = 1e9
     for j in range(len(RECOVERY_M_PER_J)):
@@ -41,13 +41,13 @@ def believe(i: int, r: RailEstimate, weights: np.ndarray) -> None:
 def slip_worth_its_price(
     i: int, speed: float, offered: float, price: float, r: RailEstimate, weights: np.ndarray, c: RailEstimateConstants
 ) -> float:
-    """Return the slip [m/s] with the least (v + c s) / f(s) on the believed rail i.
+    """Return the slip [m/s] with the least (v + c s) / f(s) on the estimated rail i.
 
     Parameters
     ----------
     speed : v, running speed [m/s]
-    offered : adhesion [-] that the brake asks for at most; more is of no use
-    price : c, metres travelled that a metre of sliding is worth
+    offered : largest adhesion [-] that the brake can use
+    price : c, metres travelled per metre of sliding of equal cost
     weights : (N, K), see `believe`
 
     """
@@ -68,5 +68,5 @@ def slip_worth_its_price(
 
 
 def weights_of(n: int) -> Any:
-    """Return room for the weights of n rails (N, K)."""
+    """Allocate the weights (N, K) of n rails."""
     return np.zeros((n, len(RECOVERY_M_PER_J)))

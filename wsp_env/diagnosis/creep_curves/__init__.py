@@ -1,4 +1,4 @@
-"""Creep curves, the second kind of recording: which physics Kalker's slope and constant friction lack."""
+"""Diagnosis of creep curves, the second kind of recording: physics missing in a law with Kalker's slope."""
 
 from wsp_env.diagnosis.creep_curves.answer import CreepDiagnosis
 from wsp_env.diagnosis.creep_curves.diagnose import diagnose_creep_curves

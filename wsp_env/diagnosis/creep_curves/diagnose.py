@@ -1,4 +1,4 @@
-"""Which physics a believed creep curve lacks, from measured points: the diagnosis of creep curves."""
+"""The diagnosis of creep curves: which physics the believed creep curve lacks, from measured points."""
 
 import dataclasses
 import itertools
@@ -15,25 +15,25 @@ from wsp_env.diagnosis.creep_curves.separation import Spread, correlations, esti
 from wsp_env.diagnosis.creep_curves.words import next_test, notes, sentence
 from wsp_env.recordings.creep_curves import CreepCurves
 
-#: A name that explains less by no more than this, or by no more than this share, is not told apart.
+#: Limits within which a rival name is not distinguished: difference of chi-square reduction, absolute and as a share.
 _INDISTINCT, _SHARE_OF_REDUCTION = 9.0, 0.1
-_FORM = 0.03  # error of a mechanism's form, as share of its reduction of chi-square: as on stops
-_PLACES = 12  # parts of a curve in which the baseline is compared with the points
-_SEEN = 3.0  # deviations from which on a part counts as missed
-_GRID = 120  # points of a drawn curve
+_FORM = 0.03  # possible error of a mechanism's form, as share of its reduction of chi-square; as for stops
+_PLACES = 12  # parts of a curve in which baseline and points are compared
+_SEEN = 3.0  # standard deviations from which on a part counts as missed
+_GRID = 120  # number of points of a drawn curve
 
 
 def diagnose_creep_curves(
     data: CreepCurves, effort: float = 1.0, seed: int = 0, progress: Callable[[str], None] = lambda step: None
 ) -> CreepDiagnosis:
-    """Say where a law with Kalker's slope and the believed friction misses the points, and which mechanisms it lacks.
+    """Find where a law with Kalker's slope and the believed friction misses the points, and which mechanisms it lacks.
 
     Parameters
     ----------
     data : see `wsp_env.recordings.creep_curves.read_creep_curves`
-    effort : multiplies the number of null recordings
+    effort : factor on the number of null recordings
     seed : of the null recordings
-    progress : is called with each step
+    progress : called with the name of each step
 
     """
     model = CreepModel(data)
@@ -43,7 +43,7 @@ def diagnose_creep_curves(
     closure = _closure(search, fit, last)
     explained = (search.baseline.cost - fit.cost) / search.variance
     unknown = closure is not None and closure.gain > explained and closure.held_out_gain > 0.0
-    if unknown:  # no name is worth more than the curve that is left: none is given
+    if unknown:  # a smooth curve explains more than all names together: report no name
         fit, against, last, closure = search.baseline, {}, first, _closure(search, search.baseline, first)
     spread = Spread(search, fit, last)
     parameters, law = estimates(spread)
@@ -64,7 +64,7 @@ def diagnose_creep_curves(
 
 
 def _accepted(search: CreepSearch, fit: CurveFit, last: Reductions) -> tuple[CurveFit, dict[str, Reductions], Reductions]:
-    """Drop what the others explain as well; returns all names' reductions beside the model without each mechanism left."""
+    """Drop mechanisms that the others make unnecessary; return the fit, the reductions without each name, and the last."""
     against: dict[str, Reductions] = {}
     for name in fit.names:
         others = tuple(one for one in fit.names if one != name)
@@ -110,14 +110,14 @@ def _named(
 
 
 def _closure(search: CreepSearch, fit: CurveFit, last: Reductions) -> Closure | None:
-    """Return what a smooth function of creepage still explains, if it explains as much of no null recording."""
+    """Return the closure (smooth function of creepage) if it reduces chi-square more than in any null recording."""
     if last.probability(len(last.names) - 1) > RARE:
         return None
     return Closure(CLOSURE, float(last.data[-1]), search.closure_held_out(fit))
 
 
 def _location(search: CreepSearch, fit: CurveFit, runs: Sequence[str]) -> tuple[Location, ...]:
-    """Where the points lie beside the baseline, and beside the model without each of the mechanisms found."""
+    """Return where the points deviate from the baseline and from the model without each of the mechanisms found."""
     found = [*_missed(search, search.baseline, runs, "the baseline")]
     if len(fit.names) > 1:
         for name in fit.names:
@@ -127,7 +127,7 @@ def _location(search: CreepSearch, fit: CurveFit, runs: Sequence[str]) -> tuple[
 
 
 def _missed(search: CreepSearch, model: CurveFit, runs: Sequence[str], called: str) -> list[Location]:
-    """Join neighbouring parts of a curve in which the points lie on the same side of a model; what stands out, worst first."""
+    """Return the significant deviations from a model, largest first; neighbouring parts with equal sign are joined."""
     found, total = [], 0.0
     for k, run in enumerate(runs):
         here = np.flatnonzero(search.model.curve == k)
@@ -181,7 +181,7 @@ def _rms(errors: np.ndarray) -> float:
 
 
 def _detectable(search: CreepSearch, fit: CurveFit, last: Reductions) -> dict[str, dict[str, float]]:
-    """Smallest change of a size, the others typical, whose reduction beside the model would have passed all null recordings."""
+    """Smallest change of the last size, others typical, whose chi-square reduction exceeds that of all null recordings."""
     needed = float(last.null[:, :-1].max()) if last.null.shape[1] > 1 else 0.0
     found = {}
     for name in (one for one in search.candidates if one not in fit.names):
@@ -205,7 +205,7 @@ def _detectable(search: CreepSearch, fit: CurveFit, last: Reductions) -> dict[st
 
 
 def _shows_typical(model: CreepModel, seen: Mapping[str, Mapping[str, float]]) -> bool:
-    """Whether a mechanism would have been seen at the size it has in the literature."""
+    """Whether a mechanism would have been detected at its typical size in the literature."""
     sizes = {name: model.sizes(name)[-1] for name in seen}
     return any(seen[name][size.name] <= abs(size.typical - size.null) for name, size in sizes.items())
 
@@ -228,7 +228,7 @@ def _evidence(search: CreepSearch, first: Reductions) -> tuple[Evidence, ...]:
 
 
 def _confounding(search: CreepSearch) -> dict[str, dict[str, float]]:
-    """Cosines between what mechanisms of typical size change, the friction level's share taken away."""
+    """Cosines between the changes by mechanisms of typical size, with the part along the friction level removed."""
     model, level = search.model, float(search.baseline.values[0])
     plain = search.measured + search.baseline.residual
     by_level = search.sensitivities(search.baseline)[:, 0]
@@ -259,7 +259,7 @@ def _curves(search: CreepSearch, fit: CurveFit, spread: Spread, data: CreepCurve
 
 
 def _model_json(search: CreepSearch, fit: CurveFit) -> dict[str, Any]:
-    """Return what an environment needs to brake on this curve: no contaminant, hence no recovery."""
+    """Return the content of model.json: the law of this curve with mechanisms, no contaminant and hence no recovery."""
     model = search.model
     choice = model.choice(fit.names, fit.values)
     mu = model.kinetic_friction(float(fit.values[0]), model.law(choice))

@@ -1,9 +1,9 @@
 """The model of a steady creep curve with mechanisms of the library, and its fit to points.
 
-Baseline: Polach's law with Kalker's slope (Hertz, Kalker's c11; both reduction factors 1) and the believed friction,
-whose level alone is fitted. The mechanisms act in the plant's own slots. Where friction is believed constant, those that say so
-on their card have another null there: the fall of friction then begins from none, and its sizes refer to A and gamma of the
-seed paper's Table 2.
+Baseline: Polach's law with Kalker's slope (Hertz, Kalker's c11; both reduction factors 1) and the believed friction. Only the
+friction level is fitted. The mechanisms act in the plant's own slots. If friction is believed constant, mechanisms whose card
+says so have another null value: falling friction then starts from no fall, and its sizes refer to A and gamma of the seed
+paper's Table 2.
 """
 
 import dataclasses
@@ -35,12 +35,12 @@ from wsp_env.plant.mechanisms import (
 from wsp_env.plant.slots import contact
 from wsp_env.recordings.creep_curves import CreepContact, CreepCurves
 
-#: Slots of the plant that a steady creep curve passes, in the order in which what acts there is searched.
+#: Slots of the plant that act on a steady creep curve, in the order of the search.
 _SLOTS = ("law", "contact", "friction")
 _LEVELS = (0.003, 1.0)  # bounds of the friction coefficient [-]: assumption
 _ITERATIONS = 60
-_STEP = 1e-5  # of a finite difference, in units of the parameter's typical size
-_CONVERGED = 2e-4  # relative fall of the sum of squares that ends a fit: some 0.04 of a reduction for 200 points
+_STEP = 1e-5  # finite-difference step, in units of the parameter's typical size
+_CONVERGED = 2e-4  # relative decrease of the sum of squares that ends a fit: about 0.04 of chi-square for 200 points
 _DAMPINGS = 8
 
 Choice = dict[str, dict[str, float]]
@@ -51,13 +51,13 @@ class CurveFit:
     """A model fitted to points."""
 
     names: tuple[str, ...]  # mechanisms that are on
-    values: np.ndarray  # (p,) friction level, then the sizes of each mechanism in its order
+    values: np.ndarray  # (p,) friction level, then the sizes of each mechanism in the order of its card
     residual: np.ndarray  # (n,) model - measured
-    cost: float  # sum of its squares
+    cost: float  # sum of squares of `residual`
 
 
 class CreepModel:
-    """Adhesion coefficient at the points (n,) of creep curves, by speed and then creepage."""
+    """Adhesion coefficient at the points (n,) of creep curves, as a function of speed and creepage."""
 
     def __init__(self, data: CreepCurves) -> None:
         curves = data.curves.values()
@@ -72,24 +72,25 @@ class CreepModel:
         radius = data.contact.wheel_radius_m
         self._derived = derive(dataclasses.replace(WHEELSET, wheel_radius_m=radius, contact=ellipse))
         self._memory = remember(1, WHEELSET.axle_positions_m)
-        #: Slip speed [m/s] at which the friction level is defined: amid the points, so that the fall hardly moves it.
+        #: Slip speed [m/s] at which the friction level is defined: the points' mean, where falling friction changes the level
+        #: least.
         self.reference_mps = float(np.mean(self.creepage * self.speed))
 
     @property
     def searched(self) -> list[str]:
-        """The mechanisms that these points may show."""
+        """Mechanisms that these points may show, in the order of the search."""
         speeds = len(np.unique(self.speed))
         known = [name for slot in _SLOTS for name in creep_mechanisms() if slot in ALL[name].acts]
         return [name for name in dict.fromkeys(known) if creep_mechanisms()[name].least_speeds <= speeds]
 
     def sizes(self, name: str) -> tuple[Parameter, ...]:
-        """Return a mechanism's sizes, with the null that the believed friction gives them."""
+        """Return a mechanism's sizes, with the null values that belong to the believed friction."""
         constant = self.contact.friction_ratio == 1.0
         nulls = creep_mechanisms()[name].null_at_constant_friction if constant else {}
         return tuple(size._replace(null=nulls.get(size.name, size.null)) for size in ALL[name].sizes)
 
     def choice(self, names: Iterable[str], values: np.ndarray) -> Choice:
-        """Return what `mechanisms.make` takes; the values begin with the level."""
+        """Return the `choice` for `mechanisms.make` from values (p,), whose first element is the friction level."""
         believed = [name for name, shows in creep_mechanisms().items() if shows.null_at_constant_friction]
         found: Choice = {name: {p.name: p.null for p in self.sizes(name)} for name in believed}
         rest = iter(values[1:])
@@ -98,7 +99,7 @@ class CreepModel:
         return found
 
     def law(self, choice: Choice) -> DegradedLaw:
-        """Return the law with the mechanisms that act on it."""
+        """Return the traction law with the mechanisms that act on it."""
         return self._law(_records(choice))
 
     def _law(self, records: Mechanisms) -> DegradedLaw:
@@ -106,7 +107,7 @@ class CreepModel:
         return law
 
     def kinetic_friction(self, level: float, law: DegradedLaw) -> float:
-        """Return mu_c [-] from the friction coefficient at the reference slip."""
+        """Return the kinetic friction mu_c [-] for a friction coefficient `level` at the reference slip."""
         return level / float(falling_friction(self.reference_mps, 1.0, law.ratio_d, law.gamma_d))
 
     def adhesion(self, level: float, choice: Choice, at: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
@@ -129,13 +130,13 @@ class CreepModel:
         keep: np.ndarray | None = None,
         held: Mapping[str, float] | None = None,
     ) -> CurveFit:
-        """CurveFit level and sizes to adhesion coefficients (n,) by least squares, the best of several starts.
+        """Fit the friction level and the sizes to adhesion coefficients (n,) by least squares; the best of several starts.
 
         Parameters
         ----------
-        start : a fit with some of the mechanisms on, to begin at
+        start : a fit with some of the mechanisms on, used as start
         keep : (n,) bool, points to fit to
-        held : sizes "mechanism.parameter" kept at a value
+        held : sizes "mechanism.parameter" that are fixed at a value
 
         """
         parameters = [(name, p) for name in names for p in self.sizes(name)]
@@ -161,12 +162,12 @@ class CreepModel:
 
 @functools.cache
 def creep_mechanisms() -> dict[str, OnCreepCurve]:
-    """Return the mechanisms that show in a steady creep curve, and how."""
+    """Return the mechanisms that show in a steady creep curve, with their `OnCreepCurve` data."""
     return {name: card.signature.creep_curve for name, card in ALL.items() if card.signature.creep_curve is not None}
 
 
 def _records(choice: Choice) -> Mechanisms:
-    """Return what `mechanisms.make` does, without its checks: the values are inside their bounds here."""
+    """Return the records of `mechanisms.make` without its checks; the values are within their bounds here."""
     return NULL._replace(**{name: ALL[name].record(**values) for name, values in choice.items()})
 
 
@@ -178,9 +179,10 @@ def _by_name(model: CreepModel, fit: CurveFit) -> dict[tuple[str, str], float]:
 def _least_squares(
     function: Callable[[np.ndarray], np.ndarray], start: np.ndarray, box: np.ndarray, unit: np.ndarray, keep: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Levenberg's and Marquardt's method in a box: values, residuals and their sum of squares.
+    """Minimise a sum of squares in a box (Levenberg and Marquardt); return values, residuals and the sum of squares.
 
-    scipy's `least_squares` does the same in bounds, some ten times slower at this size, and hundreds of null recordings wait.
+    scipy's `least_squares` solves the same problem about ten times more slowly at this size; hundreds of null recordings need
+    it.
     """
     weight = np.ones(1) if keep is None else keep.astype(float)
     low, high = box.T

@@ -1,4 +1,4 @@
-"""The diagnosis of creep curves as a self-contained page; every number in it comes from the JSON."""
+"""The diagnosis of creep curves as a self-contained page; all numbers come from the JSON."""
 
 from pathlib import Path
 from typing import Any
@@ -17,13 +17,13 @@ def write_creep_report(
     made_from: Origin = Origin("wsp diagnose"),
     options: PageOptions = PageOptions(),
 ) -> None:
-    """Write the page of a diagnosis."""
+    """Write the page of a diagnosis of creep curves."""
     sections = [_first(found), _where(found), _what(found), _fitted(found), _held_out(found), _open(found), _remains(found)]
     write_page(path, f"Diagnosis of {found.campaign}", found.sentence, sections, made_from, options)
 
 
 def _first(found: CreepDiagnosis) -> Section:
-    """Return what the first screen holds beside the sentence."""
+    """Return the first section, which follows the sentence."""
     rows = [("Verdict", f"{found.verdict}: {MEANINGS[found.verdict]}")]
     sure = [f"{one.name.replace('_', ' ')}: {one.confidence:.2f} of 1" for one in found.mechanisms]
     rows += [("Confidence", "; ".join(sure))] if sure else []

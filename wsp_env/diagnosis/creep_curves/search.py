@@ -1,8 +1,7 @@
-"""The search on creep curves: null recordings, reductions of candidates against them, cross-validation, acceptance.
+"""The search on creep curves: null recordings, reductions of chi-square, cross-validation, acceptance.
 
-The same spirit as on stops: a mechanism is accepted if no null recording of the model without it, passed through the same fits,
-explains as much with any candidate searched, if it predicts points that were held out better, and if its effect is of
-interest.
+As for stops, a mechanism is accepted under three conditions. With the same fits, null recordings of the model without it rarely
+show as large a reduction by any candidate. It predicts held-out points better. Its effect is of interest.
 """
 
 import dataclasses
@@ -14,35 +13,35 @@ from numpy.polynomial.chebyshev import chebvander
 
 from wsp_env.diagnosis.creep_curves.model import CreepModel, CurveFit
 
-NULLS = 99  # null recordings at effort 1: the rarest probability that they can show is 1 in 100
-RARE = 0.01  # probability in a null recording below which a candidate counts; forward search is stopped by the same
-FOLDS = 20  # blocks of neighbouring creepages, each held out once: at 10 and fewer the outer ones are extrapolated far
+NULLS = 99  # null recordings at effort 1: the smallest probability that they can show is 1 in 100
+RARE = 0.01  # probability in null recordings below which a candidate is accepted; above it, the forward search stops
+FOLDS = 20  # blocks of neighbouring creepages, each held out once; with 10 or fewer, the outer blocks are extrapolated far
 CLOSURE = "function of creepage"
-_DEGREE = 5  # of the closure, polynomials of the logarithm of the creepage: as many bends as points of 10 % scatter could show
-_BLOCK = 5  # neighbouring points whose scatter changes sign together in a null recording
-_LEAST_BLOCKS = 20  # fewer would leave too few different null recordings
-_INTEREST = 0.01  # relative change of adhesion, at held creepage that of the stopping distance [-]
+_DEGREE = 5  # of the closure's polynomials in log creepage: the highest that points with 10 % scatter can show
+_BLOCK = 5  # neighbouring points whose scatter has a common sign in a null recording
+_LEAST_BLOCKS = 20  # with fewer blocks, there are too few different null recordings
+_INTEREST = 0.01  # relative change of adhesion [-]; at constant creepage equal to that of the stopping distance
 
 
 @dataclasses.dataclass(frozen=True)
 class Reductions:
-    """By how much candidates reduce chi-square beside a model."""
+    """Reductions of chi-square by candidates, relative to a model, with the same in null recordings."""
 
     current: CurveFit
     names: tuple[tuple[str, ...], ...]  # each candidate: one or two mechanisms
     fits: tuple[CurveFit, ...]
-    data: np.ndarray  # (candidates,) fall of the sum of squares over the scatter's variance
+    data: np.ndarray  # (candidates,) decrease of the sum of squares over the scatter's variance
     null: np.ndarray  # (replicates, candidates) the same in null recordings of `current`
     refits: tuple[CurveFit, ...]  # of `current` to each null recording
 
     def probability(self, i: int) -> float:
-        """Share of null recordings in which any mechanism explains as much, or the closure where candidate i is the closure."""
+        """Probability of such a reduction in null recordings: by any mechanism, or for the closure by the closure itself."""
         rivals = self.null[:, i] if self.names[i] == (CLOSURE,) else self.null[:, :-1].max(axis=1)
         return float((1 + np.sum(rivals >= self.data[i])) / (1 + len(rivals)))
 
 
 class CreepSearch:
-    """All that the steps of the search share."""
+    """Data and state shared by the steps of the search."""
 
     def __init__(self, model: CreepModel, replicates: int, seed: int, progress: Callable[[str], None]) -> None:
         self.model, self.replicates, self.progress = model, replicates, progress
@@ -57,7 +56,7 @@ class CreepSearch:
         self.folds[order] = np.arange(len(order)) * FOLDS // len(order)
 
     def null(self, fit: CurveFit) -> np.ndarray:
-        """Return adhesion coefficients (n,) of a null recording of a model: blocks of the scatter with random signs."""
+        """Return adhesion coefficients (n,) of a null recording: the model's values plus scatter with random signs by block."""
         n = len(self.measured)
         block = max(1, min(_BLOCK, n // _LEAST_BLOCKS))
         signs = np.repeat(self._random.choice((-1.0, 1.0), n // block + 2), block)
@@ -66,7 +65,7 @@ class CreepSearch:
         return result
 
     def reductions(self, current: CurveFit, added: Sequence[tuple[str, ...]], step: str) -> Reductions:
-        """Return by how much candidates reduce chi-square beside a model, also in null recordings; the closure is last."""
+        """Return the candidates' reductions of chi-square from a model, for data and null recordings; the closure is last."""
         fits = [self.model.fit((*current.names, *names), self.measured, current) for names in added]
         data = [*(current.cost - one.cost for one in fits), self.closure_reduction(current)]
         null, refits = np.empty((self.replicates, len(data))), []
@@ -84,12 +83,12 @@ class CreepSearch:
         return Reductions(current, every, tuple(fits), found, np.maximum(null, 0.0) * scale, tuple(refits))
 
     def closure_reduction(self, fit: CurveFit) -> float:
-        """Fall of the sum of squares by a smooth function of creepage beside the model, its parameters free."""
+        """Decrease of the sum of squares by a smooth function of creepage, with the model's parameters free."""
         columns, _ = np.linalg.qr(np.column_stack([_smooth(self.model.creepage), *self.sensitivities(fit).T]))
         return float(np.sum((columns.T @ fit.residual) ** 2))
 
     def closure_held_out(self, fit: CurveFit) -> float:
-        """Fall of the held-out sum of squares by that function, over the scatter's variance."""
+        """Decrease of the held-out sum of squares by the closure, over the scatter's variance."""
         basis, fallen = _smooth(self.model.creepage), 0.0
         for fold in range(FOLDS):
             out = self.folds == fold
@@ -98,7 +97,7 @@ class CreepSearch:
         return fallen / self.variance
 
     def sensitivities(self, fit: CurveFit) -> np.ndarray:
-        """Change of the model (n, p) by a small step of each of its values."""
+        """Return the derivatives (n, p) of the model by each of its values."""
         columns, adhesion = [], self.adhesion(fit.names, fit.values)
         for i, value in enumerate(fit.values):
             moved = fit.values.copy()
@@ -107,11 +106,11 @@ class CreepSearch:
         return np.column_stack(columns)
 
     def adhesion(self, names: Sequence[str], values: np.ndarray) -> np.ndarray:
-        """Return the model at the points (n,) [-]."""
+        """Return the model's adhesion coefficients at the points (n,) [-]."""
         return self.model.adhesion(float(values[0]), self.model.choice(names, values))
 
     def held_out(self, fit: CurveFit) -> np.ndarray:
-        """Errors (n,) [-] at every point of the same model fitted to the other blocks of creepage."""
+        """Errors (n,) [-] at every point, of the same model fitted to the other blocks of creepage."""
         errors = np.empty(len(self.measured))
         for fold in range(FOLDS):
             out = self.folds == fold
@@ -119,13 +118,13 @@ class CreepSearch:
         return errors
 
     def multiple(self, with_it: CurveFit, without: CurveFit) -> float:
-        """Relative change of adhesion, root mean square of lower or upper half of creepages, over the smallest of interest."""
+        """Relative change of adhesion over the smallest of interest; root mean square of lower or upper half of creepages."""
         lower = self.model.creepage <= np.median(self.model.creepage)
         change = (with_it.residual - without.residual) / (self.measured + without.residual)
         return max(float(np.sqrt(np.mean(change[half] ** 2))) for half in (lower, ~lower)) / _INTEREST
 
     def forward(self) -> tuple[CurveFit, Reductions, Reductions]:
-        """Accept candidates, best first; returns the model, the reductions over the baseline and those over the model."""
+        """Accept candidates, best first; return the model, the reductions from the baseline and those from the model."""
         current, first = self.baseline, None
         while True:
             step = f"round {len(current.names) + 1}"
@@ -140,7 +139,7 @@ class CreepSearch:
             current = self._settled(better)
 
     def _settled(self, fit: CurveFit) -> CurveFit:
-        """Exchange a mechanism for one that fits better, a further parameter being worth 2 of chi-square (Akaike)."""
+        """Exchange a mechanism for a better one; each further parameter costs 2 of chi-square (Akaike)."""
 
         def score(one: CurveFit) -> float:
             return one.cost / self.variance + 2.0 * len(one.values)
@@ -151,7 +150,7 @@ class CreepSearch:
         return fit if best is fit or score(fit) - score(best) < 0.1 else self._settled(best)
 
     def _best(self, reductions: Reductions) -> CurveFit | None:
-        """Return the candidate that reductions most, if it passes."""
+        """Return the fit of the candidate with the largest reduction, or None if it is not accepted."""
         if not reductions.fits:
             return None
         i = int(np.argmax(reductions.data[:-1]))
@@ -161,7 +160,7 @@ class CreepSearch:
 
 
 def _smooth(creepage: np.ndarray) -> np.ndarray:
-    """Orthonormal smooth functions of creepage (n, terms)."""
+    """Return orthonormal smooth functions of creepage (n, terms)."""
     logarithm = np.log(creepage)
     span = float(np.ptp(logarithm)) or 1.0
     columns: np.ndarray = np.linalg.qr(chebvander(2.0 * (logarithm - logarithm.min()) / span - 1.0, _DEGREE))[0]
@@ -169,7 +168,7 @@ def _smooth(creepage: np.ndarray) -> np.ndarray:
 
 
 def _scatter(model: CreepModel, richest: CurveFit) -> np.ndarray:
-    """Scatter (n,) [-] of the points about a fit with all mechanisms and a smooth function of creepage of their own curve."""
+    """Scatter (n,) [-] of the points about the richest fit plus a smooth function of creepage for each curve."""
     scatter = np.empty(len(richest.residual))
     for k in range(int(model.curve.max()) + 1):
         here = model.curve == k

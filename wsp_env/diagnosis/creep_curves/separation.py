@@ -1,4 +1,4 @@
-"""What the points of creep curves leave open: intervals, correlations, and parameters that make up for each other."""
+"""What the points of creep curves leave open: intervals, correlations, and parameters that compensate each other."""
 
 import copy
 from collections.abc import Callable
@@ -12,14 +12,14 @@ from wsp_env.diagnosis.creep_curves.answer import Inseparable
 from wsp_env.diagnosis.creep_curves.model import CurveFit, creep_mechanisms
 from wsp_env.diagnosis.creep_curves.search import CreepSearch, Reductions
 
-_CLOSE = 0.9  # correlation from which on two parameters count as not separated
-_LOST = 2.71  # growth of the sum of squares, over the scatter's variance, that ends a 90 % interval of one parameter
-_PROFILE = 25  # values tried of a parameter
-_RADII = np.linspace(-0.02, 0.02, 9)  # relative errors of the wheel radius tried: assumption, wear that was not measured
+_CLOSE = 0.9  # correlation from which on two parameters count as inseparable
+_LOST = 2.71  # increase of chi-square (squares over the scatter's variance) at the ends of a parameter's 90 % interval
+_PROFILE = 25  # number of values tried in a parameter's profile
+_RADII = np.linspace(-0.02, 0.02, 9)  # relative errors of the wheel radius that are tried: assumption, unmeasured wear
 
 
 def quantities(search: CreepSearch, fit: CurveFit) -> dict[str, float]:
-    """Return the sizes of a fit, "mechanism.parameter", and its kinetic friction."""
+    """Return the sizes of a fit, by "mechanism.parameter", and its kinetic friction."""
     keys = [f"{name}.{p.name}" for name in fit.names for p in search.model.sizes(name)]
     law = search.model.law(search.model.choice(fit.names, fit.values))
     kinetic = search.model.kinetic_friction(float(fit.values[0]), law)
@@ -27,12 +27,12 @@ def quantities(search: CreepSearch, fit: CurveFit) -> dict[str, float]:
 
 
 def mechanism_of(key: str) -> str:
-    """Return the mechanism of a size "mechanism.parameter"."""
+    """Return the mechanism in a key "mechanism.parameter"."""
     return key.partition(".")[0]
 
 
 def _meaning(search: CreepSearch, fit: CurveFit) -> dict[str, tuple[float, str]]:
-    """Return what the fitted law means, by its name: value and unit."""
+    """Return properties of the fitted law by name, with value and unit."""
     model = search.model
     law = model.law(model.choice(fit.names, fit.values))
     mu = model.kinetic_friction(float(fit.values[0]), law)
@@ -46,10 +46,10 @@ def _meaning(search: CreepSearch, fit: CurveFit) -> dict[str, tuple[float, str]]
 
 
 class Spread:
-    """Fits that the points do not tell from the best one: refits to null recordings, and those along every size's profile.
+    """Fits that the points cannot distinguish from the best one: refits to null recordings, and each size's profile.
 
-    A profile holds one size at a value and fits the rest; it is kept where the sum of squares is within a 90 % interval. Null
-    recordings alone would be too sure where the best fit stands at a bound.
+    A profile fixes one size at a value and fits the others. Values are kept while chi-square is within the 90 % interval. Null
+    recordings alone would give too small an uncertainty if the best fit is at a bound.
     """
 
     def __init__(self, search: CreepSearch, fit: CurveFit, last: Reductions) -> None:
@@ -59,9 +59,9 @@ class Spread:
         self.profiles = {key: self._profile(key, p.low, p.high) for key, p in sizes}
 
     def _profile(self, key: str, low: float, high: float) -> list[tuple[float, CurveFit]]:
-        """Values of a size that fit as well, rising, each with its fit."""
+        """Return the values of a size that fit as well, ascending, each with its fit."""
         search, fit = self.search, self.fit
-        spaced = low + (high - low) * np.linspace(0.0, 1.0, _PROFILE) ** 2  # denser where sizes are small
+        spaced = low + (high - low) * np.linspace(0.0, 1.0, _PROFILE) ** 2  # denser at small sizes
         kept = []
         for value in sorted({quantities(search, fit)[key], *map(float, spaced)}):
             held = search.model.fit(fit.names, search.measured, fit, held={key: value})
@@ -70,7 +70,7 @@ class Spread:
         return kept
 
     def interval(self, of: Callable[[CurveFit], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the 90 % interval of what a fit says, element by element: the wider of both kinds."""
+        """Return the 90 % interval of a function of the fit, elementwise: the union over null recordings and profiles."""
         low, high = np.quantile([of(one) for one in self.refits], (0.05, 0.95), axis=0)
         along = [of(self.fit), *(of(one) for profile in self.profiles.values() for _, one in profile)]
         return np.minimum(low, np.min(along, axis=0)), np.maximum(high, np.max(along, axis=0))
@@ -107,7 +107,7 @@ def correlations(spread: Spread) -> dict[str, dict[str, float]]:
 
 
 def inseparable(spread: Spread) -> tuple[Inseparable, ...]:
-    """Return every size that other parameters make up for: over how wide a range, and what they then are."""
+    """Return each size that other parameters compensate: its range, and the values of the others at the ends."""
     matrix, found = correlations(spread), []
     for key, profile in spread.profiles.items():
         tied = [other for other, r in matrix[key].items() if other != key and abs(r) >= _CLOSE]
@@ -132,7 +132,7 @@ def _said(
 
 
 def radius_note(search: CreepSearch, fit: CurveFit) -> str:
-    """Say what the sizes would be that an error of the wheel radius, and with it of every creepage, would move."""
+    """Return a note on the sizes that an error of the wheel radius, and thus of all creepages, would change; "" if none."""
     moved = [f"{name}.{shows.moved_by_radius}" for name, shows in creep_mechanisms().items() if shows.moved_by_radius]
     moved = [key for key in moved if mechanism_of(key) in fit.names]
     if not moved:

@@ -1,4 +1,4 @@
-"""What a diagnosis of creep curves says in words."""
+"""The words of a diagnosis of creep curves: verdict, next test and notes."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -33,7 +33,7 @@ def sentence(verdict: Verdict, named: Sequence[NamedOnCurve]) -> str:
 def next_test(
     verdict: Verdict, named: Sequence[NamedOnCurve], open_parameters: Sequence[Inseparable], model: CreepModel
 ) -> str:
-    """Return the measurement that would tell most next."""
+    """Return the measurement that would give most information next."""
     if verdict == "adequate":
         return "none is needed for what these points can show; points at other creepages and speeds would show more"
     if verdict == "insufficient":
@@ -53,7 +53,7 @@ def next_test(
 
 
 def notes(search: CreepSearch, fit: CurveFit, closure: Closure | None, seen: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return what else there is to say."""
+    """Return the remaining notes of the answer."""
     found = []
     if blind := [name for name in search.candidates if name not in fit.names and name not in seen]:
         found.append(f"beside the model these points would not show, at any size within its bounds: {', '.join(blind)}")

@@ -1,8 +1,8 @@
-"""Physics beyond the seed paper's model, one card in one file each (see `wsp_env.plant.card`).
+"""Physics beyond the seed paper's model; each mechanism is one card in one file (see `wsp_env.plant.card`).
 
-A mechanism names its parameters (unit, bounds, null value, source), acts in slots of the plant and says what it would leave in
-which residual of a recording. At its null value it vanishes exactly. To add one, write its file and name it below; another
-package names its module in an entry point of group "wsp_env.mechanisms".
+A mechanism declares its parameters (unit, bounds, null value, source), acts in slots of the plant, and states its effect on the
+residuals of a recording. At its null value it vanishes exactly. To add a mechanism, write its file and add its name below.
+Other packages name their module in an entry point of group "wsp_env.mechanisms".
 """
 
 import importlib
@@ -63,10 +63,10 @@ def _cards() -> dict[str, Card]:
     return found
 
 
-#: Every mechanism's card by name.
+#: The cards of all mechanisms by name.
 ALL: dict[str, Card] = _cards()
 
-#: Those of them that are known physics, which may be said by name.
+#: The mechanisms of known physics, which a diagnosis may name.
 LIBRARY: dict[str, Card] = {name: card for name, card in ALL.items() if card.named}
 
 if TYPE_CHECKING:
@@ -74,15 +74,15 @@ if TYPE_CHECKING:
     Derived: TypeAlias = Any
     Memory: TypeAlias = Any
 else:
-    #: The parameters of all mechanisms, a record each, as compiled code takes them.
+    #: The parameters of all mechanisms, one record each, for compiled code.
     Mechanisms = namedtuple("Mechanisms", ALL)
-    #: What mechanisms derive from the vehicle, and what they remember.
+    #: The quantities that mechanisms derive from the vehicle, and their states.
     Derived = namedtuple("Derived", [name for name, card in ALL.items() if card.derive])
     Memory = namedtuple("Memory", [name for name, card in ALL.items() if card.memory])
 
 
 class Active(NamedTuple):
-    """The mechanisms of one vehicle, as the slots take them."""
+    """The mechanisms of one vehicle, in the form that the slots use."""
 
     parameters: Mechanisms
     derived: Derived
@@ -90,10 +90,11 @@ class Active(NamedTuple):
 
 
 def make(choice: Mapping[str, Mapping[str, float]] | None = None) -> Mechanisms:
-    """Return the parameter record with the mechanisms of `choice` switched on and all others at their null value.
+    """Return the parameter records, with the mechanisms of `choice` on and all others at their null value.
 
-    `choice` maps a mechanism to its parameters; those left out take their typical value, so `{"load_transfer": {}}` switches
-    it on as in the literature. `ParameterError` names an unknown mechanism or parameter and lists the valid ones.
+    `choice` maps a mechanism to its parameters. Omitted parameters have their typical value: `{"load_transfer": {}}` switches
+    load transfer on with the values from the literature. `ParameterError` names an unknown mechanism or parameter, and the
+    valid names.
     """
     choice = dict(choice or {})
     unknown = sorted(set(choice) - set(ALL))
@@ -124,7 +125,7 @@ def _record(card: Card, given: Mapping[str, float]) -> tuple[float, ...]:
 
 
 def at_stop(choice: Mapping[str, Mapping[str, float]], earlier: int) -> Mapping[str, Mapping[str, float]]:
-    """Return the mechanisms of `choice` as they are after so many earlier stops on the same rail; itself where none asks."""
+    """Return `choice` after a number of earlier stops on the same rail; unchanged if no mechanism depends on this number."""
     counts = {name: [one.name for one in ALL[name].parameters if one.kind == "stop"] for name in choice}
     if not any(counts.values()):
         return choice
@@ -132,7 +133,7 @@ def at_stop(choice: Mapping[str, Mapping[str, float]], earlier: int) -> Mapping[
 
 
 def check_axles(mechanisms: Mechanisms, axles: int) -> None:
-    """Raise `ParameterError` for a mechanism that is on and concerns an axle which the vehicle does not have."""
+    """Raise `ParameterError` if a mechanism that is on concerns an axle that the vehicle does not have."""
     for card, record, null in zip(ALL.values(), mechanisms, NULL, strict=True):
         for parameter, value in zip(card.parameters, record, strict=True):
             if parameter.kind == "axle" and record != null and value > axles:
@@ -142,12 +143,12 @@ def check_axles(mechanisms: Mechanisms, axles: int) -> None:
 #: All mechanisms off.
 NULL: Mechanisms = Mechanisms(*(card.record(*(parameter.null for parameter in card.parameters)) for card in ALL.values()))
 
-#: Number of values in a row of mechanisms.
+#: Number of parameters of all mechanisms: the length of a row.
 ROW = sum(len(record) for record in NULL)
 
 
 def row(mechanisms: Mechanisms) -> np.ndarray:
-    """Return all parameters one after another (ROW,), as a batch keeps them for each of its stops."""
+    """Return all parameters one after another (ROW,); a batch stores one row for each stop."""
     return np.array([value for record in mechanisms for value in record])
 
 
@@ -166,10 +167,10 @@ mechanisms_at = _reader()
 
 
 def believed_to_true(slot: str, mechanisms: Mechanisms, believed: Any) -> Any:
-    """Hand a quantity that is constant in a stop through the mechanisms acting on it.
+    """Return a quantity that is constant in a stop, after all mechanisms that act on it.
 
-    The slots are "mass", "gradient", "radii", "inertia", "law" and "tau".
-    `ParameterError` for a mechanism that is on and acts on what the vehicle's traction law does not have.
+    The slots are "mass", "gradient", "radii", "inertia", "law" and "tau". `ParameterError` if a mechanism that is on acts on a
+    quantity that the vehicle's traction law does not have.
     """
     for name, card in ALL.items():
         record = getattr(mechanisms, name)
@@ -177,7 +178,7 @@ def believed_to_true(slot: str, mechanisms: Mechanisms, believed: Any) -> Any:
             continue
         try:
             believed = card.acts[slot](record, believed)
-        except (AttributeError, TypeError, ValueError):  # a record without the fields
+        except (AttributeError, TypeError, ValueError):  # the record has no such field
             if slot != "law":
                 raise
             what = f"the traction law has nothing that it acts on ({type(believed).__name__}); take the degraded law"
@@ -186,23 +187,23 @@ def believed_to_true(slot: str, mechanisms: Mechanisms, believed: Any) -> Any:
 
 
 def recalls(mechanisms: Mechanisms) -> bool:
-    """Whether a mechanism that is on asks for the contacts' work so far."""
+    """Whether a mechanism that is on depends on the contacts' friction work so far."""
     return any(card_recalls(card, record) for card, record in _on(mechanisms))
 
 
 def work_moves(mechanisms: Mechanisms) -> bool:
-    """Whether one of those changes the brakes' torques or the force on the vehicle."""
+    """Whether a mechanism that depends on this work changes brake torques or the force on the vehicle."""
     both = (card_recalls(card, record) and not _FORCES.isdisjoint(_slots(card, record)) for card, record in _on(mechanisms))
     return any(both)
 
 
 def acting(mechanisms: Mechanisms) -> set[str]:
-    """Return the slots in which mechanisms act that are on."""
+    """Return the slots in which the mechanisms that are on act."""
     return {slot for card, record in _on(mechanisms) for slot in _slots(card, record)}
 
 
 def acting_in(slots: Set[str], mechanisms: Mechanisms) -> Mechanisms:
-    """Return mechanisms with those off that act in none of some slots."""
+    """Return the mechanisms, with those switched off that act in none of the given slots."""
     off = {card.name: getattr(NULL, card.name) for card, one in _on(mechanisms) if slots.isdisjoint(_slots(card, one))}
     return mechanisms._replace(**off)
 
@@ -219,10 +220,10 @@ def _on(mechanisms: Mechanisms) -> list[tuple[Card, Any]]:
 
 
 def derive(vehicle: Any) -> Derived:
-    """Return what mechanisms derive from a vehicle."""
+    """Return the quantities that mechanisms derive from a vehicle."""
     return Derived(*(card.derive(vehicle) for card in ALL.values() if card.derive))
 
 
 def remember(n: int, axle_positions_m: Sequence[float]) -> Memory:
-    """Return the memory of the mechanisms of n vehicles, all zero."""
+    """Return the states of the mechanisms for n vehicles, all zero."""
     return Memory(*(card.memory(n, axle_positions_m) for card in ALL.values() if card.memory))

@@ -1,4 +1,4 @@
-"""The table of all mechanisms, those of other packages included, in Markdown: `python -m wsp_env.plant.mechanisms`."""
+"""Prints the table of all mechanisms, including other packages', in Markdown: `python -m wsp_env.plant.mechanisms`."""
 
 from wsp_env.plant.card import BALANCES, Card, Parameter
 from wsp_env.plant.mechanisms import ALL
@@ -7,7 +7,7 @@ _HEAD = ("mechanism", "what it does", "acts in", "parameters: unit, typical, nul
 
 
 def table() -> str:
-    """Return the table, a row for every mechanism."""
+    """Return the table, with one row for each mechanism."""
     rows = [_HEAD, tuple(":--" for _ in _HEAD), *map(_row, ALL.values())]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows)
 
@@ -21,7 +21,7 @@ def _row(card: Card) -> tuple[str, ...]:
 
 
 def _first_of_a_kind(card: Card) -> list[Parameter]:
-    """Return the first of parameters whose names differ in a number at their end only, with that number left open."""
+    """Return one parameter for each group whose names differ only in the final number; the number is replaced by n."""
     kinds = {one.name.rstrip("0123456789"): one for one in reversed(card.parameters)}
     return [one if one.name == kind else one._replace(name=f"{kind}n") for kind, one in reversed(kinds.items())]
 

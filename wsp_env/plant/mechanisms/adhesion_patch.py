@@ -1,7 +1,8 @@
-"""A stretch of track with another friction of the contaminated rail.
+"""A stretch of track on which the contaminated rail has a different friction.
 
-mu_cd is multiplied by 1 + change between `start_m` and `start_m + length_m`, with edges as wide as `edge_m`: a crossing and a
-sprayed section, the standard's sudden change of adhesion, have sharp ones, fallen leaves do not. Form and sizes: assumption.
+mu_cd is multiplied by 1 + change between `start_m` and `start_m + length_m`; the edges have the width `edge_m`. Crossings and
+sprayed sections (the standard's sudden change of adhesion) have sharp edges, fallen leaves have wide ones. Form and sizes:
+assumption.
 """
 
 import math
@@ -13,10 +14,10 @@ import numpy as np
 from wsp_env.compiled import inlined
 from wsp_env.plant.card import Card, Parameter, Recorded, Said, Signature, percent
 
-#: Width of a sharp edge [m] (assumption: about an axle distance; keeps the friction differentiable by place).
+#: Width of a sharp edge [m] (assumption: about an axle distance; keeps the friction differentiable along the track).
 _SHARP_M = 2.0
 
-#: Lengths of a patch that are tried in recordings [m]; half of one apart along the track (assumption).
+#: Lengths of a patch that are tried in recordings [m]; positions are half a length apart (assumption).
 _LENGTHS_M = (30.0, 60.0, 120.0)
 
 
@@ -31,7 +32,7 @@ class Parameters(NamedTuple):
 
 @inlined
 def friction_factor(p: Parameters, place_m: float) -> float:
-    """Factor of mu_cd [-] at a place on the track [m]."""
+    """Factor on mu_cd [-] at a place on the track [m]."""
     if p.change == 0.0:
         return 1.0
     entered = math.tanh((place_m - p.start_m) / p.edge_m)
@@ -40,7 +41,7 @@ def friction_factor(p: Parameters, place_m: float) -> float:
 
 
 def stretches(recorded: Recorded) -> list[dict[str, float]]:
-    """Return the patches that are tried where wheels slid."""
+    """Return the patches that are tried at the places where wheels slid."""
     if not len(recorded.places_m):
         return []
     first, last = np.quantile(recorded.places_m, [0.01, 0.99])
@@ -52,14 +53,14 @@ def stretches(recorded: Recorded) -> list[dict[str, float]]:
 
 
 def inside(shape: Mapping[str, float], place_m: np.ndarray) -> np.ndarray:
-    """Return the share of log mu_cd (n,) that a small change moves at places (n,) [m], see `friction_factor`."""
+    """Return the derivative (n,) of log mu_cd by a small change, at places (n,) [m]; see `friction_factor`."""
     entered, left = place_m - shape["start_m"], place_m - shape["start_m"] - shape["length_m"]
     result: np.ndarray = 0.5 * (np.tanh(entered / shape["edge_m"]) - np.tanh(left / shape["edge_m"]))
     return result
 
 
 def end(values: Mapping[str, float]) -> dict[str, float]:
-    """Return where the patch ends, for the sentence."""
+    """Return the end of the patch, for the sentence."""
     return {"end_m": values["start_m"] + values["length_m"]}
 
 

@@ -1,4 +1,4 @@
-"""Running resistance A + B v + C v^2 beyond the believed one (W. J. Davis, General Electric Review, 1926)."""
+"""Running resistance A + B v + C v^2 in addition to the believed one (W. J. Davis, General Electric Review, 1926)."""
 
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ class Parameters(NamedTuple):
 
 @inlined
 def force(p: Parameters, i: int, speed_mps: float, believed_n: float, moment: Moment) -> float:
-    """Force against the motion [N] beyond the believed running resistance."""
+    """Force against the motion [N] in addition to the believed running resistance."""
     return p.a_n + speed_mps * (p.b_ns_per_m + speed_mps * p.c_ns2_per_m2)
 
 

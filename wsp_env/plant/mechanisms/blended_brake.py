@@ -1,9 +1,9 @@
-"""A brake beside the discs that the recorded torque does not hold: the electrodynamic brake of axles with motors.
+"""A brake beside the discs that the recorded torque does not contain: the electrodynamic brake of motored axles.
 
-Its torque is constant above a blending speed and falls in proportion to the wheel's speed below, as the motor's voltage does
-(dynamic brakes fade below some 5 m/s; there the pneumatic brake takes over: blending). It acts while the disc brake of its axle
-is applied, in full from the share of the torque on from which a brake counts as applied, and leaves an axle that its WSP vents.
-Form and sizes: assumption.
+Its torque is constant above a blending speed and proportional to the wheel speed below, like the motor's voltage (dynamic
+brakes fade below about 5 m/s, where the pneumatic brake takes over: blending). It acts while the disc brake of its axle is
+applied. Its share rises to 1 at the torque from which a brake counts as applied. It is off while the WSP vents the axle. Form
+and sizes: assumption.
 """
 
 from typing import NamedTuple
@@ -24,8 +24,8 @@ from wsp_env.plant.card import (
     whose,
 )
 
-#: Blending speeds that are tried in recordings [m/s] (assumption), the first only for the brakes of all axles: on one axle a
-#: torque that fades no sooner cannot be told from a constant one in recordings above walking pace.
+#: Blending speeds that are tried in recordings [m/s] (assumption). The first is tried for all axles together only: on one axle,
+#: recordings above walking pace cannot distinguish it from a constant torque.
 _BLENDING_MPS = (5.0, 10.0, 20.0)
 
 

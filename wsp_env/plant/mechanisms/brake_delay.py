@@ -1,7 +1,7 @@
-"""The brakes follow the recorded pressure, or the believed torque, with a delay: a lag of first order, on one axle or on all.
+"""The brakes of one axle or all axles follow the recorded pressure, or the believed torque, with a first-order lag.
 
-lag dC/dt + C = believed C: calipers take up their clearance, pressures are measured upstream of a hose, a logger runs ahead.
-Exact for a torque that changes linearly from one sample, or substep, to the next. Form and size: assumption.
+lag dC/dt + C = believed C. Causes: clearance of the calipers, pressure measured upstream of a hose, a logger whose clock is
+early. Exact for a torque that changes linearly between samples or substeps. Form and size: assumption.
 """
 
 import math
@@ -22,21 +22,21 @@ class Parameters(NamedTuple):
 
 
 class Lagging(NamedTuple):
-    """The brakes of N vehicles with A axles at the last look."""
+    """Brake torques of N vehicles with A axles at the last update."""
 
-    torque_nm: np.ndarray  # (N, A) that they gave [N m]
-    believed_nm: np.ndarray  # (N, A) that they were believed to give [N m]
-    begun: np.ndarray  # (N, A) 1 once they were looked at [-]
+    torque_nm: np.ndarray  # (N, A) actual torque [N m]
+    believed_nm: np.ndarray  # (N, A) believed torque [N m]
+    begun: np.ndarray  # (N, A) 1 after the first update [-]
 
 
 def memory(n: int, axle_positions_m: Sequence[float]) -> Lagging:
-    """Return brakes that were not looked at."""
+    """Return the state before the first update."""
     return Lagging(*(np.zeros((n, len(axle_positions_m))) for _ in Lagging._fields))
 
 
 @inlined
 def _lagged(lag_s: float, given: float, before: float, now: float, duration_s: float) -> float:
-    """Torque [N m] after `duration_s`, over which the believed one went from `before` to `now` on a straight line."""
+    """Torque [N m] after `duration_s`, in which the believed torque changed linearly from `before` to `now`."""
     if duration_s <= 0.0:
         return given
     steady = lag_s * (now - before) / duration_s
@@ -45,7 +45,7 @@ def _lagged(lag_s: float, given: float, before: float, now: float, duration_s: f
 
 @inlined
 def torque(p: Parameters, lagging: Lagging, i: int, k: int, torque_nm: float, doing: Doing) -> float:
-    """Torque of axle k [N m]; a stop begins with brakes that give what is believed."""
+    """Torque of axle k [N m]; at the start of a stop, it is the believed one."""
     if p.lag_s == 0.0 or not concerns(p.axle, k):
         return torque_nm
     believed = doing.believed_torque
@@ -58,7 +58,7 @@ def torque(p: Parameters, lagging: Lagging, i: int, k: int, torque_nm: float, do
 
 @inlined
 def follow(p: Parameters, lagging: Lagging, i: int, k: int, passage: Passage) -> None:
-    """Follow the believed torque of axle k."""
+    """Update the state with the believed torque of axle k."""
     if p.lag_s == 0.0 or lagging.begun[i, k] == 0.0:
         return
     given, before, now = lagging.torque_nm[i, k], lagging.believed_nm[i, k], passage.torque_nm

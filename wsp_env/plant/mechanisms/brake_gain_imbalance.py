@@ -1,4 +1,4 @@
-"""One axle's brake is stronger or weaker than believed (rigging, cylinder, glazed pads); in proportion to its torque."""
+"""The brake of one axle is stronger or weaker than believed, in proportion to its torque (rigging, cylinder, glazed pads)."""
 
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ class Parameters(NamedTuple):
 
 @inlined
 def torque_factor(p: Parameters, i: int, k: int, wheel_mps: float, pressure_bar: float) -> float:
-    """Brake torque over the believed one [-] of the axle with index k, from 0."""
+    """Brake torque over the believed one [-]; k is the index of the axle, from 0."""
     return 1.0 + p.gain if k + 1.0 == p.axle else 1.0
 
 

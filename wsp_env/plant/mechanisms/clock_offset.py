@@ -1,7 +1,7 @@
-"""The vehicle's speed comes from a recorder with another clock than the wheels'.
+"""The clock of the recorder of the vehicle's speed differs from that of the wheel speeds.
 
-The recorded speed at t is the speed at t - offset, to first order in the offset (a stop's jerk makes the second order less
-than 1 cm/s at 0.1 s). Form: definition of a clock's offset; size: assumption.
+The recorded speed at t is the speed at t - offset, to first order (at 0.1 s, the jerk of a stop makes the second-order term
+less than 1 cm/s). Form: definition of a clock offset; size: assumption.
 """
 
 from typing import NamedTuple

@@ -1,9 +1,9 @@
-"""The contaminant layer follows the friction work over a rolling distance instead of at once.
+"""The contaminant layer follows the friction work over a rolled distance instead of immediately.
 
-The share of the layer that a wheel has removed, lambda, relaxes towards the law's 1 - exp(-tau W_sp) over `distance_m` of
-rolling: third-body layers on wheel and rail build up and wear off over metres (form: first order in distance, as in
-T. Meierhofer, K. Six et al., third-body models of wheel-rail creep forces; size: assumption). Over a distance dx the old share
-keeps the weight exp(-dx / distance), the law's own f is solved with the rest: at distance 0 it is the paper's law.
+The removed share of the layer, lambda, relaxes towards the law's 1 - exp(-tau W_sp) over `distance_m` of rolling: third-body
+layers on wheel and rail build up and wear off over metres (form: first order in distance, as in T. Meierhofer, K. Six et al.,
+third-body models of wheel-rail creep forces; size: assumption). Over a distance dx, the old share keeps the weight exp(-dx /
+distance), and f is solved with the remaining weight. At distance 0 this is the paper's law.
 """
 
 import math
@@ -23,13 +23,13 @@ class Parameters(NamedTuple):
 
 
 class Removed(NamedTuple):
-    """What the wheels of N vehicles with A axles have removed."""
+    """Removed shares of the contaminant layer, for the wheels of N vehicles with A axles."""
 
-    share: np.ndarray  # (N, A) of the layer, lambda [-]
+    share: np.ndarray  # (N, A) lambda [-]
 
 
 def memory(n: int, axle_positions_m: Sequence[float]) -> Removed:
-    """Return wheels that have removed nothing."""
+    """Return the state of wheels that have removed nothing."""
     return Removed(np.zeros((n, len(axle_positions_m))))
 
 
@@ -37,7 +37,7 @@ def memory(n: int, axle_positions_m: Sequence[float]) -> Removed:
 def split(
     p: Parameters, removed: Removed, i: int, k: int, place_m: float, rolled_m: float, layer: float, held: float
 ) -> tuple[float, float]:  # fmt: skip
-    """Shares of the layer [-]: what this wheel's work acts on, and what lags behind, after rolling `rolled_m` [m] further."""
+    """Shares of the layer [-] after rolling `rolled_m` [m]: the part subject to this wheel's work, and the lagging part."""
     if p.distance_m == 0.0:
         return layer, held
     past = math.exp(-rolled_m / p.distance_m)
@@ -46,7 +46,7 @@ def split(
 
 @inlined
 def follow(p: Parameters, removed: Removed, i: int, k: int, rolled_m: float, kept: float) -> None:
-    """Follow the share that the wheel's work removes, 1 - `kept` [-], over `rolled_m` [m]."""
+    """Relax the removed share towards that by the wheel's work, 1 - `kept` [-], over `rolled_m` [m]."""
     if p.distance_m != 0.0:
         past = math.exp(-rolled_m / p.distance_m)
         removed.share[i, k] = past * removed.share[i, k] + (1.0 - past) * (1.0 - kept)

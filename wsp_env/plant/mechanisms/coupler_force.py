@@ -1,10 +1,10 @@
 """A neighbouring vehicle pushes and pulls at the coupler, periodically.
 
-A train that brakes swings along its length, at some tenths of a hertz to one hertz with buffers and draw gear between coaches
-(Q. Wu, M. Spiryagin, C. Cole, Longitudinal train dynamics: an overview, Vehicle System Dynamics 54 (2016) 1688-1714). Here one
-harmonic that the first application of the brake sets off, or that goes on from the start of the stop, of a train that swings
-already: in full while the brake is applied, a share of it otherwise. Its size, and that it neither grows nor dies
-away within a stop, are assumptions.
+A braking train oscillates along its length, at some tenths of a hertz to one hertz with buffers and draw gear between coaches
+(Q. Wu, M. Spiryagin, C. Cole, Longitudinal train dynamics: an overview, Vehicle System Dynamics 54 (2016) 1688-1714). The force
+is one harmonic. It starts with the first brake application, or at the start of the stop if the train already oscillates. It
+acts in full while the brake is applied, and with the share `released` otherwise. Size, and constant amplitude within a stop:
+assumptions.
 """
 
 import math
@@ -16,8 +16,8 @@ import numpy as np
 from wsp_env.compiled import inlined
 from wsp_env.plant.card import APPLIED_SHARE, Card, Moment, Parameter, Recorded, Said, Signature
 
-#: Shares of the force while no brake is applied, that are tried in recordings: as buffers that are pressed together by the
-#: brake alone, and as a train that swings all the same (assumptions); a refit moves them.
+#: Shares of the force without an applied brake that are tried in recordings: buffers compressed by the brake only, and a train
+#: that always oscillates (assumptions); a refit changes them.
 _RELEASED = 0.3, 1.0
 
 
@@ -32,20 +32,20 @@ class Parameters(NamedTuple):
 
 
 class Swing(NamedTuple):
-    """What N trains do."""
+    """State of the oscillation of N trains."""
 
-    since_s: np.ndarray  # (N,) when the brake was first applied, after the start [s]
-    once: np.ndarray  # (N,) 1 from then on [-]
+    since_s: np.ndarray  # (N,) time of the first brake application after the start [s]
+    once: np.ndarray  # (N,) 1 after the first application [-]
 
 
 def memory(n: int, axle_positions_m: Sequence[float]) -> Swing:
-    """Return trains that have not braked."""
+    """Return the state of trains that have not braked."""
     return Swing(*(np.zeros(n) for _ in Swing._fields))
 
 
 @inlined
 def force(p: Parameters, swing: Swing, i: int, speed_mps: float, believed_n: float, moment: Moment) -> float:
-    """Force against the motion [N]; notes the first application."""
+    """Force against the motion [N]; stores the time of the first application."""
     if p.sine_n == 0.0 and p.cosine_n == 0.0:
         return 0.0
     applied = moment.braking > APPLIED_SHARE
@@ -59,7 +59,7 @@ def force(p: Parameters, swing: Swing, i: int, speed_mps: float, believed_n: flo
 
 
 def frequencies(recorded: Recorded) -> list[dict[str, float]]:
-    """Return the frequencies at which the recorded speed swings, set off by the brake or going on from the start."""
+    """Return the variants: frequencies of the recorded speed's oscillations, started by the brake or at the start."""
     ways = [(0.0, _RELEASED[0]), *((1.0, share) for share in _RELEASED)]
     return [
         {"frequency_hz": frequency, "from_start": start, "released": share}

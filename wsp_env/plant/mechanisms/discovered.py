@@ -1,7 +1,7 @@
-"""Physics without a name: up to three terms that a diagnosis found where no mechanism of the library acts.
+"""Physics without a name: up to three terms that a diagnosis found where no mechanism of the library fits.
 
-The card holds codes and coefficients instead of a formula, see `wsp_env.plant.mechanisms.terms`. What is found so can be put
-into the plant, evaluated along recordings and fitted as any other mechanism; the diagnosis finds it by a search of its own.
+The card contains codes and coefficients instead of a formula, see `wsp_env.plant.mechanisms.terms`. Discovered terms act in the
+plant, are evaluated along recordings and are fitted like any other mechanism. The diagnosis finds them by a separate search.
 """
 
 import math
@@ -28,23 +28,23 @@ from wsp_env.plant.mechanisms.terms import (
     of_the_vehicle,
 )
 
-#: Most terms that a model may hold.
+#: Largest number of terms in a model.
 TERMS = 3
 
-#: What is left at least of the friction, whatever the terms take [-] (assumption: keeps the contact law's friction above zero).
+#: Lower bound of the friction factor [-] (assumption: keeps the contact law's friction above zero).
 LEAST_FRICTION = 0.1
 
-#: Most that the logarithm of tau changes by (assumption: from no recovery to recovery at once, without overflow).
+#: Bound of the change of log tau (assumption: from no recovery to immediate recovery, without overflow).
 _MOST_LOG = 20.0
 
 _SOURCE = "assumption: a diagnosis finds it"
 
-#: Where in the plant the terms of a slot act; errors of the recorded speed have a card of their own.
+#: Slots of the plant in which terms act; errors of the recorded speed have a card of their own.
 _SLOTS = {
     Slot.BRAKE_TORQUE: "torque", Slot.FRICTION: "axle_friction", Slot.RECOVERY: "recovery", Slot.VEHICLE_FORCE: "force",
 }  # fmt: skip
 
-# Codes as compiled code takes them.
+# The codes as integers for compiled code.
 _BRAKE_TORQUE, _FRICTION, _RECOVERY, _VEHICLE_FORCE = map(int, _SLOTS)
 
 
@@ -76,7 +76,7 @@ else:
 
 
 def _reader() -> Any:
-    """Return the kernel (p, n) -> `Term` with index n, from 0."""
+    """Return the kernel (p, n) -> `Term` number n, from 0."""
     lines = []
     for n in range(TERMS):
         fields = ", ".join(f"p.{field}_{n + 1}" for field in Term._fields)
@@ -87,19 +87,19 @@ def _reader() -> Any:
 _term_at = _reader()
 
 
-# What is noticed of an axle by each term: its feature at the last sample and the fields of `terms.Past`; and with the first
-# term what all of them make of the friction and of tau, as factors.
+# State of an axle for each term: its feature at the last sample and the fields of `terms.Past`. With the first term also the
+# factors on friction and tau by all terms.
 _FEATURE, _PAST, _FRICTION_FACTOR, _TAU_FACTOR, _NOTED = 0, 1, 5, 6, 7
 
 
 class Noticed(NamedTuple):
-    """What terms noticed of the A axles of N vehicles; one array, as compiled code is the slower to make the more there are."""
+    """State of the terms for the A axles of N vehicles; a single array, because compiled code is faster with few arrays."""
 
     noted: np.ndarray  # (N, A, TERMS, _NOTED)
 
 
 def memory(n: int, axle_positions_m: Sequence[float]) -> Noticed:
-    """Return axles of which nothing was noticed."""
+    """Return the state before the first sample."""
     return Noticed(np.zeros((n, len(axle_positions_m), TERMS, _NOTED)))
 
 
@@ -146,7 +146,7 @@ def _notice(p: Parameters, noticed: Noticed, i: int, k: int, doing: Doing) -> No
 
 @inlined
 def notice(p: Parameters, noticed: Noticed, i: int, k: int, doing: Doing) -> None:
-    """Compute the features of axle k, and bring what they remember up to date."""
+    """Compute the features of axle k, and update their states."""
     if not _is_off(p):
         _notice(p, noticed, i, k, doing)
 
@@ -172,7 +172,7 @@ def torque(p: Parameters, noticed: Noticed, i: int, k: int, believed_nm: float, 
 
 @inlined
 def friction(p: Parameters, noticed: Noticed, i: int, k: int) -> float:
-    """Factor of both friction coefficients [-] under axle k."""
+    """Factor on both friction coefficients [-] under axle k."""
     return 1.0 if _is_off(p) else noticed.noted[i, k, 0, _FRICTION_FACTOR]
 
 
@@ -189,7 +189,7 @@ def _force(p: Parameters, noticed: Noticed, i: int, speed: float, moment: Moment
         term = _term_at(p, n)
         if int(term.slot) != _VEHICLE_FORCE or term.coefficient == 0.0:
             continue
-        if is_of_the_vehicle(term.feature):  # at this very moment, which may lie between two samples
+        if is_of_the_vehicle(term.feature):  # at the present time, which may lie between two samples
             total += term.coefficient * of_the_vehicle(term, moment.time_s, moment.place_m, speed, moment.deceleration)
             continue
         value, count = 0.0, 0.0
@@ -213,12 +213,12 @@ def by_work(p: Parameters) -> bool:
 
 
 def acting(p: Parameters) -> set[str]:
-    """Return the slots in which terms act."""
+    """Return the slots in which the terms act."""
     return {"before_contact", *(_SLOTS[Slot(int(one.slot))] for one in terms_of(p._asdict()))}
 
 
 def parameters_of(terms: Sequence[Term]) -> dict[str, float]:
-    """Return the card's parameters of up to `TERMS` terms; the others are null."""
+    """Return the card's parameters for up to `TERMS` terms; the other terms are null."""
     if len(terms) > TERMS:
         raise ParameterError(f"{len(terms)} terms are too many: a model holds {TERMS}")
     given = {f"{name}_{n}": float(value) for n, term in enumerate(terms, 1) for name, value in term._asdict().items()}
@@ -226,19 +226,19 @@ def parameters_of(terms: Sequence[Term]) -> dict[str, float]:
 
 
 def terms_of(parameters: Mapping[str, float]) -> list[Term]:
-    """Return the terms that are on, from the card's parameters; those left out are typical."""
+    """Return the terms that are on, from the card's parameters; omitted parameters have their typical value."""
     values = {parameter.name: parameters.get(parameter.name, parameter.typical) for parameter in _PARAMETERS}
     terms = [Term(*(float(values[f"{field}_{n}"]) for field in Term._fields)) for n in range(1, TERMS + 1)]
     return [term for term in terms if term.coefficient != 0.0]
 
 
 def equation(parameters: Mapping[str, float]) -> str:
-    """Return the terms that are on in words and units."""
+    """Return the terms that are on, in words and units."""
     return "; ".join(map(equation_of, terms_of(parameters))) or "nothing"
 
 
 def no_variants(recorded: Recorded) -> list[dict[str, float]]:
-    """Return nothing to try: terms are not searched by name."""
+    """Return no variants: terms are not searched by name."""
     return []
 
 

@@ -1,7 +1,8 @@
-"""One axle's brake drags: a torque stays on it from its first application on, whatever the pressure in the cylinder.
+"""The brake of one axle drags: a torque remains after its first application, whatever the cylinder pressure.
 
-A caliper or rigging that sticks once it was applied does not let go of the disc; one that has stuck since the stop before drags
-from the start. The torque is constant while the wheel turns, also while the WSP vents the cylinder; form and size: assumption.
+A caliper or rigging that sticks after an application does not release the disc. If it has stuck since the previous stop, it
+drags from the start. The torque is constant while the wheel turns, also while the WSP vents the cylinder. Form and size:
+assumption.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,19 +23,19 @@ class Parameters(NamedTuple):
 
 
 class Applied(NamedTuple):
-    """Whether the brakes of N vehicles with A axles have been applied."""
+    """State of the brakes of N vehicles with A axles: applied or not yet."""
 
-    once: np.ndarray  # (N, A) 1 from the first application on [-]
+    once: np.ndarray  # (N, A) 1 after the first application [-]
 
 
 def memory(n: int, axle_positions_m: Sequence[float]) -> Applied:
-    """Return brakes that have not been applied."""
+    """Return the state of brakes that have not been applied."""
     return Applied(np.zeros((n, len(axle_positions_m))))
 
 
 @inlined
 def apply(p: Parameters, applied: Applied, i: int, k: int, passage: Passage) -> None:
-    """Note the first application of the brake."""
+    """Store the first application of the brake."""
     if p.torque_nm != 0.0 and brakes(passage):
         applied.once[i, k] = 1.0
 
@@ -49,12 +50,12 @@ def torque(p: Parameters, applied: Applied, i: int, k: int, torque_nm: float, do
 
 
 def when(values: Mapping[str, float]) -> Mapping[str, Any]:
-    """Return since when it drags, in words."""
+    """Return the start of the drag in words."""
     return {"when": "from the start" if values["from_start"] else "once it was applied"}
 
 
 def axles_and_beginnings(recorded: Recorded) -> list[dict[str, float]]:
-    """Return every axle, with a brake that drags once it was applied and one that drags from the start."""
+    """Return the variants: every axle, with a drag after the first application and with a drag from the start."""
     return [{"axle": k + 1.0, "from_start": start} for k in range(recorded.axles) for start in (0.0, 1.0)]
 
 

@@ -1,7 +1,7 @@
-"""Friction falls with the slip speed more, or less, than assumed (eq. 7 of the seed paper; Polach, Wear 258 (2005)).
+"""Friction falls with slip speed more or less than assumed (eq. 7 of the seed paper; Polach, Wear 258 (2005)).
 
-`decrease` multiplies both decrease rates gamma; `excess` multiplies the excess 1 / A - 1 of static over kinetic friction. The
-kinetic friction, at large slip, stays.
+`decrease` multiplies both decrease rates gamma. `excess` multiplies the excess 1 / A - 1 of static over kinetic friction. The
+kinetic friction, at large slip, is unchanged.
 """
 
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ class Parameters(NamedTuple):
 
 
 def law(p: Parameters, believed: Any) -> Any:
-    """Return the law with this fall; one with a single friction curve has no gamma_r and ratio_r."""
+    """Return the law with changed falling friction; a law with a single friction curve has no gamma_r and ratio_r."""
     changed = {"gamma_d": believed.gamma_d * p.decrease, "ratio_d": _ratio(p, believed.ratio_d)}
     if "gamma_r" in believed._fields:
         changed |= {"gamma_r": believed.gamma_r * p.decrease, "ratio_r": _ratio(p, believed.ratio_r)}
@@ -25,7 +25,7 @@ def law(p: Parameters, believed: Any) -> Any:
 
 
 def _ratio(p: Parameters, believed: float) -> float:
-    """Return A = kinetic over static friction [-]; exactly the believed one at the null."""
+    """Return A = kinetic over static friction [-]; exactly the believed value at the null."""
     return believed if p.excess == 1.0 else 1.0 / (1.0 + p.excess * (1.0 / believed - 1.0))
 
 

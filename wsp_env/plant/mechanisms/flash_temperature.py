@@ -1,11 +1,11 @@
 """Friction falls with the contact temperature.
 
-A contact that slides heats its surfaces by theta = f p_0 s sqrt(a / v) / (2 e) while it passes, half of the heat going each
-way (flash temperature of a moving source, H. Blok 1937; form as in M. Ertz, K. Knothe, Wear 253 (2002) 498-508, whose factor
-of order one for the distribution in the ellipse goes into `fall_per_k`). The friction falls as 1 / (1 + fall theta). As theta
-itself is proportional to the adhesion coefficient f, the heated f solves f (1 + c f) = f_cold: closed form, no state. It
-follows the slip at once, as heating takes a / v, less than a millisecond. The contaminant layer is
-removed by the work of the cold contact.
+A sliding contact heats the surfaces by theta = f p_0 s sqrt(a / v) / (2 e) during its passage; half of the heat flows into each
+body (flash temperature of a moving source, H. Blok 1937; form as in M. Ertz, K. Knothe, Wear 253 (2002) 498-508, whose factor
+of order one for the distribution in the ellipse is included in `fall_per_k`). Friction falls as 1 / (1 + fall theta). Because
+theta is proportional to the adhesion coefficient f, the heated f solves f (1 + c f) = f_cold, in closed form and without a
+state. It follows the slip immediately, because heating takes a / v, less than a millisecond. The work of the cold contact
+removes the contaminant layer.
 """
 
 import math
@@ -27,7 +27,7 @@ class Parameters(NamedTuple):
 
 
 class Heating(NamedTuple):
-    """What the contact's size makes of the heat."""
+    """Heating as a function of the contact's size."""
 
     per_power: float  # theta / (f N s / sqrt(v)) [K s1.5 / (N m0.5)]
 
@@ -38,13 +38,13 @@ def heating(semi_axis_a_m: float, semi_axis_b_m: float) -> Heating:
 
 
 def derive(vehicle: Vehicle) -> Heating:
-    """Return the heating in a vehicle's contacts."""
+    """Return the heating of a vehicle's contacts."""
     return heating(vehicle.contact.semi_axis_a_m, vehicle.contact.semi_axis_b_m)
 
 
 @inlined
 def heated(p: Parameters, heats: Heating, cold: Adhesion, slip_speed: float, speed: float, load_n: float) -> Adhesion:
-    """Return the adhesion of the heated contact, its limits and its derivatives."""
+    """Return the adhesion of the heated contact, its limits and derivatives."""
     if p.fall_per_k == 0.0:
         return cold
     rolling = max(abs(speed), SPEED_FLOOR)

@@ -1,7 +1,7 @@
-"""The creep curve rises less steeply than Kalker's theory: third body and roughness make the contact softer.
+"""The creep curve rises less steeply than in Kalker's theory, because third body and roughness soften the contact.
 
-The contact stiffness of eq. (6) times a factor, which scales both of Polach's reduction factors k alike (O. Polach, Wear 258
-(2005) 992-1000, finds k_A of 0.5 to 1 dry and less when wet or dirty).
+The factor multiplies the contact stiffness of eq. (6), and thus both of Polach's reduction factors k (O. Polach, Wear 258
+(2005) 992-1000, finds k_A of 0.5 to 1 in dry contacts, and less in wet or dirty ones).
 """
 
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ class Parameters(NamedTuple):
 
 
 def law(p: Parameters, believed: Any) -> Any:
-    """Return the law with this slope."""
+    """Return the law with this initial slope."""
     return believed._replace(stiffness=believed.stiffness * p.factor)
 
 

@@ -1,12 +1,11 @@
 """Earlier wheels clean the rail for later ones.
 
-The seed paper names the effect and leaves it out (section 2: "the cleaning effect due to the action of the first wheels
-guarantees better adhesion conditions to the following wheels"). Form taken here: the energy per metre E [J/m] that earlier
-wheels spent at a place leaves the share exp(-removal E) of the contaminant layer there, the same exponential as the paper's
-lambda (eq. 4) for a wheel's own energy; it narrows the gap f_r - f_d for the wheels behind.
-
-The rail is remembered in cells of `CELL_M` under the vehicle, in a ring: the leading axle opens a fresh cell, every axle adds
-what it spent when it leaves the cell, so that no wheel sees its own work twice (its own is in the paper's law).
+The seed paper mentions the effect and omits it (section 2: "the cleaning effect due to the action of the first wheels
+guarantees better adhesion conditions to the following wheels"). Form used here: if earlier wheels spent the energy per metre E
+[J/m] at a place, the share exp(-removal E) of the contaminant layer remains there. This is the exponential of the paper's
+lambda (eq. 4) for a wheel's own energy. It reduces the gap f_r - f_d for later wheels. The rail under the vehicle is stored in
+a ring of cells of `CELL_M`. The leading axle opens a new cell. Each axle adds its energy when it leaves the cell, so that no
+wheel is affected twice by its own work, which is already in the paper's law.
 """
 
 import math
@@ -18,10 +17,10 @@ import numpy as np
 from wsp_env.compiled import inlined
 from wsp_env.plant.card import Card, Parameter, Passage, Said, Signature
 
-#: Length of a cell of rail [m], longer than a substep at any speed, short against the distance of axles.
+#: Length of a cell of rail [m]: longer than a substep at any speed, short compared with the axle distance.
 CELL_M = 1.0
 
-#: Cells in the ring beyond the vehicle's length: the farthest step [m] that does not overwrite what the last axle reads.
+#: Cells of the ring beyond the vehicle's length: the longest step [m] that does not overwrite the cells of the last axle.
 SPARE_CELLS = 8
 
 
@@ -32,19 +31,19 @@ class Parameters(NamedTuple):
 
 
 def cells(vehicle_length_m: float) -> int:
-    """Cells the ring needs for a vehicle with its axles spread over `vehicle_length_m` [m]."""
+    """Return the number of cells in the ring for a vehicle whose axles extend over `vehicle_length_m` [m]."""
     return math.ceil(vehicle_length_m / CELL_M) + SPARE_CELLS
 
 
 class Spent(NamedTuple):
-    """What wheels spent on the rail under N vehicles with A axles."""
+    """Energy that wheels spent on the rail under N vehicles with A axles."""
 
     ring: np.ndarray  # (N, cells) energy per metre on one rail [J/m]
-    pending: np.ndarray  # (N, A) energy in the present cell [J]
+    pending: np.ndarray  # (N, A) energy in the present cell [J], not yet in the ring
 
 
 def memory(n: int, axle_positions_m: Sequence[float]) -> Spent:
-    """Return a rail that no wheel has slid on."""
+    """Return the state of a rail on which no wheel has slid."""
     return Spent(np.zeros((n, cells(axle_positions_m[-1]))), np.zeros((n, len(axle_positions_m))))
 
 
@@ -58,7 +57,7 @@ def _cell(place_m: float) -> int:
 def layer_left(
     p: Parameters, spent: Spent, i: int, k: int, place_m: float, rolled_m: float, layer: float, held: float
 ) -> tuple[float, float]:  # fmt: skip
-    """Shares of the contaminant layer [-], free and held, that earlier wheels left at a place on the rail [m]."""
+    """Shares of the contaminant layer [-], free and lagging, that earlier wheels left at a place on the rail [m]."""
     if p.removal_m_per_j == 0.0:
         return layer, held
     left = math.exp(-p.removal_m_per_j * spent.ring[i, _cell(place_m) % spent.ring.shape[1]])
@@ -67,7 +66,7 @@ def layer_left(
 
 @inlined
 def remember(p: Parameters, spent: Spent, i: int, axle: int, passage: Passage) -> None:
-    """Book the energy that one wheel of an axle spent on its way."""
+    """Add the energy that one wheel of an axle spent on its path."""
     if p.removal_m_per_j == 0.0:
         return
     ring, pending, energy_j = spent.ring, spent.pending, passage.energy_j

@@ -1,17 +1,16 @@
-"""Braking shifts load to the leading bogie, and within each bogie to its leading axle.
+"""Braking transfers load to the leading bogie, and within each bogie to its leading axle.
 
-Quasi-static moments, the wheels' own rotation included. The carbody's inertia force acts at a height above the pivots, at which
-the bogies draw it, and loads the leading bogie. A bogie with its wheelsets stands in balance about the rail,
+Quasi-static moments, including the rotation of the wheels. The inertia force of the carbody acts at a height above the pivots,
+where the bogies retard it, and loads the leading bogie. For each bogie with its wheelsets, the moments about the rail balance:
 
-    moment = h sum T + a (m_frame h_frame + sum m_wheelset r - (m_frame + sum m_wheelset) h) - sum J dw/dt:
+    moment = h sum T + a (m_frame h_frame + sum m_wheelset r - (m_frame + sum m_wheelset) h) - sum J dw/dt.
 
-its wheels are held back by T at the rail, the body pulls at h with what its own masses leave of it, and wheelsets that slow
-down give up their angular momentum, whatever part of it their brakes hand to the frame as torque. The moment loads the leading
-axle. Textbook statics, e.g. K. Knothe, S. Stichel, Rail Vehicle Dynamics (2017), chapter on traction and braking.
-
-Masses and heights of frame and wheelsets are the vehicle's own (`parameters.multibody`). Their part and that of J dw/dt are
-exact at the vehicle's own height of drawing and in proportion to `pivot_height_m` elsewhere (assumption: so the mechanism is
-linear in its two heights, and the recordings need not tell a third size).
+The wheels are retarded by T at the rail. The body pulls at height h with this force less the inertia force of the bogie's own
+masses. Wheelsets that slow down release angular momentum, whichever part of it their brakes pass to the frame as torque. The
+moment loads the leading axle. Textbook statics, e.g. K. Knothe, S. Stichel, Rail Vehicle Dynamics (2017), chapter on traction
+and braking. Masses and heights of frame and wheelsets are those of the vehicle (`parameters.multibody`). Their part and that of
+J dw/dt are exact at the vehicle's own drawing height, and proportional to `pivot_height_m` otherwise (assumption: the mechanism
+is then linear in its two heights, and recordings need not determine a third size).
 """
 
 from collections.abc import Sequence
@@ -32,41 +31,41 @@ class Parameters(NamedTuple):
 
 
 class Levers(NamedTuple):
-    """What moments do to the load of one wheel of every axle (A,), and what is known of the vehicle beside the heights."""
+    """Levers from moments to the load of one wheel of every axle (A,), and further constants of the vehicle."""
 
-    body: np.ndarray  # per M a h_body, with the carbody's share of M [1/m]
-    bogie: np.ndarray  # per moment of its bogie [1/m]
-    first: np.ndarray  # first axle of its bogie
-    end: np.ndarray  # the axle behind the last one of its bogie
-    borne: np.ndarray  # moment of its bogie's own masses about the height of drawing, per deceleration [kg m]
-    drawn_m: float  # height of drawing, at which `borne` and J dw/dt count in full [m]
+    body: np.ndarray  # per M a h_body, including the carbody's share of M [1/m]
+    bogie: np.ndarray  # per moment of the axle's bogie [1/m]
+    first: np.ndarray  # index of the first axle of its bogie
+    end: np.ndarray  # index after the last axle of its bogie
+    borne: np.ndarray  # moment of its bogie's own masses about the drawing height, per deceleration [kg m]
+    drawn_m: float  # drawing height, at which `borne` and J dw/dt count in full [m]
 
 
 class Driven(NamedTuple):
-    """What the wheelsets of N vehicles with A axles do."""
+    """Forces and moments of the wheelsets of N vehicles with A axles."""
 
     force: np.ndarray  # (N, A) T of the wheelset [N]
     turning: np.ndarray  # (N, A) J dw/dt [N m]
 
 
 def memory(n: int, axle_positions_m: Sequence[float]) -> Driven:
-    """Return wheelsets that do nothing."""
+    """Return the state of wheelsets without force."""
     return Driven(*(np.zeros((n, len(axle_positions_m))) for _ in Driven._fields))
 
 
 def arms(
     axle_positions_m: tuple[float, ...], bodies: tuple[tuple[int, ...], ...]
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return what the load of one wheel of every axle changes by [1/m]: per M a h of the body, per moment of its bogie.
+    """Return the changes of the load of one wheel of every axle [1/m]: per M a h of the body, and per moment of its bogie.
 
-    Every body has the share of the mass that its axles carry, and brakes itself: couplings carry no moment. On two supports the
-    change is what balances the moment; on more it grows linearly with the distance from their centre (assumption: a rigid body
-    on springs as stiff as the axles below them are many); a single support takes no moment (assumption: a bogie or wheelset by
-    itself leaves it to the rest of the vehicle). The changes of a vehicle sum to zero.
+    Each body has the mass share that its axles carry, and brakes itself: couplings transmit no moment. On two supports, the
+    change of load balances the moment. On more supports, it is linear in the distance from their centre (assumption: a rigid
+    body on springs, with stiffness proportional to the number of axles below). A single support takes no moment (assumption:
+    the rest of the vehicle takes the moment of a single bogie or wheelset). The changes of a vehicle sum to zero.
 
     Parameters
     ----------
-    axle_positions_m : behind the leading axle [m], rising
+    axle_positions_m : behind the leading axle [m], ascending
     bodies : axles of each bogie, body by body from the front, see `Vehicle.running_gear`
 
     """
@@ -85,7 +84,7 @@ def arms(
 
 
 def _levers(places_m: tuple[float, ...], stiffness: tuple[int, ...]) -> tuple[float, ...]:
-    """Return what each support's load changes by [1/m] per moment forward about them; `stiffness` in any unit."""
+    """Return the change of each support's load [1/m] per pitching moment forward; `stiffness` in any unit."""
     if len(places_m) == 1:
         return (0.0,)
     if len(places_m) == 2:
@@ -99,8 +98,8 @@ def _levers(places_m: tuple[float, ...], stiffness: tuple[int, ...]) -> tuple[fl
 def derive(vehicle: Vehicle) -> Levers:
     """Return the levers of a vehicle.
 
-    Two axles or more under one body's support are a bogie with a frame. Bodies that are lighter than their bogies and wheelsets
-    have no mass of their own (assumption).
+    Two or more axles under one support of a body are a bogie with a frame. Bodies lighter than their bogies and wheelsets have
+    no mass of their own (assumption).
     """
     m, radius = vehicle.multibody, vehicle.wheel_radius_m
     wheelset_kg, height = m.wheelset_mass_kg + 2.0 * m.axle_box_mass_kg, m.drawing_height_m
@@ -121,7 +120,7 @@ def derive(vehicle: Vehicle) -> Levers:
 
 @inlined
 def remember(p: Parameters, lever: Levers, driven: Driven, i: int, k: int, passage: Passage) -> None:
-    """Note what the wheelset of an axle does."""
+    """Store force and angular momentum change of an axle's wheelset."""
     if p.pivot_height_m == 0.0:
         return
     driven.force[i, k] = passage.force_n
@@ -132,7 +131,7 @@ def remember(p: Parameters, lever: Levers, driven: Driven, i: int, k: int, passa
 def wheel_load(
     p: Parameters, lever: Levers, driven: Driven, i: int, k: int, load: float, mass_kg: float, deceleration_mps2: float
 ) -> float:  # fmt: skip
-    """Load of one wheel [N] of axle k under a deceleration [m/s2], with the forces of the substep before; never below zero."""
+    """Load of one wheel [N] of axle k at a deceleration [m/s2], with the forces of the previous substep; at least zero."""
     load += mass_kg * deceleration_mps2 * p.body_height_m * lever.body[k]
     if p.pivot_height_m != 0.0:
         force, turning = 0.0, 0.0
@@ -145,7 +144,7 @@ def wheel_load(
 
 
 def steadily(p: Parameters, vehicle: Vehicle) -> np.ndarray:
-    """Return the change of one wheel's load (A,) per deceleration [N / (m/s2)], all wheels rolling, all brakes alike."""
+    """Return the change of one wheel's load (A,) per deceleration [N / (m/s2)], with all wheels rolling and equal brakes."""
     lever = derive(vehicle)
     turning = vehicle.wheelset_inertia_kgm2 / vehicle.wheel_radius_m  # - J dw/dt per deceleration
     per_bogie = lever.end - lever.first

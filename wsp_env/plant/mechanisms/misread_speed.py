@@ -1,9 +1,9 @@
 """An error of the recorded speed without a name: a coefficient times a feature of the vehicle's motion.
 
-A radar that looks at the track under an angle reads another speed when what it hangs on pitches under the brake: the error of
-the cosine is in proportion to the pitch, hence to the deceleration, and to the speed. An integrated acceleration drifts with
-time, a scale with temperature. What is found so, on recordings, by the diagnosis, has the features of
-`wsp_env.plant.mechanisms.terms` that depend on the vehicle's motion and on time only.
+A radar looks at the track at an angle. If its carrier pitches under braking, its reading changes: the cosine error is
+proportional to the pitch, hence to the deceleration, and to the speed. An integrated acceleration drifts with time, a scale
+with temperature. The diagnosis finds such errors with those features of `wsp_env.plant.mechanisms.terms` that depend only on
+the vehicle's motion and on time.
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from wsp_env.plant.card import Card, Parameter, Said, Signature, itself
 from wsp_env.plant.mechanisms.discovered import no_variants
 from wsp_env.plant.mechanisms.terms import UNBOUNDED, Feature, Slot, Term, of_the_vehicle
 
-_RECORDED_SPEED = int(Slot.RECORDED_SPEED)  # as compiled code takes it
+_RECORDED_SPEED = int(Slot.RECORDED_SPEED)  # code as an integer for compiled code
 
 
 class Parameters(NamedTuple):
@@ -26,7 +26,7 @@ class Parameters(NamedTuple):
 
 @inlined
 def _error(p: Parameters, speed: float, acceleration: float, time: float) -> float:
-    """Error of the recorded speed [m/s]; a speed has no place."""
+    """Error of the recorded speed [m/s]; it does not depend on the place."""
     term = Term(p.coefficient, _RECORDED_SPEED, 0.0, p.feature, 1.0, 1.0, -UNBOUNDED, UNBOUNDED)
     return p.coefficient * of_the_vehicle(term, time, 0.0, speed, -acceleration)
 

@@ -1,7 +1,7 @@
-"""A brake that does not need the wheels: magnetic or eddy-current track brake, within its band of speed.
+"""A brake independent of the wheels: magnetic or eddy-current track brake, within a band of speed.
 
-A constant force between two speeds, with edges of `EDGE_MPS`, from the first application of the brake on (magnetic track
-brakes of coaches are let down in emergency stops and lifted at low speed; size: assumption).
+The force is constant between two speeds, with edges of width `EDGE_MPS`, after the first application of the brake (magnetic
+track brakes of coaches are lowered in emergency stops and lifted at low speed; size: assumption).
 """
 
 import math
@@ -16,8 +16,8 @@ from wsp_env.plant.card import Card, Moment, Parameter, Passage, Recorded, Said,
 #: Width of the band's edges [m/s] (assumption).
 EDGE_MPS = 0.5
 
-#: Speeds below which it may be lifted that are tried in recordings [m/s]; the first: at none. A speed signal that is good to
-#: some cm/s tells them to well below 2 m/s.
+#: Speeds below which the brake is lifted, as tried in recordings [m/s]; the first means never. A speed signal accurate to some
+#: cm/s determines them to well below 2 m/s.
 _LIFTED_MPS = (-10.0, *range(6, 25, 2))
 
 
@@ -30,19 +30,19 @@ class Parameters(NamedTuple):
 
 
 class Applied(NamedTuple):
-    """Whether the brakes of N vehicles have been applied."""
+    """State of the brakes of N vehicles: applied or not yet."""
 
-    once: np.ndarray  # (N,) 1 from the first application on [-]
+    once: np.ndarray  # (N,) 1 after the first application [-]
 
 
 def memory(n: int, axle_positions_m: Sequence[float]) -> Applied:
-    """Return brakes that have not been applied."""
+    """Return the state of brakes that have not been applied."""
     return Applied(np.zeros(n))
 
 
 @inlined
 def apply(p: Parameters, applied: Applied, i: int, k: int, passage: Passage) -> None:
-    """Note the first application of the brake."""
+    """Store the first application of the brake."""
     if p.force_n != 0.0 and brakes(passage):
         applied.once[i] = 1.0
 

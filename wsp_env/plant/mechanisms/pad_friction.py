@@ -1,9 +1,9 @@
 """The friction of the brake pads depends on sliding speed, pressure and temperature.
 
-Torque times 1 + a_v (v_w - v_0) + a_p (p - p_0) + a_t theta: organic pads lose friction with speed, pressure and heat (the
-permitted bands around 0.35 in UIC 541-3 are of this size; sizes: assumption). v_w is the wheel's circumferential speed, to
-which the disc's is proportional. theta is the rise of the discs' mean temperature: they take the braking power and cool with
-a time constant.
+The torque is multiplied by 1 + a_v (v_w - v_0) + a_p (p - p_0) + a_t theta: organic pads lose friction with speed, pressure and
+heat (the permitted bands around 0.35 in UIC 541-3 have this size; sizes: assumption). v_w is the wheel's circumferential speed;
+that of the disc is proportional to it. theta is the rise of the discs' mean temperature. The discs take the braking power and
+cool with a time constant.
 """
 
 import math
@@ -15,14 +15,14 @@ import numpy as np
 from wsp_env.compiled import inlined
 from wsp_env.plant.card import Card, Parameter, Passage, Said, Signature, never, percent
 
-#: Speed [m/s] and pressure [bar] at which the friction is the believed one (assumption: the middle of a full stop).
+#: Reference speed [m/s] and pressure [bar], at which the friction is the believed one (assumption: middle of a full stop).
 REFERENCE_MPS = 20.0
 REFERENCE_BAR = 2.0
 
-#: Heat that warms the discs of one axle by one kelvin [J/K] (assumption: two discs of 120 kg at 470 J/kgK).
+#: Heat capacity of the discs of one axle [J/K] (assumption: two discs of 120 kg at 470 J/kgK).
 HEAT_CAPACITY_J_PER_K = 113_000.0
 
-#: Time constant of their cooling [s] (assumption: minutes, long against a stop).
+#: Time constant of the discs' cooling [s] (assumption: minutes, long compared with a stop).
 COOLING_S = 600.0
 
 
@@ -35,19 +35,19 @@ class Parameters(NamedTuple):
 
 
 class Discs(NamedTuple):
-    """Discs of N vehicles with A axles."""
+    """State of the discs of N vehicles with A axles."""
 
     warmer_k: np.ndarray  # (N, A) rise of their mean temperature [K]
 
 
 def memory(n: int, axle_positions_m: Sequence[float]) -> Discs:
-    """Return cold discs."""
+    """Return the state of cold discs."""
     return Discs(np.zeros((n, len(axle_positions_m))))
 
 
 @inlined
 def torque_factor(p: Parameters, discs: Discs, i: int, k: int, wheel_mps: float, pressure_bar: float) -> float:
-    """Brake torque over the believed one [-]; never below zero."""
+    """Brake torque over the believed one [-]; at least zero."""
     if p.per_speed_s_per_m == 0.0 and p.per_pressure_1_per_bar == 0.0 and p.per_temperature_1_per_k == 0.0:
         return 1.0
     change = p.per_speed_s_per_m * (wheel_mps - REFERENCE_MPS) + p.per_pressure_1_per_bar * (pressure_bar - REFERENCE_BAR)
@@ -56,7 +56,7 @@ def torque_factor(p: Parameters, discs: Discs, i: int, k: int, wheel_mps: float,
 
 @inlined
 def warm(p: Parameters, discs: Discs, i: int, k: int, passage: Passage) -> None:
-    """Warm the discs of axle k by the work of its brake, and let them cool."""
+    """Heat the discs of axle k by the work of its brake, and let them cool."""
     if p.per_temperature_1_per_k != 0.0:
         cooled = discs.warmer_k[i, k] * math.exp(-passage.duration_s / COOLING_S)
         discs.warmer_k[i, k] = cooled + passage.braking_j / HEAT_CAPACITY_J_PER_K

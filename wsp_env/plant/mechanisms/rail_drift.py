@@ -1,9 +1,9 @@
-"""The rail changes from stop to stop: what earlier stops left of the contaminant layer goes sooner, or later, than before.
+"""The rail changes from stop to stop: the remaining contaminant layer is removed faster or more slowly.
 
-tau is multiplied by exp(per_stop n) after n earlier stops on the same rail. That sliding cleans contaminated surfaces and their
-friction stays above the initial level was measured by P. Voltr, M. Lata, Vehicle System Dynamics 53 (2015) 605-618; the form,
-in the recovery rate and the same from each stop to the next, and the size are assumptions. Along a campaign every recording has
-its own n, by its place in the list of runs; an environment takes the parameter's value, or draws it for each stop.
+tau is multiplied by exp(per_stop n) after n earlier stops on the same rail. P. Voltr, M. Lata, Vehicle System Dynamics 53
+(2015) 605-618, measured that sliding cleans contaminated surfaces and that their friction stays above the initial level. The
+form (a change of the recovery rate, equal from each stop to the next) and the size are assumptions. In a campaign, n of a
+recording is its place in the list of runs. An environment uses the parameter's value, or draws it for each stop.
 """
 
 import math
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from wsp_env.plant.card import Card, Parameter, Said, Signature
 
-#: Earlier stops where nothing says how many (assumption: the middle of a usual campaign).
+#: Number of earlier stops if it is unknown (assumption: the middle of a usual campaign).
 _USUAL = 4.0
 
 
@@ -51,7 +51,7 @@ CARD = Card(
             ),
         ),
         over="work",
-        least_stops=3,  # between two stops it is any difference of theirs
+        least_stops=3,  # with two stops, any difference between them looks like a drift
     ),
     study={"per_stop": 0.2},
 )

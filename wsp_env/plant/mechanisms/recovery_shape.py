@@ -1,8 +1,8 @@
-"""The recovery lambda(W_sp) has a threshold or another curvature than the exponential.
+"""The recovery lambda(W_sp) has a threshold, or a curvature other than the exponential's.
 
-lambda = 1 - exp(-u^n) with u = tau max(W_sp - W_0, 0): Weibull's form of eq. (4) of the seed paper. n above 1 starts late and
-ends sharply, n below 1 the other way round; work below W_0 removes nothing. The law is then solved by Newton's method
-(`wsp_env.contact.recovery`). Form and sizes: assumption.
+lambda = 1 - exp(-u^n) with u = tau max(W_sp - W_0, 0): Weibull's form of eq. (4) of the seed paper. With n above 1 the recovery
+starts late and ends sharply; with n below 1 it is the other way round. Work below W_0 removes nothing. The law is then solved
+by Newton's method (`wsp_env.contact.recovery`). Form and sizes: assumption.
 """
 
 from typing import Any, NamedTuple

@@ -1,10 +1,11 @@
-"""A sander blows sand before an axle that slides; the sand takes away a share of the contaminant layer.
+"""A sander blows sand before a sliding axle; the sand removes a share of the contaminant layer.
 
-It starts once the axle's slip has exceeded a threshold for a while, as a WSP triggers it, and stops with the slide. The sand
-between wheel and rail builds up and goes with time constants; the axles behind find what those before leave. Full-scale: S. R.
-Lewis, S. Riley, D. I. Fletcher, R. Lewis, International Journal of Railway Technology 6 (2017) 87-98; on track RSSB's trials of
-2017 at Melton, where at an adhesion of 0.02 one sander with a fixed rate shortened a stop from over 1200 m to 800 m: the mean
-adhesion of all axles rose by about 0.01, a twentieth of the way to a dry rail. The form and the times are assumptions.
+It starts when the axle's slip has exceeded a threshold for some time, as triggered by a WSP, and stops when the slip falls
+below the threshold. The sand between wheel and rail builds up and decays with time constants. Later axles find the sand that
+earlier ones leave. Full-scale tests: S. R. Lewis, S. Riley, D. I. Fletcher, R. Lewis, International Journal of Railway
+Technology 6 (2017) 87-98. On track: RSSB's trials of 2017 at Melton; at an adhesion of 0.02, one sander with a fixed rate
+shortened a stop from over 1200 m to 800 m. The mean adhesion of all axles rose by about 0.01, a twentieth of the way to a dry
+rail. Form and times: assumptions.
 """
 
 import math
@@ -17,13 +18,13 @@ from wsp_env.compiled import inlined
 from wsp_env.parameters.vehicle import Vehicle
 from wsp_env.plant.card import Card, Parameter, Passage, Recorded, Said, Signature, never, percent
 
-#: Share of the sand before one axle that the next one behind it finds (assumption: each crushes and throws off some of it).
+#: Share of the sand at one axle that reaches the next one (assumption: each wheel crushes and throws off some of it).
 BEHIND = 0.7
 
-#: Thresholds of slip [m/s] and the delay [s] that are tried in recordings (assumption); a refit moves them.
+#: Slip thresholds [m/s] and delay [s] that are tried in recordings (assumption); a refit changes them.
 _THRESHOLDS_MPS = (0.7, 1.5, 3.0)
 _DELAY_S = 0.8
-#: Time constants from which a refit begins [s], see `CARD`.
+#: Initial time constants of a refit [s], see `CARD`.
 _BUILD_UP_S, _DECAY_S = 0.5, 1.5
 
 
@@ -39,16 +40,16 @@ class Parameters(NamedTuple):
 
 
 class Bogies(NamedTuple):
-    """Where sanders stand if every bogie has one."""
+    """Positions of the sanders if every bogie has one."""
 
     leads: np.ndarray  # (A,) 1 for the leading axle of a bogie [-]
 
 
 class Sand(NamedTuple):
-    """Sanders of N vehicles with A axles."""
+    """State of the sanders of N vehicles with A axles."""
 
-    slid_s: np.ndarray  # (N, A) since when the slip has exceeded the threshold [s]
-    built: np.ndarray  # (N, A) sand before an axle, over that at full rate [-]
+    slid_s: np.ndarray  # (N, A) time for which the slip has exceeded the threshold [s]
+    built: np.ndarray  # (N, A) sand at an axle over that at full rate [-]
 
 
 def derive(vehicle: Vehicle) -> Bogies:
@@ -57,7 +58,7 @@ def derive(vehicle: Vehicle) -> Bogies:
 
 
 def memory(n: int, axle_positions_m: Sequence[float]) -> Sand:
-    """Return sanders that have not worked."""
+    """Return the state of sanders that have not worked."""
     return Sand(*(np.zeros((n, len(axle_positions_m))) for _ in Sand._fields))
 
 
@@ -65,7 +66,7 @@ def memory(n: int, axle_positions_m: Sequence[float]) -> Sand:
 def layer_left(
     p: Parameters, bogies: Bogies, sand: Sand, i: int, k: int, place_m: float, rolled_m: float, layer: float, held: float
 ) -> tuple[float, float]:  # fmt: skip
-    """Shares of the contaminant layer [-], free and held, that the sand before axle k and those ahead of it leaves."""
+    """Shares of the contaminant layer [-], free and lagging, that the sand of axle k and of the axles ahead leaves."""
     if p.share == 0.0:
         return layer, held
     found = 0.0
@@ -77,7 +78,7 @@ def layer_left(
 
 @inlined
 def work(p: Parameters, bogies: Bogies, sand: Sand, i: int, k: int, passage: Passage) -> None:
-    """Let the sander of axle k, if it has one, work while the axle slides."""
+    """Update the sand at axle k, if it has a sander; the sander works during slides."""
     if p.share == 0.0 or not (p.axle == k + 1.0 or (p.axle == 0.0 and bogies.leads[k] > 0.0)):
         return
     sand.slid_s[i, k] = sand.slid_s[i, k] + passage.duration_s if passage.slip_mps > p.threshold_mps else 0.0
@@ -88,14 +89,14 @@ def work(p: Parameters, bogies: Bogies, sand: Sand, i: int, k: int, passage: Pas
 
 
 def sanders(recorded: Recorded) -> list[dict[str, float]]:
-    """Return the sanders that are tried: one for every bogie, or on one axle, each with its threshold of slip."""
+    """Return the variants: a sander for every bogie, or on one axle, each with a slip threshold."""
     axles = range(recorded.axles + 1) if recorded.axles > 1 else (0,)
     times = {"delay_s": _DELAY_S, "build_up_s": _BUILD_UP_S, "decay_s": _DECAY_S}
     return [{"axle": float(axle), "threshold_mps": slip} | times for axle in axles for slip in _THRESHOLDS_MPS]
 
 
 def where(values: Mapping[str, float]) -> dict[str, str]:
-    """Return the sander in words, for the sentence."""
+    """Return the position of the sander in words, for the sentence."""
     return {"where": f"axle {values['axle']:.0f}" if values["axle"] else "each bogie's leading axle"}
 
 

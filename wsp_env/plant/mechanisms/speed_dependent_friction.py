@@ -1,8 +1,8 @@
 """Friction falls with the running speed.
 
-Curtius and Kniffler (1944) measured 7.5 / (V + 44) + 0.161 with V in km/h. Taken is its relative fall, as both friction
-coefficients have their own size here: mu(v) = mu (1 + share (g(v) / g(v_0) - 1)). share = 1 is their curve, a larger one falls
-more. At the reference speed v_0 the friction is the believed one.
+Curtius and Kniffler (1944) measured 7.5 / (V + 44) + 0.161 with V in km/h. Only the relative fall is used, because both
+friction coefficients have their own size here: mu(v) = mu (1 + share (g(v) / g(v_0) - 1)). share = 1 gives their curve, a
+larger share a stronger fall. At the reference speed v_0, the friction is the believed one.
 """
 
 from typing import NamedTuple
@@ -10,7 +10,8 @@ from typing import NamedTuple
 from wsp_env.compiled import inlined
 from wsp_env.plant.card import Card, OnCreepCurve, Parameter, Said, Signature, percent
 
-#: Speed [m/s] at which the friction is the believed one (assumption: the middle of a stop from 40 m/s, least bound to mu_cd).
+#: Reference speed [m/s], at which the friction is the believed one (assumption: middle of a stop from 40 m/s, where share and
+#: mu_cd are least correlated).
 REFERENCE_MPS = 20.0
 
 
@@ -27,7 +28,7 @@ def _curtius_kniffler(speed_mps: float) -> float:
 
 @inlined
 def friction_factor(p: Parameters, speed_mps: float) -> float:
-    """Factor of both friction coefficients [-] at a running speed [m/s]."""
+    """Factor on both friction coefficients [-] at a running speed [m/s]."""
     if p.share == 0.0:
         return 1.0
     return 1.0 + p.share * (_curtius_kniffler(abs(speed_mps)) / _curtius_kniffler(REFERENCE_MPS) - 1.0)

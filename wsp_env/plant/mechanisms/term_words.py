@@ -1,4 +1,4 @@
-"""Terms in words: what one adds, on which axles, depending on what, and which known physics has its form."""
+"""Terms in words: the change, its axles, the feature, and known physics of the same form."""
 
 import math
 from typing import NamedTuple
@@ -7,11 +7,11 @@ from wsp_env.plant.mechanisms.terms import Feature, Slot, Term
 
 
 class Described(NamedTuple):
-    """A feature in words; {scale} and {second_scale} are the term's."""
+    """A feature in words; {scale} and {second_scale} are replaced by the term's scales."""
 
     words: str
-    unit: str  # "-": a number
-    scale: tuple[str, str] = ("", "")  # units of the two scales, "" where the feature has none
+    unit: str  # "-": dimensionless
+    scale: tuple[str, str] = ("", "")  # units of the two scales; "" if the feature has none
 
 
 #: Slots in words, with the unit of coefficient times feature.
@@ -65,7 +65,7 @@ FEATURES: dict[Feature, Described] = {
 _SWING = dict.fromkeys((Feature.SINE, Feature.COSINE), ("coupler force", "pitching of the coach"))
 _TURN = (Feature.WHEEL_SINE, Feature.WHEEL_COSINE, Feature.TORQUE_SINE, Feature.TORQUE_COSINE)
 
-#: Known physics of the form of a slot with a feature.
+#: Known physics with the form of a slot and a feature.
 LOOKS_LIKE: dict[Slot, dict[Feature, tuple[str, ...]]] = {
     Slot.BRAKE_TORQUE: {
         Feature.BRAKING: ("dragging brake", "offset of the torque or pressure sensor"),
@@ -135,17 +135,17 @@ LOOKS_LIKE: dict[Slot, dict[Feature, tuple[str, ...]]] = {
 
 
 def looks_like(slot: float, feature: float) -> tuple[str, ...]:
-    """Return known physics of the form of a term, likeliest first; none where no physics is known."""
+    """Return known physics with the form of a term, likeliest first; empty if there is none."""
     return LOOKS_LIKE[Slot(int(slot))].get(Feature(int(feature)), ())
 
 
 def axles_of(mask: float) -> tuple[int, ...]:
-    """Return the axles of a mask, from 1; none for all."""
+    """Return the axles of a bit mask, from 1; empty for all axles."""
     return tuple(bit + 1 for bit in range(int(mask).bit_length()) if int(mask) >> bit & 1)
 
 
 def mask_of(axles: tuple[int, ...]) -> float:
-    """Return the mask of axles, from 1; 0 for none, which means all."""
+    """Return the bit mask of axles, from 1; 0 for an empty tuple, which means all axles."""
     return float(sum(1 << (axle - 1) for axle in set(axles)))
 
 
@@ -157,7 +157,7 @@ def _axles(mask: float) -> str:
 
 
 def _per(term: Term) -> tuple[str, str]:
-    """Return what stands behind the number, and behind the axles."""
+    """Return the words after the number, and the words after the axles."""
     feature = Feature(int(term.feature))
     described = FEATURES[feature]
     words = described.words.format(scale=term.scale, second_scale=term.second_scale)

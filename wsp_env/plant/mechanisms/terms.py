@@ -1,7 +1,7 @@
-"""Terms: physics without a name, as a coefficient times a feature of what an axle is doing, in one slot of the plant.
+"""Terms: physics without a name, as a coefficient times a feature of an axle's motion, in one slot of the plant.
 
-A feature is a causal state of the plant. It is computed by one compiled function, in the plant's step, in the evaluation along
-a recording and, by `features_along`, for a search that is linear in the coefficients.
+A feature is a causal state of the plant. One compiled function computes it in the plant's step, in the evaluation along a
+recording and, by `features_along`, for a search that is linear in the coefficients.
 """
 
 import math
@@ -20,12 +20,12 @@ class Slot(IntEnum):
     BRAKE_TORQUE = 0  # added to the brake torque of each axle [N m]
     FRICTION = 1  # the relative change of both friction coefficients under each axle [-]
     RECOVERY = 2  # added to the logarithm of the recovery rate tau under each axle [-]
-    VEHICLE_FORCE = 3  # added to the force against the motion [N], with the mean of the feature over the axles
+    VEHICLE_FORCE = 3  # added to the force against the motion [N]; the feature is averaged over the axles
     RECORDED_SPEED = 4  # added to the recorded speed of the vehicle [m/s]: see `misread_speed`
 
 
 class Feature(IntEnum):
-    """What a term depends on. In brackets what its scale, and its second scale, are."""
+    """Quantity on which a term depends. Square brackets: unit; parentheses: units of its scale and second scale."""
 
     BRAKING = 0  # 1 while the believed torque is above `BRAKING_SHARE` of the full one [-]
     ALWAYS = 1  # 1 [-]
@@ -35,7 +35,7 @@ class Feature(IntEnum):
     SLIP_SIGN = 5  # tanh(slip speed / scale) [-] (m/s)
     TORQUE = 6  # believed torque over full torque [-]
     WHEEL_RATE = 7  # r dw/dt [m/s2]
-    TORQUE_MEMORY = 8  # torque share that follows the believed one with a time constant, less the latter [-] (s)
+    TORQUE_MEMORY = 8  # (believed torque, low-passed with a time constant, minus believed torque) over full torque [-] (s)
     SLIP_RATE = 9  # tanh(rate of the slip speed / scale) [-] (m/s2)
     TIME = 10  # since the start of the stop [s]
     BRAKING_TIME = 11  # since braking began [s]
@@ -46,36 +46,36 @@ class Feature(IntEnum):
     PLACE_BUMP = 16  # raised cosine along the track [-] (m, its middle; m, its whole width)
     WHEEL_DIFFERENCE = 17  # r (w - mean w of the other axles) [m/s]
     WORK = 18  # friction work that the axle has done so far [MJ]
-    BUILT_UP = 19  # builds up towards 1 while the wheel slides, else decays [-] (s, time constant; m/s, of slip from which on)
-    SPEED_TENT = 20  # 1 at a speed, linearly down to 0 around it: several make a spline [-] (m/s, middle; m/s, half width)
+    BUILT_UP = 19  # low-passed state, target 1 while the wheel slides, else 0 [-] (s, time constant; m/s, slip threshold)
+    SPEED_TENT = 20  # 1 at a speed, falling linearly to 0 around it; several form a spline [-] (m/s, middle; m/s, half width)
     SLIP_TENT = 21  # the same over slip speed [-] (m/s; m/s)
     TIME_TENT = 22  # the same over time [-] (s; s)
     SPEED_DECELERATION = 23  # running speed over 30 m/s, times deceleration [m/s2]
     SPEED_TIME = 24  # running speed over 30 m/s, times the time since the start of the stop [s]
     TORQUE_SINE = 25  # believed torque over full torque, times sin(scale x wheel angle) [-] (per turn of the wheel)
     TORQUE_COSINE = 26  # the same with the cosine [-] (per turn of the wheel)
-    TORQUE_PLAY = 27  # believed torque over full torque, - while it rises, + while it falls [-] (share of it, play)
+    TORQUE_PLAY = 27  # believed torque over full torque, negative while rising, positive while falling [-] (share of it, play)
     SETTLING = 28  # exp(-time since braking began / scale) [-] (s)
     TORQUE_SETTLING = 29  # believed torque over full torque, times the same [-] (s)
 
 
-#: Share of the full torque from which on an axle brakes (assumption: above the noise of a recorded pressure).
+#: Share of the full torque above which an axle counts as braking (assumption: above the noise of a recorded pressure).
 BRAKING_SHARE = 0.02
 
-#: Time constant by which feature SLIP_RATE follows the rate of the slip speed [s] (assumption: two substeps, or a friction that
-#: depends on the rate that it makes itself would swing from substep to substep; recordings resolve less).
+#: Time constant of feature SLIP_RATE [s] (assumption: two substeps; without a lag, a friction that depends on the slip rate
+#: that it causes would oscillate from substep to substep; recordings do not resolve shorter times).
 RATE_LAG_S = 0.02
 
-#: Running speed that feature SPEED is 1 at [m/s].
+#: Running speed at which feature SPEED is 1 [m/s].
 REFERENCE_MPS = 30.0
 
-#: Where a feature is not held at an edge.
+#: Bound of a feature without limits.
 UNBOUNDED = 1e9
 
-#: Least scale that is divided by.
+#: Smallest scale in a division.
 _LEAST = 1e-9
 
-# The codes as compiled code takes them.
+# The codes as integers for compiled code.
 (
     _BRAKING, _ALWAYS, _SPEED, _SPEED_SQUARED, _SLIP, _SLIP_SIGN, _TORQUE, _WHEEL_RATE, _TORQUE_MEMORY, _SLIP_RATE, _TIME,
     _BRAKING_TIME, _SINE, _COSINE, _WHEEL_SINE, _WHEEL_COSINE, _PLACE_BUMP, _WHEEL_DIFFERENCE, _WORK, _BUILT_UP, _SPEED_TENT,
@@ -85,39 +85,39 @@ _LEAST = 1e-9
 
 
 class Term(NamedTuple):
-    """One term; all floats, as a record of parameters holds them."""
+    """One term; all fields are floats, as in a record of parameters."""
 
     coefficient: float = 0.0  # in the unit of its slot over that of its feature
     slot: float = Slot.BRAKE_TORQUE
-    axles: float = 0.0  # bit mask, 1 for axle 1, 2 for axle 2, 4 for axle 3 ...; 0: all
+    axles: float = 0.0  # bit mask: 1 for axle 1, 2 for axle 2, 4 for axle 3 ...; 0: all
     feature: float = Feature.BRAKING
     scale: float = 1.0  # see `Feature`
     second_scale: float = 1.0
-    low: float = -UNBOUNDED  # the feature is held at the edges of what recordings showed
+    low: float = -UNBOUNDED  # limits of the feature: the range in the recordings
     high: float = UNBOUNDED
 
 
 class Past(NamedTuple):
-    """What a term remembers of an axle."""
+    """State of a term for one axle."""
 
     lagged: float = 0.0  # believed torque over full torque, low-passed, or with play [-]
-    built: float = 0.0  # latent state [-]
-    braked_s: float = 0.0  # since braking began
+    built: float = 0.0  # state of BUILT_UP [-]
+    braked_s: float = 0.0  # time since braking began [s]
     slip_rate: float = 0.0  # low-passed [m/s2]
 
 
 @kernel
 def concerns(axles: float, k: int) -> bool:
-    """Whether a mask means the axle with index k, from 0."""
+    """Whether a bit mask includes the axle with index k, from 0."""
     mask = int(axles)
     return mask == 0 or (mask >> k) & 1 == 1
 
 
 @kernel
 def brought_up_to_date(term: Term, past: Past, doing: Doing) -> Past:
-    """Return what is remembered `doing.duration_s` later, under what the axle does now, of that which the feature asks for."""
+    """Return the state `doing.duration_s` later, under the axle's present motion; states of other features may stay as is."""
     share = doing.believed_torque / doing.full_torque
-    if doing.time_s == 0.0:  # steady at the start
+    if doing.time_s == 0.0:  # steady state at the start
         return Past(share, 0.0, 0.0, doing.slip_rate)
     code, lagged, built, rate = int(term.feature), past.lagged, past.built, past.slip_rate
     braked = past.braked_s + doing.duration_s if share > BRAKING_SHARE or past.braked_s > 0.0 else 0.0
@@ -208,14 +208,14 @@ def _feature(code: int, scale: float, second: float, past: Past, doing: Doing) -
 
 @kernel
 def feature_value(term: Term, past: Past, doing: Doing) -> float:
-    """Return the feature of a term, held at the edges of its range; `past` is brought up to date."""
+    """Return the feature of a term, limited to its range; `past` must be up to date."""
     value = _feature(int(term.feature), term.scale, term.second_scale, past, doing)
     return min(max(value, term.low), term.high)
 
 
 @kernel
 def is_of_the_vehicle(feature: float) -> bool:
-    """Whether a feature depends on the vehicle's motion and on time only, the same for every axle."""
+    """Whether a feature depends only on the vehicle's motion and time, and thus is equal for all axles."""
     code = int(feature)
     return code in (
         _SPEED, _SPEED_SQUARED, _TIME, _SINE, _COSINE, _SPEED_TENT, _TIME_TENT, _SPEED_DECELERATION, _SPEED_TIME,
@@ -224,7 +224,7 @@ def is_of_the_vehicle(feature: float) -> bool:
 
 @kernel
 def of_the_vehicle(term: Term, time: float, place: float, speed: float, deceleration: float) -> float:
-    """Return a feature that depends on the vehicle's motion and on time only, at this very moment."""
+    """Return a feature that depends only on the vehicle's motion and time, at the present time."""
     none = 0.0
     doing = Doing(
         time, none, speed, deceleration, none, none, none, none, place, none, 1.0, 1.0, none, none, 1.0, none,
@@ -246,12 +246,12 @@ _DURATION = Doing._fields.index("duration_s")
 
 
 def features_along(doings: np.ndarray, term: Term) -> np.ndarray:
-    """Return the feature of a term (T, A) along a recorded stop, by the functions that the plant's step takes.
+    """Return the feature of a term (T, A) along a recorded stop, with the functions of the plant's step.
 
     Parameters
     ----------
-    doings : (fields of `Doing`, T, A), as `wsp_env.plant.longitudinal.along.along` fills it
-    term : its coefficient, slot and axles do not matter
+    doings : (fields of `Doing`, T, A), as filled by `wsp_env.plant.longitudinal.along.along`
+    term : its coefficient, slot and axles are ignored
 
     """
     values: np.ndarray = np.empty(doings.shape[1:])

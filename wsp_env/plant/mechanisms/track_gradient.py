@@ -1,4 +1,4 @@
-"""The track rises or falls where it is believed to do otherwise: a constant force M g i, as the definition of the gradient."""
+"""The gradient of the track differs from the believed one: a constant force M g i, by the definition of the gradient."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""The vehicle is heavier or lighter than believed: payload, or a weighing that was never made."""
+"""The vehicle is heavier or lighter than believed, due to payload or a missing weighing."""
 
 from typing import NamedTuple
 

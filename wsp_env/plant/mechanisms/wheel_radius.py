@@ -1,7 +1,7 @@
-"""One wheelset is worn or just turned: its radius is not the believed one.
+"""The radius of one wheelset differs from the believed one, because it is worn or newly turned.
 
-The wheel turns faster or slower than believed at the same speed, by geometry: v - r w while rolling freely, with the believed
-r, grows with v. (EN 15595 requires a WSP to cope with differences of wheel diameter; size: assumption.)
+At the same speed, the wheel turns faster or slower than believed, by geometry: while rolling freely, v - r w with the believed
+r is proportional to v. (EN 15595 requires a WSP to tolerate differences of wheel diameter; size: assumption.)
 """
 
 from typing import NamedTuple

@@ -1,7 +1,7 @@
-"""The wheel sensors lag: a filter of first order, lag dm/dt + m = w (smoothing in the tachometer's electronics).
+"""The wheel-speed sensors lag by a first-order filter, lag dm/dt + m = w (smoothing in the tachometer's electronics).
 
-Forward it filters the reading, exactly for a wheel speed that changes linearly between two readings. Along a recording the
-same equation gives the wheel speed back from the reading and its derivative. Form and size: assumption.
+In the plant it filters the reading, exactly for a wheel speed that changes linearly between two readings. Along a recording,
+the same equation gives the wheel speed from the reading and its derivative. Form and size: assumption.
 """
 
 import math
@@ -19,7 +19,7 @@ class Parameters(NamedTuple):
 
 @inlined
 def reading(p: Parameters, now: float, before: float, last: float, duration_s: float) -> float:
-    """Return the filtered wheel speed [rad/s] from the one before and the unfiltered ones `duration_s` [s] apart."""
+    """Return the filtered wheel speed [rad/s] from its last value, and the unfiltered speeds `duration_s` [s] apart."""
     if p.lag_s == 0.0:
         return now
     steady = p.lag_s * (now - last) / duration_s

@@ -1,7 +1,7 @@
-"""The wheelsets turn more easily, or less, than believed: worn or turned wheels, other discs, a drive.
+"""The inertia of the wheelsets differs from the believed one: worn or turned wheels, other discs, a drive.
 
-A wheel turned from 920 to 840 mm loses a ring of the rim's 135 mm width (rim width as in EN 13715) with
-pi/2 rho b (R^4 - r^4) = 23 kg m2; a wheelset's two wheels lose some 45 of its 160 kg m2 (seed paper, Table 5).
+A wheel turned from 920 to 840 mm loses a ring of the rim's width of 135 mm (rim width as in EN 13715) with pi/2 rho b (R^4 -
+r^4) = 23 kg m2. The two wheels of a wheelset lose about 45 of its 160 kg m2 (seed paper, Table 5).
 """
 
 from typing import NamedTuple
@@ -48,6 +48,6 @@ CARD = Card(
         ),
         over="deceleration",
         exact=True,
-        normal={"share": 0.03},  # assumption: wheels turned by some 8 mm since they were weighed, by the same ring
+        normal={"share": 0.03},  # assumption: wheels turned by about 8 mm of diameter, by the formula of this file
     ),
 )
