@@ -11,7 +11,7 @@ JOBS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test long lint plain coverage fuzz studio cluster platforms docs benchmark picture clean
+.PHONY: help demo test suite long lint plain coverage fuzz studio cluster platforms docs benchmark picture clean
 
 help:
 	@echo "make demo       from recordings to the physics that their validation concealed; writes out/demo.html"
@@ -30,9 +30,11 @@ help:
 demo: $(VENV)/.demo
 	$(BIN)/wsp demo
 
-# What has one process each runs side by side; the suite comes last: its summary is the last line.
+# Side by side; the suite begins when the first of the others ends, and takes longest: its summary is the last line.
 test: $(VENV)/.dev $(VENV)/.docs
-	$(MAKE) --jobs $(JOBS) lint docs plain
+	$(MAKE) --jobs 3 lint docs plain suite
+
+suite: $(VENV)/.dev
 	$(BIN)/pytest --numprocesses $(JOBS) -m "not long"
 
 long: $(VENV)/.dev

@@ -13,6 +13,7 @@ from concurrent.futures import Executor
 import numpy as np
 
 from wsp_env.diagnosis.candidates import Variant, at_bound, switched, values_in, without
+from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.discovered import curves, terms
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
@@ -78,10 +79,14 @@ class Outcome:
 
 
 def select(
-    replica: Replica, tried: Sequence[Variant], pool: Executor, progress: Callable[[str], None] = lambda step: None
+    replica: Replica,
+    tried: Sequence[Variant],
+    pool: Executor,
+    progress: Callable[[str], None] = lambda step: None,
+    start: Sizes | None = None,
 ) -> Outcome:
     """Accept mechanisms one after the other; competing candidates are refitted in parallel."""
-    first = seen = screen(replica, replica.baseline, [*tried, *terms(replica)], pool)
+    first = seen = screen(replica, replica.baseline, [*tried, *terms(replica)], pool, start=start)
     weights = weights_of(replica, seen)
     by_curves = False
     fitted = Fitted(replica.baseline, (), (), (), 0.0)
@@ -105,7 +110,7 @@ def select(
             if by_curves or not (left or structured(replica, seen, weights).unexplained):
                 break
             by_curves = True  # no candidate with a form holds: try curves
-            seen = _screened(replica, fitted, tried, curves(replica, [one.trial.listed for one in accepted]), pool)
+            seen = _screened(replica, fitted, seen.sizes, tried, curves(replica, [one.trial.listed for one in accepted]), pool)
             weights = weights_of(replica, seen)
             continue
         others = [one for one in trials if one.listed.title not in {*refused, best.trial.listed.title}]
@@ -115,13 +120,13 @@ def select(
         named = Accepted(best.trial, *belief(_more_sure(best.trial, first_tried), others, searched), tuple(sure))
         replica, fitted, accepted = _beside([*accepted, named], best, weights, seen)
         replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen)
-        seen = _screened(replica, fitted, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
+        seen = _screened(replica, fitted, seen.sizes, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
         weights = weights_of(replica, seen)
         # The missing mechanism had enlarged all nuisances, and these had reduced its size: estimate both again.
         own, again = _settled_beside(replica, fitted, accepted, seen, weights)
         if np.isfinite(again.cost) and moved(fitted, again) > MOVES:
             replica, fitted, accepted = _sized(own, again, accepted, seen)
-            seen = _screened(replica, fitted, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
+            seen = _screened(replica, fitted, seen.sizes, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
             weights = weights_of(replica, seen)
         if all(one.size.multiple < MATTERS for one in (best.trial, *sure)):
             break  # reported as too small; it stays in the model, so that nothing that matters is found in its place
@@ -129,11 +134,11 @@ def select(
 
 
 def _screened(
-    replica: Replica, fitted: Fitted, tried: Sequence[Variant], unnamed: Sequence[Variant], pool: Executor
+    replica: Replica, fitted: Fitted, start: Sizes, tried: Sequence[Variant], unnamed: Sequence[Variant], pool: Executor
 ) -> Screen:  # fmt: skip
     """Screen the remaining names and terms about the accepted model."""
     left = [one for one in tried if one.name not in fitted.model.choice]
-    return screen(replica, fitted.model, [*left, *unnamed], pool, fitted.variants)
+    return screen(replica, fitted.model, [*left, *unnamed], pool, fitted.variants, start)
 
 
 def _settled_beside(

@@ -22,6 +22,7 @@ from wsp_env.diagnosis.locate import locate, residual_map
 from wsp_env.diagnosis.quality import Quality, quality
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, detectable, net_change
+from wsp_env.diagnosis.settle import settle_law
 from wsp_env.diagnosis.stops import PreparedStop, prepare
 from wsp_env.diagnosis.structure import Structure, structured
 from wsp_env.diagnosis.timing import aligned, times
@@ -76,8 +77,9 @@ def _diagnose(campaign: Campaign, progress: Progress, pool: Executor) -> Diagnos
         stops, notes = prepare(aligned(campaign, read))
         replica, damaged = _sound(campaign, stops)
     notes += damaged
+    replica, sizes = settle_law(replica)
     progress("searching")
-    outcome = select(replica, list(variants(replica)), pool, progress)
+    outcome = select(replica, list(variants(replica)), pool, progress, sizes)
     progress("judging")
     return dataclasses.replace(_answer(replica, outcome, notes, pool), suspect_channels=first.suspects)
 

@@ -142,7 +142,8 @@ def _samples(replica: Replica, name: str, size: str, move: float) -> float:
 
 
 def screen(
-    replica: Replica, model: Model, tried: Sequence[Variant], pool: Executor, accepted: Sequence[Variant] = ()
+    replica: Replica, model: Model, tried: Sequence[Variant], pool: Executor, accepted: Sequence[Variant] = (),
+    start: Sizes | None = None,
 ) -> Screen:  # fmt: skip
     """Search all candidates about a model.
 
@@ -150,13 +151,14 @@ def screen(
     ----------
     tried : mechanisms that are off
     accepted : mechanisms that are on
+    start : as for `noise_of`
 
     """
     base = replica.raw(model)
     nothing = np.zeros((len(base), 0))
     on = [columns(replica, model, base, one) for one in accepted]
     free = Group("accepted mechanisms", np.column_stack([nothing, *on]), np.inf, True)
-    groups, whitening, coefficients, begin = noise_of(replica, model, base, [free])
+    groups, whitening, coefficients, begin = noise_of(replica, model, base, [free], start)
     law = _Law(replica, model, base, whitening)
     listed = list(pool.map(lambda one: candidate(replica, model, base, law, one), tried))
     named = [one for one in listed if not one.variant.family]
@@ -184,12 +186,25 @@ class Noise(NamedTuple):
     sizes: Sizes  # of nuisances and of the free groups
 
 
-def noise_of(replica: Replica, model: Model, base: np.ndarray, free: Sequence[Group]) -> Noise:
-    """Estimate the normal variation of a model's residuals `base` (n,); `free`: columns whose size is free."""
+def noise_of(
+    replica: Replica, model: Model, base: np.ndarray, free: Sequence[Group], start: Sizes | None = None
+) -> Noise:  # fmt: skip
+    """Estimate the normal variation of a model's residuals.
+
+    Parameters
+    ----------
+    base : (n,) the residuals
+    free : columns whose size is free
+    start : sizes of the nuisances about a similar model, from which fewer iterations suffice; None: the expected sizes
+
+    """
     plain = replica.whitening(replica.about)
     groups = nuisances(replica, model, base, plain)
     alone = Evidence(replica, plain, [*groups, *free], base, np.zeros((len(base), 0)))
-    begin = alone.solve()
+    if start is None:
+        begin = alone.solve()
+    else:
+        begin = alone.solve(AGAIN, Sizes(np.append(start.groups, np.ones(len(free))), start.noise))
     coefficients = colour(replica.rows, alone, begin)
     return Noise(groups, dataclasses.replace(plain, colour=bleach(replica.rows, coefficients)), coefficients, begin)
 

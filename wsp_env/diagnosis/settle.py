@@ -10,8 +10,11 @@ import numpy as np
 
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import Variant, parameter_of, switched, values_in
-from wsp_env.diagnosis.fitting import Fitted, Weights, refit
+from wsp_env.diagnosis.covariance import Sizes
+from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.fitting import Fitted, Weights, refit, weigh
 from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.search import noise_of
 
 #: Least and largest number of replicas, each made from the fit to the previous one. The first may be far from the recordings;
 #: after a change of wheel radius of a per cent, the second too.
@@ -27,6 +30,10 @@ _AWAY = 3.0
 #: Shares of a mechanism's size at which a diverged fit is restarted: with a nonlinear effect, the linear estimate about the
 #: baseline is too small or too large.
 _SHARES = (0.5, 0.75, 1.25, 1.5)
+#: Estimates of the nuisance sizes about the law alone, and replicas under each of them.
+_LAWS, _OF_LAW = 2, 4
+#: Relative change of tau and mu_cd at which the law alone has converged: it moves a stop by some 0.1 % (assumption).
+_RESTS = 0.01
 
 
 class _Made(NamedTuple):
@@ -35,6 +42,31 @@ class _Made(NamedTuple):
     replica: Replica
     about: Fitted
     fitted: Fitted
+
+
+def settle_law(replica: Replica) -> tuple[Replica, Sizes]:
+    """Return a replica about the law fitted with nuisance sizes estimated from the recordings, and these sizes.
+
+    With other sizes, the likeliest tau differs, and a replica about another law has other residuals. A mechanism is compared on
+    its own replica. If the law alone has not converged, every mechanism is compared with a replica that does not fit.
+    """
+    sizes: Sizes | None = None
+    for _ in range(_LAWS):
+        noise = noise_of(replica, replica.baseline, replica.raw(replica.baseline), [], sizes)
+        sizes, weights = noise.sizes, weigh(replica, noise.whitening, noise.groups, noise.sizes)
+        for _ in range(_OF_LAW):
+            before = replica.baseline
+            replica = Replica(replica.recorded, refit(replica, before, (), weights).model)
+            if _law_change(before, replica.baseline) < _RESTS:
+                break
+    assert sizes is not None
+    return replica, sizes
+
+
+def _law_change(before: Model, after: Model) -> float:
+    """Return the largest relative change of tau and mu_cd."""
+    old, new = (np.log([one.tau, *one.mu_cd]) for one in (before, after))
+    return float(np.max(np.abs(new - old)))
 
 
 def settle(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Replica, Fitted]:

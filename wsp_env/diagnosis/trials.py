@@ -210,7 +210,7 @@ def weights_of(replica: Replica, seen: Screen, forms: Sequence[Group] = ()) -> W
 def anew(replica: Replica, seen: Screen) -> Callable[..., Weights]:
     """Return the function from `forms` to the weights of a screen with nuisance sizes estimated on a replica."""
     base = replica.raw(replica.about)
-    noise = noise_of(replica, replica.about, base, [])
+    noise = noise_of(replica, replica.about, base, [], seen.sizes)
     every = [*noise.groups, seen.small]
     evidence = Evidence(replica, noise.whitening, every, base, np.zeros((len(base), 0)))
     sizes = evidence.solve(AGAIN, Sizes(np.append(noise.sizes.groups, 1.0), noise.sizes.noise))
