@@ -143,7 +143,7 @@ def check_axles(mechanisms: Mechanisms, axles: int) -> None:
 #: All mechanisms off.
 NULL: Mechanisms = Mechanisms(*(card.record(*(parameter.null for parameter in card.parameters)) for card in ALL.values()))
 
-#: Number of parameters of all mechanisms: the length of a row.
+#: Length of a row, the number of parameters of all mechanisms.
 ROW = sum(len(record) for record in NULL)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from wsp_env.compiled import inlined
 from wsp_env.plant.card import Card, Parameter, Passage, Said, Signature
 
-#: Length of a cell of rail [m]: longer than a substep at any speed, short compared with the axle distance.
+#: Length of a cell [m], longer than a substep at any speed and short compared with the axle distance.
 CELL_M = 1.0
 
 #: Cells of the ring beyond the vehicle's length: the longest step [m] that does not overwrite the cells of the last axle.
