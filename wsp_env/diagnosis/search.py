@@ -9,7 +9,6 @@ size small (spike and slab, George and McCulloch 1993).
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -17,12 +16,12 @@ from scipy import linalg
 from wsp_env.diagnosis.arrow import inverse_of
 from wsp_env.diagnosis.balances import Rows, Whitening
 from wsp_env.diagnosis.candidates import Candidate, Variant, columns, parameter_of, switched, without
-from wsp_env.diagnosis.colour import bleach, colour
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Evaluation, Model
 from wsp_env.diagnosis.interest import Compared, StopChange, only_sensors
+from wsp_env.diagnosis.noise import AGAIN, noise_of
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.variation import Group, Net, law_columns, nuisances, segment_columns
+from wsp_env.diagnosis.variation import Group, Net, law_columns, segment_columns
 from wsp_env.plant.mechanisms import ALL
 
 #: Prior standard deviations of a mechanism that does not matter, and of one that does, in smallest effects of interest
@@ -34,8 +33,6 @@ SMALL, LARGE = 0.15, 5.0
 _SAMPLES = 4.0
 #: Evidence from which on a mechanism counts as detected: 95 % at prior odds of one in fifty.
 SEEN = float(np.log(19.0 * 50.0))
-#: EM iterations that update the sizes after the noise was whitened and the small mechanisms were added.
-AGAIN = 6
 #: Length of the stretches of a single run that are held out in turn [s]: a few slides.
 _STRETCH_S = 4.0
 
@@ -175,38 +172,6 @@ def screen(
     found, second = _judged(evidence, sizes, named, unnamed)
     kept = Sizes(sizes.groups[: len(groups)], sizes.noise)
     return Screen(model, replica.about, base, whitening, groups, small, times, kept, coefficients, tuple(found), second)
-
-
-class Noise(NamedTuple):
-    """Normal variation of the recordings about a model, without mechanisms that do not matter."""
-
-    groups: tuple[Group, ...]  # nuisances
-    whitening: Whitening
-    colour: np.ndarray  # (p,) autoregression of sliding wheels' rows
-    sizes: Sizes  # of nuisances and of the free groups
-
-
-def noise_of(
-    replica: Replica, model: Model, base: np.ndarray, free: Sequence[Group], start: Sizes | None = None
-) -> Noise:  # fmt: skip
-    """Estimate the normal variation of a model's residuals.
-
-    Parameters
-    ----------
-    base : (n,) the residuals
-    free : columns whose size is free
-    start : sizes of the nuisances about a similar model, from which fewer iterations suffice; None: the expected sizes
-
-    """
-    plain = replica.whitening(replica.about)
-    groups = nuisances(replica, model, base, plain)
-    alone = Evidence(replica, plain, [*groups, *free], base, np.zeros((len(base), 0)))
-    if start is None:
-        begin = alone.solve()
-    else:
-        begin = alone.solve(AGAIN, Sizes(np.append(start.groups, np.ones(len(free))), start.noise))
-    coefficients = colour(replica.rows, alone, begin)
-    return Noise(groups, dataclasses.replace(plain, colour=bleach(replica.rows, coefficients)), coefficients, begin)
 
 
 def net_effect(replica: Replica, model: Model, variant: Variant, whitening: Whitening) -> StopChange:

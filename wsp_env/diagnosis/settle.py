@@ -13,8 +13,8 @@ from wsp_env.diagnosis.candidates import Variant, parameter_of, switched, values
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit, weigh
+from wsp_env.diagnosis.noise import noise_of
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.search import noise_of
 
 #: Least and largest number of replicas, each made from the fit to the previous one. The first may be far from the recordings;
 #: after a change of wheel radius of a per cent, the second too.

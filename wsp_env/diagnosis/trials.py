@@ -16,9 +16,10 @@ from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh
 from wsp_env.diagnosis.interest import StopChange
+from wsp_env.diagnosis.noise import AGAIN, noise_of
 from wsp_env.diagnosis.readings import on_sensors
 from wsp_env.diagnosis.replica import OF_TIME, Replica
-from wsp_env.diagnosis.search import AGAIN, Found, Screen, net_effect, noise_of
+from wsp_env.diagnosis.search import Found, Screen, net_effect
 from wsp_env.diagnosis.settle import has_run_away, settle, settle_anew
 from wsp_env.diagnosis.variation import Group, Net, law_columns, nuisances, segment_columns, shapes
 from wsp_env.plant.mechanisms import ALL

@@ -1,0 +1,49 @@
+"""Estimates how much the residuals of a model vary by themselves: sizes of the nuisances and colour of the noise."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from wsp_env.diagnosis.balances import Whitening
+from wsp_env.diagnosis.colour import bleach, colour
+from wsp_env.diagnosis.covariance import Evidence, Sizes
+from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.variation import Group, nuisances
+
+#: EM iterations that update the sizes after the noise was whitened and the small mechanisms were added.
+AGAIN = 6
+
+
+class Noise(NamedTuple):
+    """Normal variation of the recordings about a model, without mechanisms that do not matter."""
+
+    groups: tuple[Group, ...]  # nuisances
+    whitening: Whitening
+    colour: np.ndarray  # (p,) autoregression of sliding wheels' rows
+    sizes: Sizes  # of nuisances and of the free groups
+
+
+def noise_of(
+    replica: Replica, model: Model, base: np.ndarray, free: Sequence[Group], start: Sizes | None = None
+) -> Noise:  # fmt: skip
+    """Estimate the normal variation of a model's residuals.
+
+    Parameters
+    ----------
+    base : (n,) the residuals
+    free : columns whose size is free
+    start : sizes of the nuisances about a similar model, from which fewer iterations suffice; None: the expected sizes
+
+    """
+    plain = replica.whitening(replica.about)
+    groups = nuisances(replica, model, base, plain)
+    alone = Evidence(replica, plain, [*groups, *free], base, np.zeros((len(base), 0)))
+    if start is None:
+        begin = alone.solve()
+    else:
+        begin = alone.solve(AGAIN, Sizes(np.append(start.groups, np.ones(len(free))), start.noise))
+    coefficients = colour(replica.rows, alone, begin)
+    return Noise(groups, dataclasses.replace(plain, colour=bleach(replica.rows, coefficients)), coefficients, begin)
