@@ -362,9 +362,9 @@ def test_curves_are_tried_once_and_only_where_what_is_left_matters(unexplained, 
     """Or where something has evidence and matters, but does not hold: with curves it is asked again, and told."""
     searched: list[list[str]] = []
 
-    def screened(replica, model, tried, pool, accepted=(), start=None):
+    def screened(replica, model, tried, pool, accepted=(), known=None):
         searched.append([one.title for one in tried])
-        return SimpleNamespace(found=(), second={}, sizes=None)
+        return SimpleNamespace(found=(), second={}, known=None)
 
     refused = [dataclasses.replace(trial(GRADIENT, 40.0), size=StopChange(0.01 * size, 0.0))] if size else []
     monkeypatch.setattr(decide, "screen", screened)
@@ -387,7 +387,7 @@ def test_curves_are_tried_once_and_only_where_what_is_left_matters(unexplained, 
 def test_what_the_runs_leave_no_evidence_of_was_not_seen(left, monkeypatch):
     """Refused for what the parts of the recordings leave of it, as it is not sure: 6.8 nats are 94.6 %."""
     one = dataclasses.replace(trial(GRADIENT, 40.0), size=StopChange(0.02, 0.0))
-    monkeypatch.setattr(decide, "screen", lambda *_, start: SimpleNamespace(found=(), second={}, sizes=start))
+    monkeypatch.setattr(decide, "screen", lambda *_, known: SimpleNamespace(found=(), second={}, known=known))
     for name in ("terms", "curves"):
         monkeypatch.setattr(decide, name, lambda *_: [])
     monkeypatch.setattr(decide, "structured", lambda *_: SimpleNamespace(unexplained=False))

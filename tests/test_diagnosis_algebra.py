@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import linalg
 
-from wsp_env.diagnosis.arrow import inverse_of
 from wsp_env.diagnosis.balances import Rows
 from wsp_env.diagnosis.gls import Projector, fit
 from wsp_env.diagnosis.locate import change_points
 from wsp_env.diagnosis.search import held_out_rows
+from wsp_env.diagnosis.triangular import inverse_of
 
 
 def augmented_cost(columns: np.ndarray, prior: np.ndarray, y: np.ndarray) -> float:

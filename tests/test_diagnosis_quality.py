@@ -101,6 +101,7 @@ def test_an_extension_is_asked_about_its_own_replica_and_the_baseline_about_its_
         return dict.fromkeys(parts, Left(30.0, 80.0, 1.0) if replica.name == "b" else Left(90.0, 1.0, 1.0))
 
     monkeypatch.setattr(module, "weigh", lambda *_: PLAIN)
+    monkeypatch.setattr(module, "Weighing", lambda *_: lambda keep: PLAIN)
     monkeypatch.setattr(module, "bleach", lambda *_: None)
     monkeypatch.setattr(module, "refit", refit)
     monkeypatch.setattr(module, "left", stub_left)

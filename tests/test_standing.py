@@ -36,7 +36,8 @@ def own(monkeypatch):
         monkeypatch.setattr(standing, "estimates", lambda *_: {"rise": Estimate(0.002, "-", interval)})
         monkeypatch.setattr(standing, "settle", lambda *_: ("own replica", dataclasses.replace(one.fitted, cost=cost)))
         anew = dataclasses.replace(one.fitted, cost=again)
-        monkeypatch.setattr(standing, "weighed_anew", lambda *said: (f"{said[1].cost}, {said[3]}", anew, lambda: PLAIN))
+        noise = SimpleNamespace(weights=lambda: PLAIN)
+        monkeypatch.setattr(standing, "weighed_anew", lambda *said: (f"{said[1].cost}, {said[3]}", anew, noise))
         monkeypatch.setattr(standing, "least_deviance", lambda *_: least)
         pulled = {True: 5.0**2, False: 0.0}[pulls]
         monkeypatch.setattr(standing, "_pulled", lambda _, model, __: pulled * ("track_gradient" in model.choice))
@@ -112,7 +113,11 @@ def test_weighed_anew_a_fit_settles_under_the_weights_of_every_replica(monkeypat
     deviation = 0.008
     begin = Fitted(Model(2e-4, (0.06,)), (GRADIENT,), (np.array([0.0]),), (np.eye(1) * deviation**2,), 100.0)
     monkeypatch.setattr(standing, "Replica", lambda recorded, model: ("about", model))
-    monkeypatch.setattr(standing, "anew", lambda own, seen: lambda: SimpleNamespace(deviance=lambda one: one.cost, of=own))
+
+    def noise_on(own, seen):
+        return SimpleNamespace(weights=lambda: SimpleNamespace(deviance=lambda one: one.cost, of=own))
+
+    monkeypatch.setattr(standing, "NoiseOn", noise_on)
 
     def refit(own, model, variants, weights):
         assert weights.of == own == ("about", model)
@@ -120,10 +125,10 @@ def test_weighed_anew_a_fit_settles_under_the_weights_of_every_replica(monkeypat
         return dataclasses.replace(begin, model=switched(model, GRADIENT, value), values=(value,))
 
     monkeypatch.setattr(standing, "refit", refit)
-    own, fitted, weights_with = standing.weighed_anew(REPLICA, begin, SEEN, most)
+    own, fitted, noise = standing.weighed_anew(REPLICA, begin, SEEN, most)
     assert fitted.values[0] == pytest.approx(deviation * sum(moves))
     assert values_in(own[1], GRADIENT) == pytest.approx(deviation * sum(moves[:-1]))
-    assert weights_with().of == own
+    assert noise.weights().of == own
 
 
 @pytest.mark.parametrize(("interval", "holds"), [((1e-6, 0.004), True), ((-1e-6, 0.004), False), ((-0.004, -1e-6), True)])

@@ -21,7 +21,7 @@ from experiments.concealed.bank import read_labels
 from experiments.concealed.workers import Task, dumped, quietly_read, results, write_whole
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import Variant, columns, parameter_of, variants
-from wsp_env.diagnosis.fitting import Weights, baseline, weigh
+from wsp_env.diagnosis.fitting import Weighing, Weights, baseline
 from wsp_env.diagnosis.gls import LeastSquares, fit
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import held_out_rows
@@ -185,9 +185,9 @@ def weighing(replica: Replica) -> Callable[[np.ndarray | None], Weights]:
     The law's parameters, which are not fitted again, are among the nuisances.
     """
     model, whitening = replica.baseline, replica.whitening(replica.baseline)
-    # `weigh` leaves out what is named as the law's parameters are.
+    # `Weighing` leaves out what is named as the law's parameters are.
     groups = [one._replace(name=f"any {one.name}") for one in nuisances(replica, model, replica.raw(model), whitening)]
-    return lambda keep: weigh(replica, whitening, groups, keep=keep)
+    return Weighing(replica, whitening, groups)
 
 
 def examine(campaign: Path) -> tuple[dict[str, dict[str, Any]], dict[str, float]]:

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy import linalg
-from scipy.linalg import lapack
+
+from wsp_env.diagnosis.triangular import cholesky, inverse_of, solved
 
 
 def rows_of(run: np.ndarray) -> list[slice | np.ndarray]:
@@ -98,65 +98,53 @@ class Eliminated:
 
     def __init__(self, arrow: Arrow, nuisances: int) -> None:
         self.nuisances = nuisances
-        self._roots = [linalg.cholesky(one + np.eye(len(one)), lower=True, check_finite=False) for one in arrow.own]
-        self._half = [_solved(root, one) for root, one in zip(self._roots, arrow.cross, strict=True)]
+        self._roots = [cholesky(one + np.eye(len(one))) for one in arrow.own]
+        self._half = [solved(root, one) for root, one in zip(self._roots, arrow.cross, strict=True)]
         self.rest = arrow.common - sum(one.T @ one for one in self._half)  # (c, c) Schur complement
         diagonal = np.arange(nuisances)
         self.rest[diagonal, diagonal] += 1.0
-        self.factor = linalg.cho_factor(self.rest[:nuisances, :nuisances], lower=True, check_finite=False)
+        self.factor = cholesky(self.rest[:nuisances, :nuisances])  # lower, of the common nuisances
 
     @property
     def logdet(self) -> float:
         """Log determinant of the matrix of all nuisance columns."""
-        diagonals = [np.diag(root) for root in (*self._roots, self.factor[0])]
+        diagonals = [np.diag(root) for root in (*self._roots, self.factor)]
         return 2.0 * float(sum(np.log(one).sum() for one in diagonals))
+
+    def of_common(self, y: np.ndarray) -> np.ndarray:
+        """Return the inverse Schur complement of the common nuisances times Y (c, ...)."""
+        return solved(self.factor, solved(self.factor, y), True)
 
     def solution(self, column: int) -> tuple[list[np.ndarray], np.ndarray]:
         """Return the amplitudes of the runs' own columns and of the common nuisances; right-hand side: a common column."""
-        common = linalg.cho_solve(self.factor, self.rest[: self.nuisances, column], check_finite=False)
+        common = self.of_common(self.rest[: self.nuisances, column])
         sides = [half[:, column] - half[:, : self.nuisances] @ common for half in self._half]
-        return [_solved(root, side, True) for root, side in zip(self._roots, sides, strict=True)], common
+        return [solved(root, side, True) for root, side in zip(self._roots, sides, strict=True)], common
 
     def spread(self, run: int, own: np.ndarray, common: np.ndarray) -> np.ndarray:
         """Return the root (m, k) of X A^-1 X' for the matrix A and rows X of one run, in its own and the common columns."""
-        mine = _solved(self._roots[run], own.T)
+        mine = solved(self._roots[run], own.T)
         rest = common.T - self._half[run][:, : self.nuisances].T @ mine
-        return np.vstack([mine, _solved(self.factor[0], rest)]).T
+        return np.vstack([mine, solved(self.factor, rest)]).T
 
     def half(self, own: Sequence[np.ndarray], common: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
         """Return L^-1 Y for the root L of the matrix; Y and the result: rows (k, m) of each run's columns, and common rows."""
-        mine = [_solved(root, one) for root, one in zip(self._roots, own, strict=True)]
+        mine = [solved(root, one) for root, one in zip(self._roots, own, strict=True)]
         rest = common - sum(half[:, : self.nuisances].T @ one for half, one in zip(self._half, mine, strict=True))
-        return mine, _solved(self.factor[0], rest)
+        return mine, solved(self.factor, rest)
 
     def back(self, own: Sequence[np.ndarray], common: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
         """Return L^-T Y; applied after `half`, this gives the inverse of the matrix times the columns."""
-        last = _solved(self.factor[0], common, True)
+        last = solved(self.factor, common, True)
         sides = [one - half[:, : self.nuisances] @ last for half, one in zip(self._half, own, strict=True)]
-        return [_solved(root, side, True) for root, side in zip(self._roots, sides, strict=True)], last
+        return [solved(root, side, True) for root, side in zip(self._roots, sides, strict=True)], last
 
     def inverse(self) -> Arrow:
         """Return those blocks of the inverse matrix that an arrow stores."""
-        common = inverse_of(self.factor[0])
+        common = inverse_of(self.factor)
         own, cross = [], []
         for root, half in zip(self._roots, self._half, strict=True):
-            back = _solved(root, half[:, : self.nuisances], True)
+            back = solved(root, half[:, : self.nuisances], True)
             cross.append(-back @ common)
             own.append(inverse_of(root) - cross[-1] @ back.T)
         return Arrow(tuple(own), tuple(cross), common)
-
-
-def inverse_of(factor: np.ndarray) -> np.ndarray:
-    """Return the inverse (p, p) from the lower Cholesky factor; this takes a third of the work of solving for it."""
-    if not len(factor):
-        return factor
-    half = np.tril(lapack.dpotri(factor, lower=1)[0])
-    result: np.ndarray = half + np.tril(half, -1).T
-    return result
-
-
-def _solved(root: np.ndarray, y: np.ndarray, transposed: bool = False) -> np.ndarray:
-    if not len(root):
-        return y
-    result: np.ndarray = linalg.solve_triangular(root, y, lower=True, trans=int(transposed), check_finite=False)
-    return result

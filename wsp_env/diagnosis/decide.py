@@ -13,17 +13,17 @@ from concurrent.futures import Executor
 import numpy as np
 
 from wsp_env.diagnosis.candidates import Variant, at_bound, switched, values_in, without
-from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.discovered import curves, terms
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.interest import StopChange
+from wsp_env.diagnosis.noise import Known
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
 from wsp_env.diagnosis.settle import moved, settle
 from wsp_env.diagnosis.standing import MOVES, Held, about_its_own, weighed_anew
 from wsp_env.diagnosis.structure import structured
-from wsp_env.diagnosis.trials import FORM, SURE, FormsLeft, Trial, odds, told, trials_of, weights_of
+from wsp_env.diagnosis.trials import FORM, SURE, FormsLeft, NoiseOn, Trial, odds, told, trials_of, weights_of
 
 #: Largest number of accepted mechanisms.
 MOST = 3
@@ -83,10 +83,16 @@ def select(
     tried: Sequence[Variant],
     pool: Executor,
     progress: Callable[[str], None] = lambda step: None,
-    start: Sizes | None = None,
+    known: Known | None = None,
 ) -> Outcome:
-    """Accept mechanisms one after the other; competing candidates are refitted in parallel."""
-    first = seen = screen(replica, replica.baseline, [*tried, *terms(replica)], pool, start=start)
+    """Accept mechanisms one after the other; competing candidates are refitted in parallel.
+
+    Parameters
+    ----------
+    known : noise about the law alone; None: it is estimated
+
+    """
+    first = seen = screen(replica, replica.baseline, [*tried, *terms(replica)], pool, known=known)
     weights = weights_of(replica, seen)
     by_curves = False
     fitted = Fitted(replica.baseline, (), (), (), 0.0)
@@ -110,7 +116,7 @@ def select(
             if by_curves or not (left or structured(replica, seen, weights).unexplained):
                 break
             by_curves = True  # no candidate with a form holds: try curves
-            seen = _screened(replica, fitted, seen.sizes, tried, curves(replica, [one.trial.listed for one in accepted]), pool)
+            seen = _screened(replica, fitted, seen.known, tried, curves(replica, [one.trial.listed for one in accepted]), pool)
             weights = weights_of(replica, seen)
             continue
         others = [one for one in trials if one.listed.title not in {*refused, best.trial.listed.title}]
@@ -120,38 +126,37 @@ def select(
         named = Accepted(best.trial, *belief(_more_sure(best.trial, first_tried), others, searched), tuple(sure))
         replica, fitted, accepted = _beside([*accepted, named], best, weights, seen)
         replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen)
-        seen = _screened(replica, fitted, seen.sizes, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
-        weights = weights_of(replica, seen)
         # The missing mechanism had enlarged all nuisances, and these had reduced its size: estimate both again.
-        own, again = _settled_beside(replica, fitted, accepted, seen, weights)
+        own, again, noise = _settled_beside(replica, fitted, accepted, seen)
         if np.isfinite(again.cost) and moved(fitted, again) > MOVES:
             replica, fitted, accepted = _sized(own, again, accepted, seen)
-            seen = _screened(replica, fitted, seen.sizes, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
-            weights = weights_of(replica, seen)
+        seen = _screened(replica, fitted, noise, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
+        weights = weights_of(replica, seen)
         if all(one.size.multiple < MATTERS for one in (best.trial, *sure)):
             break  # reported as too small; it stays in the model, so that nothing that matters is found in its place
     return Outcome(replica, fitted, tuple(accepted), first, seen, weights, () if accepted else tuple(left))
 
 
 def _screened(
-    replica: Replica, fitted: Fitted, start: Sizes, tried: Sequence[Variant], unnamed: Sequence[Variant], pool: Executor
+    replica: Replica, fitted: Fitted, known: Known, tried: Sequence[Variant], unnamed: Sequence[Variant], pool: Executor
 ) -> Screen:  # fmt: skip
     """Screen the remaining names and terms about the accepted model."""
     left = [one for one in tried if one.name not in fitted.model.choice]
-    return screen(replica, fitted.model, [*left, *unnamed], pool, fitted.variants, start)
+    return screen(replica, fitted.model, [*left, *unnamed], pool, fitted.variants, known)
 
 
 def _settled_beside(
-    replica: Replica, fitted: Fitted, accepted: Sequence[Accepted], seen: Screen, weights: Weights
-) -> tuple[Replica, Fitted]:  # fmt: skip
-    """Settle the fit with nuisance sizes that belong to the accepted mechanisms.
+    replica: Replica, fitted: Fitted, accepted: Sequence[Accepted], seen: Screen
+) -> tuple[Replica, Fitted, Known]:  # fmt: skip
+    """Settle the fit with nuisance sizes that belong to the accepted mechanisms; return the noise, too.
 
     If a mechanism changes when or how speeds are read, other rows slide, and each replica gets new weights.
     """
     if not any(told(one.trial.listed) for one in accepted):
-        return settle(replica.recorded, fitted, weights)
-    own, again, _ = weighed_anew(replica, fitted, seen)
-    return own, again
+        noise = NoiseOn(replica, seen)
+        return *settle(replica.recorded, fitted, noise.weights()), noise.known
+    own, again, noise = weighed_anew(replica, fitted, seen)
+    return own, again, noise.known
 
 
 def _beside(

@@ -74,12 +74,13 @@ def _diagnose(campaign: Campaign, progress: Progress, pool: Executor) -> Diagnos
     replica, damaged = _sound(campaign, stops)
     read = times(replica)
     if read.matters:
-        stops, notes = prepare(aligned(campaign, read))
-        replica, damaged = _sound(campaign, stops)
+        sound = {stop.name for stop in replica.stops}
+        stops = [stop for stop in prepare(aligned(campaign, read))[0] if stop.name in sound]
+        replica = Replica(Balances(campaign, stops), replica.baseline)
     notes += damaged
-    replica, sizes = settle_law(replica)
+    replica, known = settle_law(replica, read.sizes)
     progress("searching")
-    outcome = select(replica, list(variants(replica)), pool, progress, sizes)
+    outcome = select(replica, list(variants(replica)), pool, progress, known)
     progress("judging")
     return dataclasses.replace(_answer(replica, outcome, notes, pool), suspect_channels=first.suspects)
 

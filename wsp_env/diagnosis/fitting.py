@@ -57,19 +57,30 @@ class Fitted:
 
 
 def weigh(
-    balances: Balances | Replica, whitening: Whitening, groups: Sequence[Group], sizes: Sizes | None = None,
-    keep: np.ndarray | None = None,
+    balances: Balances | Replica, whitening: Whitening, groups: Sequence[Group], sizes: Sizes | None = None
 ) -> Weights:  # fmt: skip
-    """Return the weights for given sizes of groups and noise; None: the expected ones."""
-    noise = np.ones(len(balances.rows)) if sizes is None else sizes.noise[balances.rows.noise]
-    groups = [_left_to_the_weights(balances, group) for group in groups]
-    matrix, run = whitened(groups, whitening, noise, None if sizes is None else sizes.groups), balances.rows.run
-    if keep is not None:
-        matrix, run = matrix[keep], run[keep]
-    projector = Projector(matrix, np.ones(matrix.shape[1], dtype=bool), run)
-    scale = noise if whitening.colour is None else noise / whitening.colour.diagonal()
-    constant = 2.0 * float(np.log(scale if keep is None else scale[keep]).sum()) + projector.logdet
-    return Weights(whitening, noise, projector, constant)
+    """Return the weights of all rows for given sizes of groups and noise; None: the expected ones."""
+    return Weighing(balances, whitening, groups, sizes)(None)
+
+
+class Weighing:
+    """Weights of some rows, for given sizes of groups and noise; None: the expected ones."""
+
+    def __init__(
+        self, balances: Balances | Replica, whitening: Whitening, groups: Sequence[Group], sizes: Sizes | None = None
+    ) -> None:  # fmt: skip
+        self._whitening, self._run = whitening, balances.rows.run
+        self._noise = np.ones(len(balances.rows)) if sizes is None else sizes.noise[balances.rows.noise]
+        groups = [_left_to_the_weights(balances, group) for group in groups]
+        self._matrix = whitened(groups, whitening, self._noise, None if sizes is None else sizes.groups)
+
+    def __call__(self, keep: np.ndarray | None) -> Weights:
+        """Return the weights of the rows `keep` (n,) bool; None: all."""
+        matrix, run = (self._matrix, self._run) if keep is None else (self._matrix[keep], self._run[keep])
+        projector = Projector(matrix, np.ones(matrix.shape[1], dtype=bool), run)
+        scale = self._noise if self._whitening.colour is None else self._noise / self._whitening.colour.diagonal()
+        constant = 2.0 * float(np.log(scale if keep is None else scale[keep]).sum()) + projector.logdet
+        return Weights(self._whitening, self._noise, projector, constant)
 
 
 def _left_to_the_weights(balances: Balances | Replica, group: Group) -> Group:
@@ -85,8 +96,7 @@ def _left_to_the_weights(balances: Balances | Replica, group: Group) -> Group:
 def baseline(recorded: Balances) -> Replica:
     """Fit tau and mu_cd of every run to the recordings; return the replica at these values."""
     model = Model(TAU, tuple(stop.believed_mu_cd for stop in recorded.stops))
-    for _ in range(2):  # the nuisances depend slightly on the law
-        model = _law_fitted(recorded, model)
+    model = _law_fitted(recorded, model)
     model = _law_fitted(Replica(recorded, model), model)
     return Replica(recorded, model)
 

@@ -17,17 +17,29 @@ from wsp_env.diagnosis.variation import Group, nuisances
 AGAIN = 6
 
 
+class Known(NamedTuple):
+    """What is known about the normal variation of similar residuals."""
+
+    sizes: Sizes  # of the nuisances
+    colour: np.ndarray  # (p,) autoregression of sliding wheels' rows
+
+
 class Noise(NamedTuple):
     """Normal variation of the recordings about a model, without mechanisms that do not matter."""
 
     groups: tuple[Group, ...]  # nuisances
     whitening: Whitening
     colour: np.ndarray  # (p,) autoregression of sliding wheels' rows
-    sizes: Sizes  # of nuisances and of the free groups
+    sizes: Sizes  # of the nuisances
+
+    @property
+    def known(self) -> Known:
+        """What it tells about similar residuals."""
+        return Known(self.sizes, self.colour)
 
 
 def noise_of(
-    replica: Replica, model: Model, base: np.ndarray, free: Sequence[Group], start: Sizes | None = None
+    replica: Replica, model: Model, base: np.ndarray, free: Sequence[Group] = (), start: Sizes | None = None
 ) -> Noise:  # fmt: skip
     """Estimate the normal variation of a model's residuals.
 
@@ -46,4 +58,12 @@ def noise_of(
     else:
         begin = alone.solve(AGAIN, Sizes(np.append(start.groups, np.ones(len(free))), start.noise))
     coefficients = colour(replica.rows, alone, begin)
-    return Noise(groups, dataclasses.replace(plain, colour=bleach(replica.rows, coefficients)), coefficients, begin)
+    whitening = dataclasses.replace(plain, colour=bleach(replica.rows, coefficients))
+    return Noise(groups, whitening, coefficients, Sizes(begin.groups[: len(groups)], begin.noise))
+
+
+def noise_like(known: Known, replica: Replica, model: Model, base: np.ndarray) -> Noise:
+    """Return the normal variation of a model's residuals (n,) with sizes and colour that are known."""
+    plain = replica.whitening(replica.about)
+    whitening = dataclasses.replace(plain, colour=bleach(replica.rows, known.colour))
+    return Noise(nuisances(replica, model, base, plain), whitening, known.colour, known.sizes)

@@ -18,7 +18,7 @@ from wsp_env.diagnosis.colour import bleach
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.decide import Outcome
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Weights, refit, weigh
+from wsp_env.diagnosis.fitting import Weighing, Weights, refit, weigh
 from wsp_env.diagnosis.gls import fit
 from wsp_env.diagnosis.readings import on_sensors
 from wsp_env.diagnosis.replica import Replica
@@ -70,8 +70,12 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
         return dataclasses.replace(seen.whitening, colour=colour), [*seen.groups, seen.times]
 
     @functools.cache
+    def weighing(about: Replica) -> Weighing:
+        return Weighing(about, *whitening_and_groups(about), sizes)
+
+    @functools.cache
     def weights(about: Replica, rows: str) -> Weights:
-        return weigh(about, *whitening_and_groups(about), sizes, _ROWS[rows](held))
+        return weighing(about)(_ROWS[rows](held))
 
     def held_out(about: Replica, model: Model) -> np.ndarray:
         """Return deviances (2,) of the held-out runs: alone, and predicted from the other runs with all common parameters."""

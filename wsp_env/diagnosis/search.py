@@ -11,16 +11,15 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 
 import numpy as np
-from scipy import linalg
 
-from wsp_env.diagnosis.arrow import inverse_of
 from wsp_env.diagnosis.balances import Rows, Whitening
 from wsp_env.diagnosis.candidates import Candidate, Variant, columns, parameter_of, switched, without
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Evaluation, Model
 from wsp_env.diagnosis.interest import Compared, StopChange, only_sensors
-from wsp_env.diagnosis.noise import AGAIN, noise_of
+from wsp_env.diagnosis.noise import AGAIN, Known, noise_like, noise_of
 from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.triangular import inverse_of
 from wsp_env.diagnosis.variation import Group, Net, law_columns, segment_columns
 from wsp_env.plant.mechanisms import ALL
 
@@ -69,6 +68,11 @@ class Screen:
     colour: np.ndarray  # (p,) autoregression of sliding wheels' rows
     found: tuple[Found, ...]  # best first
     second: Mapping[str, Found]  # the second-best variant of each name
+
+    @property
+    def known(self) -> Known:
+        """What it tells about the noise of similar residuals."""
+        return Known(self.sizes, self.colour)
 
 
 class _Law:
@@ -140,7 +144,7 @@ def _samples(replica: Replica, name: str, size: str, move: float) -> float:
 
 def screen(
     replica: Replica, model: Model, tried: Sequence[Variant], pool: Executor, accepted: Sequence[Variant] = (),
-    start: Sizes | None = None,
+    known: Known | None = None,
 ) -> Screen:  # fmt: skip
     """Search all candidates about a model.
 
@@ -148,14 +152,15 @@ def screen(
     ----------
     tried : mechanisms that are off
     accepted : mechanisms that are on
-    start : as for `noise_of`
+    known : sizes and colour of the noise; None: they are estimated
 
     """
     base = replica.raw(model)
     nothing = np.zeros((len(base), 0))
     on = [columns(replica, model, base, one) for one in accepted]
     free = Group("accepted mechanisms", np.column_stack([nothing, *on]), np.inf, True)
-    groups, whitening, coefficients, begin = noise_of(replica, model, base, [free], start)
+    noise = noise_of(replica, model, base, [free]) if known is None else noise_like(known, replica, model, base)
+    groups, whitening = noise.groups, noise.whitening
     law = _Law(replica, model, base, whitening)
     listed = list(pool.map(lambda one: candidate(replica, model, base, law, one), tried))
     named = [one for one in listed if not one.variant.family]
@@ -168,10 +173,10 @@ def screen(
     times = small._replace(columns=small.columns[:, np.array(late, dtype=bool)])
     terms = law.net(np.column_stack([nothing, *(one.columns / one.scale for one in unnamed)]))[0]
     evidence = Evidence(replica, whitening, [*groups, free, small], base, terms)
-    sizes = evidence.solve(AGAIN, Sizes(np.append(begin.groups, 1.0), begin.noise))
+    sizes = evidence.solve(AGAIN, Sizes(np.append(noise.sizes.groups, [1.0, 1.0]), noise.sizes.noise))
     found, second = _judged(evidence, sizes, named, unnamed)
     kept = Sizes(sizes.groups[: len(groups)], sizes.noise)
-    return Screen(model, replica.about, base, whitening, groups, small, times, kept, coefficients, tuple(found), second)
+    return Screen(model, replica.about, base, whitening, groups, small, times, kept, noise.colour, tuple(found), second)
 
 
 def net_effect(replica: Replica, model: Model, variant: Variant, whitening: Whitening) -> StopChange:
@@ -260,7 +265,7 @@ def _posterior(
     c = solved.nuisances
     mean = solved.solution(len(solved.rest) - 1)[1]
     across = solved.rest[:c, c:-1]
-    gram = solved.rest[c:-1, c:-1] - across.T @ linalg.cho_solve(solved.factor, across, check_finite=False)
+    gram = solved.rest[c:-1, c:-1] - across.T @ solved.of_common(across)
     against = solved.rest[c:-1, -1] - across.T @ mean
 
     def alone(mine: slice) -> tuple[np.ndarray, np.ndarray]:
@@ -268,7 +273,7 @@ def _posterior(
         spread = np.linalg.inv(own + 1e-9 * max(float(np.trace(own)), 1e-12) * np.eye(len(own)))
         return spread @ against[mine], spread
 
-    return mean, inverse_of(solved.factor[0]), alone
+    return mean, inverse_of(solved.factor), alone
 
 
 def _shares(named: Sequence[Candidate]) -> list[float]:

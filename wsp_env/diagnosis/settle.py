@@ -13,7 +13,7 @@ from wsp_env.diagnosis.candidates import Variant, parameter_of, switched, values
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit, weigh
-from wsp_env.diagnosis.noise import noise_of
+from wsp_env.diagnosis.noise import Known, noise_of
 from wsp_env.diagnosis.replica import Replica
 
 #: Least and largest number of replicas, each made from the fit to the previous one. The first may be far from the recordings;
@@ -30,7 +30,7 @@ _AWAY = 3.0
 #: Shares of a mechanism's size at which a diverged fit is restarted: with a nonlinear effect, the linear estimate about the
 #: baseline is too small or too large.
 _SHARES = (0.5, 0.75, 1.25, 1.5)
-#: Estimates of the nuisance sizes about the law alone, and replicas under each of them.
+#: Largest numbers of estimates of the nuisance sizes about the law alone, and of replicas under each of them.
 _LAWS, _OF_LAW = 2, 4
 #: Relative change of tau and mu_cd at which the law alone has converged: it moves a stop by some 0.1 % (assumption).
 _RESTS = 0.01
@@ -44,23 +44,31 @@ class _Made(NamedTuple):
     fitted: Fitted
 
 
-def settle_law(replica: Replica) -> tuple[Replica, Sizes]:
-    """Return a replica about the law fitted with nuisance sizes estimated from the recordings, and these sizes.
+def settle_law(replica: Replica, start: Sizes | None = None) -> tuple[Replica, Known]:
+    """Return a replica about the law fitted with nuisance sizes estimated from the recordings, and what is known of the noise.
 
     With other sizes, the likeliest tau differs, and a replica about another law has other residuals. A mechanism is compared on
     its own replica. If the law alone has not converged, every mechanism is compared with a replica that does not fit.
+
+    Parameters
+    ----------
+    start : as for `noise_of`
+
     """
-    sizes: Sizes | None = None
+    known: Known | None = None
     for _ in range(_LAWS):
-        noise = noise_of(replica, replica.baseline, replica.raw(replica.baseline), [], sizes)
-        sizes, weights = noise.sizes, weigh(replica, noise.whitening, noise.groups, noise.sizes)
+        begun = replica.baseline
+        noise = noise_of(replica, begun, replica.raw(begun), start=known.sizes if known else start)
+        known, weights = noise.known, weigh(replica, noise.whitening, noise.groups, noise.sizes)
         for _ in range(_OF_LAW):
             before = replica.baseline
             replica = Replica(replica.recorded, refit(replica, before, (), weights).model)
             if _law_change(before, replica.baseline) < _RESTS:
                 break
-    assert sizes is not None
-    return replica, sizes
+        if _law_change(begun, replica.baseline) < _RESTS:
+            break
+    assert known is not None
+    return replica, known
 
 
 def _law_change(before: Model, after: Model) -> float:

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy import linalg, optimize
+from scipy import optimize
 
-from wsp_env.diagnosis.arrow import inverse_of
+from wsp_env.diagnosis.triangular import cholesky, inverse_of
 
 #: Length of the blocks (nodes) for the course [s]; shorter than the correlation time of any receiver filter's noise.
 NODE_S = 0.2
@@ -120,7 +120,7 @@ def _restricted(noise: SpeedNoise, part: _Part) -> tuple[float, np.ndarray]:
     coloured = noise.coloured**2 * np.exp(-part.apart / noise.correlation_s)
     covariance = coloured + noise.walk**2 * part.course
     covariance[np.diag_indices_from(covariance)] += noise.white**2
-    root = linalg.cholesky(covariance, lower=True, check_finite=False)
+    root = cholesky(covariance)
     inverse = inverse_of(root)
     across = inverse @ part.line
     normal = part.line.T @ across
@@ -143,9 +143,8 @@ def estimate(noise: SpeedNoise, time: np.ndarray, rest: np.ndarray, least_share:
     """
     time = time - time[0]
     of_course = noise.course(time, time)
-    root = linalg.cho_factor(of_course + noise.covariance(time), lower=True)
     line = _line(time)
-    inverse = linalg.cho_solve(root, np.eye(len(time)))
+    inverse = inverse_of(cholesky(of_course + noise.covariance(time)))
     across = inverse @ line
     normal = line.T @ across
     left = line - of_course @ across

@@ -18,7 +18,7 @@ from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Screen, net_effect
 from wsp_env.diagnosis.settle import has_run_away, moved, settle
-from wsp_env.diagnosis.trials import SURE, Trial, anew, form_of, forms, least_deviance, odds, told, weights_of
+from wsp_env.diagnosis.trials import SURE, NoiseOn, Trial, form_of, forms, least_deviance, odds, told, weights_of
 
 #: Change of a mechanism with new nuisance sizes, in standard deviations, from which on its replica is made again.
 MOVES = 1.0
@@ -55,7 +55,8 @@ def about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Trial
         if np.isfinite(fitted.cost):  # the evidence of the linear search is void: if it fails now, it was not seen
             begin, lost = fitted, 0.5 * (without_it.cost - fitted.cost) - trial.price
             refused = Held(dataclasses.replace(trial, evidence=lost), own)
-        own, fitted, weights_with = weighed_anew(replica, begin, seen, weights.deviance(without_it))
+        own, fitted, noise = weighed_anew(replica, begin, seen, weights.deviance(without_it))
+        weights_with = noise.weights
         mine, other = weights_with(), replica
     others = [one for one in fitted.variants if one is not trial.variant]
     gone = refit(other, without(fitted.model, trial.variant), others, weights)
@@ -89,20 +90,20 @@ def about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Trial
 
 def weighed_anew(
     replica: Replica, fitted: Fitted, seen: Screen, most: float = np.inf
-) -> tuple[Replica, Fitted, Callable[..., Weights]]:  # fmt: skip
+) -> tuple[Replica, Fitted, NoiseOn]:  # fmt: skip
     """Settle with nuisance sizes estimated on each replica, while the deviance does not exceed `most`.
 
-    Return the last replica, the fit to it, and the function that gives its weights.
+    Return the last replica, the fit to it, and its noise.
     """
     own, again = replica, fitted
     for _ in range(_WEIGHED):
         before, own = again, Replica(replica.recorded, again.model)
-        weights_with = anew(own, seen)
-        weights = weights_with()
+        noise = NoiseOn(own, seen)
+        weights = noise.weights()
         again = refit(own, before.model, before.variants, weights)
         if moved(before, again) < MOVES or weights.deviance(again) > most:
             break
-    return own, again, weights_with
+    return own, again, noise
 
 
 def _pulled(replica: Replica, model: Model, weights: Weights) -> float:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from wsp_env.diagnosis.covariance import Evidence
+from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import TORQUE_TIME, WHEEL_TIME, contrasts, nuisances
 from wsp_env.recordings import Campaign
@@ -30,6 +30,7 @@ class Times(NamedTuple):
     wheel: np.ndarray
     torque: np.ndarray
     matters: bool  # whether a correction has a visible effect
+    sizes: Sizes | None = None  # of the nuisances, with which it was estimated
 
 
 def times(replica: Replica) -> Times:
@@ -38,14 +39,15 @@ def times(replica: Replica) -> Times:
     base = replica.raw(replica.baseline)
     groups = nuisances(replica, replica.baseline, base, whitening)
     evidence = Evidence(replica, whitening, groups, base, np.zeros((len(base), 0)))
-    amplitude = evidence.amplitudes(evidence.solve(_ITERATIONS))
+    sizes = evidence.solve(_ITERATIONS)
+    amplitude = evidence.amplitudes(sizes)
     sample = replica.sample_s
     found = []
     for name in (WHEEL_TIME, TORQUE_TIME):
         at = evidence.names.index(name)
         early = groups[at].expected * contrasts(replica.axles) @ amplitude[evidence.group == at]
         found.append(np.clip(early, -sample, sample))
-    return Times(found[0], found[1], bool(np.abs(found).max() > _LEAST * sample))
+    return Times(found[0], found[1], bool(np.abs(found).max() > _LEAST * sample), sizes)
 
 
 def aligned(campaign: Campaign, found: Times) -> Campaign:

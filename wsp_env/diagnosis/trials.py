@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from typing import NamedTuple
@@ -16,7 +17,7 @@ from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh
 from wsp_env.diagnosis.interest import StopChange
-from wsp_env.diagnosis.noise import AGAIN, noise_of
+from wsp_env.diagnosis.noise import AGAIN, Known, noise_of
 from wsp_env.diagnosis.readings import on_sensors
 from wsp_env.diagnosis.replica import OF_TIME, Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect
@@ -97,7 +98,11 @@ def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, 
     seconds = [seen.second[one.name] for one in promising if one.name in seen.second]
     promising += [one for one in seconds if len(refined(one.candidate.variant).sizes) > len(one.candidate.variant.sizes)]
     start = refit(replica, fitted.model, fitted.variants, weights)
-    without_it = functools.cache(lambda: least_deviance(replica, seen, start, weights))
+    least, lock = functools.cache(lambda: least_deviance(replica, seen, start, weights)), threading.Lock()
+
+    def without_it() -> float:
+        with lock:  # two threads that ask at the same time would both compute it
+            return least()
 
     def trial(one: Found) -> Trial:
         if told(one.candidate.variant):
@@ -156,7 +161,7 @@ def _nearby(replica: Replica, seen: Screen, start: Fitted, weights: Weights, one
 def least_deviance(replica: Replica, seen: Screen, start: Fitted, weights: Weights) -> float:
     """Return the least deviance of the accepted model: on the present replica, or on its own with new nuisance sizes."""
     own = Replica(replica.recorded, start.model)
-    mine = anew(own, seen)()
+    mine = NoiseOn(own, seen).weights()
     return min(weights.deviance(start), mine.deviance(refit(own, start.model, start.variants, mine)))
 
 
@@ -182,7 +187,7 @@ def _told(
     about, fitted = settle(replica.recorded, begun, near_by)
     if has_run_away(fitted, begun.cost):
         about, fitted = settle_anew(replica.recorded, begun, variant, near_by)
-    mine = anew(about, seen)()
+    mine = NoiseOn(about, seen).weights()
     again = refit(about, fitted.model, variants, mine)
     gained = without_it() - mine.deviance(again) if np.isfinite(fitted.cost) else -np.inf  # if the iteration converged
     return _Tried(about, variant, again, start.model, gained, mine)
@@ -208,19 +213,31 @@ def weights_of(replica: Replica, seen: Screen, forms: Sequence[Group] = ()) -> W
     return weigh(replica, whitening, [*groups, seen.small, *forms], sizes)
 
 
-def anew(replica: Replica, seen: Screen) -> Callable[..., Weights]:
-    """Return the function from `forms` to the weights of a screen with nuisance sizes estimated on a replica."""
-    base = replica.raw(replica.about)
-    noise = noise_of(replica, replica.about, base, [], seen.sizes)
-    every = [*noise.groups, seen.small]
-    evidence = Evidence(replica, noise.whitening, every, base, np.zeros((len(base), 0)))
-    sizes = evidence.solve(AGAIN, Sizes(np.append(noise.sizes.groups, 1.0), noise.sizes.noise))
+class NoiseOn:
+    """Nuisance sizes and colour of the noise estimated on a replica, beside mechanisms at sizes too small to matter.
 
-    def weights(forms: Sequence[Group] = ()) -> Weights:
-        beside = Sizes(np.concatenate([sizes.groups, np.ones(len(forms))]), sizes.noise)
-        return weigh(replica, noise.whitening, [*every, *forms], beside)
+    Parameters
+    ----------
+    seen : the screen that knows the small mechanisms, and from whose sizes the estimate starts
 
-    return weights
+    """
+
+    def __init__(self, replica: Replica, seen: Screen) -> None:
+        base = replica.raw(replica.about)
+        self._replica, self._noise = replica, noise_of(replica, replica.about, base, start=seen.sizes)
+        self._groups, before = [*self._noise.groups, seen.small], self._noise.sizes
+        evidence = Evidence(replica, self._noise.whitening, self._groups, base, np.zeros((len(base), 0)))
+        self._sizes = evidence.solve(AGAIN, Sizes(np.append(before.groups, 1.0), before.noise))
+
+    @property
+    def known(self) -> Known:
+        """What it tells about the noise of similar residuals."""
+        return Known(Sizes(self._sizes.groups[:-1], self._sizes.noise), self._noise.colour)
+
+    def weights(self, forms: Sequence[Group] = ()) -> Weights:
+        """Return the weights of the residuals, with form errors `forms`."""
+        sizes = Sizes(np.concatenate([self._sizes.groups, np.ones(len(forms))]), self._sizes.noise)
+        return weigh(self._replica, self._noise.whitening, [*self._groups, *forms], sizes)
 
 
 def forms(replica: Replica, model: Model, variants: Sequence[Variant], whitening: Whitening) -> list[Group]:
