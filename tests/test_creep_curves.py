@@ -251,7 +251,7 @@ def test_eurosprinter_lacks_slope_and_fall(measured):
             assert low <= estimate["value"] <= high
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_eurosprinter_has_the_contract_of_stops_and_a_page(measured):
     out, found = measured
     keys = {

@@ -12,7 +12,7 @@ from wsp_env.cli import demo, demo_stops, main
 from wsp_env.diagnosis.data_first import data_first
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_demo_goes_from_recordings_to_what_they_conceal(tmp_path, capsys):
     page = tmp_path / "new folder" / "demo.html"
     assert main(["demo", "--out", str(page)]) == 0

@@ -58,7 +58,7 @@ def test_a_vehicle_lighter_than_its_bogies_has_no_body_to_pitch():
     assert np.isfinite(steadily(OWN, light)).all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_it_is_the_wheel_loads_of_the_coach_in_three_dimensions():
     """Nothing fitted: heights, masses and inertia are the vehicle's. Axles brake and are released in turn, bogies unlike."""
     plant = MultibodyPlant(COACH, 1, Setup(SAMPLE_S))

@@ -205,6 +205,7 @@ def test_too_fast_for_a_curve_is_truncated_without_a_nan():
     assert np.isfinite(info["wheel_load_n"]).all()
 
 
+@pytest.mark.long
 def test_the_commands_brake_in_three_dimensions(tmp_path, capsys):
     """`wsp evaluate` and `wsp compare` with a track from a file; the same in a plant without rails is refused."""
     (tmp_path / "track.toml").write_text("[[curves]]\nbegin_m = 5.0\nradius_m = 500.0\n")

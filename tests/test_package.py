@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 #: Whose code other tests run: test_tutorial.py among its commands, test_diagnosis.py, test_creep_curves.py.
 RUN_ELSEWHERE = ("tutorial.md", "diagnosis.md", "creep_curves.md")
-LONG = ("multibody.md",)
+LONG = ("multibody.md", "drive_it.md", "contact_geometry.md")
 
 
 @pytest.fixture(scope="module")
