@@ -62,7 +62,13 @@ def about_its_own(replica: Replica, seen: Screen, weights: Weights, trial: Trial
     gone = refit(other, without(fitted.model, trial.variant), others, weights)
     if _pulled(own, fitted.model, mine) - _pulled(other, gone.model, weights) > PULLED**2:
         return refused
-    reduction = trial.reduction if told(trial.listed) else weights.deviance(gone) - mine.deviance(fitted)
+    reduction = trial.reduction
+    if not told(trial.listed):
+        reduction = weights.deviance(gone) - mine.deviance(fitted)
+        if not ran_away:
+            # Where the replica shows a mechanism, a model without it cannot fit. With it, the recordings must also fit better
+            # than without it about a replica without it.
+            reduction = min(reduction, without_it.cost - fitted.cost)
     if ran_away:  # on its own replica it must explain as much as when it was found, less its form error
         least = 2.0 * ((1.0 - form_of(trial.listed)) ** 2 * trial.evidence + trial.price)
         if reduction > least:

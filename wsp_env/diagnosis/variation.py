@@ -45,6 +45,7 @@ _EXPECTED = {
     "stiffness": 0.03 * _UNIFORM,  # of the creep curve
     "track": 0.02 * _UNIFORM,  # of mu_cd along the track
     "friction": 0.008,  # of an axle's friction: from run to run, and in time
+    "recovery": 0.025 * _UNIFORM,  # of tau from axle to axle: treads and their contacts clean differently
     "law": 0.002,  # of friction over slip, speed and work: form of the law
     "torque": 0.003 * _UNIFORM,  # of a brake's torque in time
     "onset": 0.003,  # of a brake's torque at its first application, over the largest: pads make contact, rigging yields
@@ -176,6 +177,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("track of a run", _track_of_runs(friction, rows), _EXPECTED["friction"]),
         Group("track over long", friction[:, None] * _track(rows.place, rows.wheels, _LONG_M), _EXPECTED["track"], True),
         Group("friction of an axle", friction[:, None] * own, _EXPECTED["friction"], True, "friction of an axle in a run"),
+        Group("recovery of an axle", law[:, :1] * differs, _EXPECTED["recovery"], True),
         Group("form of an axle's friction", np.column_stack([slides * differs * line[:, None] for line in lines]),
               0.5 * _EXPECTED["friction"], True),
         Group("friction of an axle in a run", each(friction[:, None] * own), _EXPECTED["friction"]),

@@ -158,7 +158,7 @@ CARD = Card(
     summary="deceleration loads the leading bogie and the leading axle of each bogie",
     parameters=(
         Parameter(
-            "body_height_m", "m", 0.0, 1.2, 0.0, 3.0, "assumption: centre of mass 1.8 m (Manchester vehicle 1), pivots 0.6 m"
+            "body_height_m", "m", 0.0, 1.2, 0.0, 4.0, "assumption: centre of mass 1.8 m (Manchester vehicle 1), pivots 0.6 m"
         ),
         Parameter("pivot_height_m", "m", 0.0, 0.6, 0.0, 2.0, "assumption: height of the traction rod above the rail"),
     ),
