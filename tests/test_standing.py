@@ -31,7 +31,7 @@ def own(monkeypatch):
 
     def ask(
         cost: float, pulls: bool = False, left: float = 20.0, again: float = np.nan, least: float = np.nan,
-        interval: tuple[float, float] = (0.001, 0.003),
+        interval: tuple[float, float] = (0.001, 0.003), found: float = 60.0,
     ) -> standing.Held | None:  # fmt: skip
         monkeypatch.setattr(standing, "estimates", lambda *_: {"rise": Estimate(0.002, "-", interval)})
         monkeypatch.setattr(standing, "settle", lambda *_: ("own replica", dataclasses.replace(one.fitted, cost=cost)))
@@ -42,7 +42,7 @@ def own(monkeypatch):
         pulled = {True: 5.0**2, False: 0.0}[pulls]
         monkeypatch.setattr(standing, "_pulled", lambda _, model, __: pulled * ("track_gradient" in model.choice))
         monkeypatch.setattr(standing, "agreement", lambda *_: SimpleNamespace(left_of=lambda evidence: left))
-        return standing.about_its_own(REPLICA, SEEN, PLAIN, one)
+        return standing.about_its_own(REPLICA, SEEN, PLAIN, dataclasses.replace(one, reduction=found))
 
     return ask
 
@@ -54,6 +54,12 @@ def test_a_trial_has_the_evidence_and_size_that_it_has_about_its_own_replica(own
     assert held.trial.evidence == 0.5 * 40.0 - 3.0
     assert (held.trial.fitted.cost, held.trial.reduction) == (60.0, 40.0)
     assert held.trial.size == StopChange(0.04, 0.0)
+
+
+@pytest.mark.parametrize(("found", "expected"), [(-10.0, 30.0), (-30.0, 10.0), (-45.0, -5.0)])
+def test_the_recordings_must_fit_better_than_without_it_about_a_replica_without_it(own, found, expected):
+    """About its own replica, which shows it, a model without it costs 100; about its own 100 + `found`. With it: 60."""
+    assert own(60.0, found=found).trial.reduction == expected
 
 
 @pytest.mark.parametrize(("plain", "bent", "expected"), [(60.0, 60.0, 40.0), (60.0, 95.0, 5.0), (95.0, 60.0, 5.0)])
