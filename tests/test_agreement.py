@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import integrate, stats
 
 from wsp_env.diagnosis import agreement as module
-from wsp_env.diagnosis.agreement import BELIEVED, Agreement, agreement
+from wsp_env.diagnosis.agreement import PRIOR_DEGREES, Agreement, agreement
 from wsp_env.diagnosis.balances import Whitening
 from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.gls import Projector
@@ -53,7 +53,7 @@ def test_with_the_unknown_factor_integrated_out_it_is_the_ratio_of_the_two_likel
     """Of a size free and of none, with an inverse chi-square belief about the factor, by quadrature."""
     found = Agreement(scattered(runs, missed), np.eye(runs))
     log_factor = np.linspace(-10.0, 15.0, 2001)
-    belief = stats.invgamma(BELIEVED / 2.0, scale=BELIEVED / 2.0).logpdf(np.exp(log_factor)) + log_factor
+    belief = stats.invgamma(PRIOR_DEGREES / 2.0, scale=PRIOR_DEGREES / 2.0).logpdf(np.exp(log_factor)) + log_factor
 
     def likelihood(squares: float) -> float:
         """Of one more observation, of the common size, beside the runs' contrasts."""
@@ -61,20 +61,20 @@ def test_with_the_unknown_factor_integrated_out_it_is_the_ratio_of_the_two_likel
         return float(value.max() + np.log(integrate.trapezoid(np.exp(value - value.max()), log_factor)))
 
     expected = likelihood(missed) - likelihood(missed + 2.0 * evidence)
-    assert found.left_of(evidence) == pytest.approx(expected, rel=1e-3, abs=1e-3)
+    assert found.student_evidence(evidence) == pytest.approx(expected, rel=1e-3, abs=1e-3)
 
 
 def test_many_runs_that_agree_leave_the_evidence_and_runs_that_do_not_take_it():
     many = Agreement(1.0 + np.tile([-0.1, 0.1], 500), 0.01 * np.eye(1000))
-    assert many.left_of(20.0) == pytest.approx(20.0, rel=0.03)
+    assert many.student_evidence(20.0) == pytest.approx(20.0, rel=0.03)
     disagree = Agreement(np.array([-1.2, 1.3, 6.2, -4.1, 0.7]), np.eye(5) / 17.0)
-    assert disagree.left_of(50.0) < 2.0
+    assert disagree.student_evidence(50.0) < 2.0
 
 
 def test_what_all_runs_are_wrong_about_alike_is_no_disagreement():
     """Sizes that err together, by what runs share, with a covariance that says so."""
     shared = np.array([1.5, 1.5, 1.5, 1.5])
-    assert Agreement(shared, 0.01 * np.eye(4) + 0.25).missed == pytest.approx(0.0, abs=1e-9)
+    assert Agreement(shared, 0.01 * np.eye(4) + 0.25).chi_square == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("sizes", [(1.0,) * 6, (5.0, -3.0, 6.0, -4.0, 5.0, -3.0)])
@@ -86,7 +86,7 @@ def test_every_run_gives_its_own_size(asked, sizes):
     y = np.array(sizes)[run] * x + nuisance + rng.standard_normal(len(run))
     found = asked(y, x, nuisance)
     assert found.multiples == pytest.approx(np.array(sizes), abs=4.0 / np.sqrt(EACH))
-    assert (found.missed > 10.0 * RUNS) == (sizes[1] < 0.0)
+    assert (found.chi_square > 10.0 * RUNS) == (sizes[1] < 0.0)
 
 
 def test_the_sizes_of_the_runs_are_generalised_least_squares(asked):
@@ -110,7 +110,7 @@ def test_a_shared_nuisance_that_no_run_knows_by_itself_makes_no_disagreement(ask
     y = x + 2.0 * SIZE_OF_NUISANCE * nuisance + rng.standard_normal(RUNS * EACH)
     found = asked(y, x, nuisance)
     assert np.mean(found.multiples) == pytest.approx(1.0, abs=2.5 * np.sqrt(np.mean(found.covariance)))
-    assert found.missed < stats.chi2(RUNS - 1).ppf(0.99)
+    assert found.chi_square < stats.chi2(RUNS - 1).ppf(0.99)
 
 
 def test_a_run_that_says_nothing_is_not_asked(asked):
@@ -128,7 +128,7 @@ def test_what_is_seen_in_slides_alone_and_should_be_seen_beside_them_has_no_evid
     everywhere = asked(x + noise, x, nuisance, slides=slides)
     in_slides = asked(x * np.where(slides, 2.0, 0.0) + noise, x, nuisance, slides=slides)
     assert len(everywhere.multiples) == len(in_slides.multiples) == 2 * RUNS
-    assert everywhere.left_of(30.0) > 10.0 * in_slides.left_of(30.0)
+    assert everywhere.student_evidence(30.0) > 10.0 * in_slides.student_evidence(30.0)
 
 
 def half_width(parts, deviation, change, form):
@@ -142,8 +142,8 @@ def test_an_interval_is_students_and_as_wide_as_the_parts_scatter():
     many = Agreement(scattered(400, 399.0), np.eye(400))  # as they should
     assert half_width(many, deviation, 2.0, 0.0) == pytest.approx(1.645 * deviation, rel=0.01)
     few = Agreement(scattered(5, 64.0), np.eye(5))
-    factor = np.sqrt((BELIEVED + 64.0) / (BELIEVED + 4.0))
-    assert half_width(few, deviation, 2.0, 0.0) == pytest.approx(stats.t(BELIEVED + 4.0).ppf(0.95) * factor * deviation)
+    factor = np.sqrt((PRIOR_DEGREES + 64.0) / (PRIOR_DEGREES + 4.0))
+    assert half_width(few, deviation, 2.0, 0.0) == pytest.approx(stats.t(PRIOR_DEGREES + 4.0).ppf(0.95) * factor * deviation)
     assert half_width(Agreement(np.ones(0), np.zeros((0, 0))), deviation, 2.0, 0.0) > 1.645 * deviation  # nobody was asked
 
 

@@ -13,16 +13,16 @@ from trial_cases import GAIN, GRADIENT, TERM, candidate, found, trial
 from wsp_env.diagnosis import decide
 from wsp_env.diagnosis.balances import NOISES, Whitening
 from wsp_env.diagnosis.candidates import Variant, parameter_of, refined, switched, values_in, without
+from wsp_env.diagnosis.convergence import largest_change
 from wsp_env.diagnosis.covariance import Evidence, Sizes
-from wsp_env.diagnosis.decide import MATTERS, belief
+from wsp_env.diagnosis.decide import MATTERS, posterior
 from wsp_env.diagnosis.diagnose import _evidence
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted
 from wsp_env.diagnosis.interest import StopChange
-from wsp_env.diagnosis.search import LARGE, SEEN, SMALL, _freed, _one, _posterior, can_be
-from wsp_env.diagnosis.settle import moved
+from wsp_env.diagnosis.search import LARGE, SEEN, SMALL, _freed, _one, _posterior, is_possible
 from wsp_env.diagnosis.speed import SpeedNoise, estimate, estimate_noise
-from wsp_env.diagnosis.trials import FORM, PRIOR, PRIOR_TERM, SURE, odds
+from wsp_env.diagnosis.trials import FORM, PRIOR, PRIOR_TERM, SURE, log_odds
 from wsp_env.diagnosis.variation import Group, contrasts
 
 
@@ -80,14 +80,14 @@ def test_the_likelihood_is_what_is_left_of_a_posterior_without_its_prior(seed, k
 def test_a_brake_never_pushes():
     brake = Variant("non_adhesive_brake", ("force_n",), {})
     move = float(brake.moves()[0])
-    assert can_be(candidate(brake), np.array([-1.0 * np.sign(move)]))
-    assert not can_be(candidate(brake), np.array([1.0 * np.sign(move)]))
-    assert can_be(candidate(GRADIENT), np.array([1.0]))
-    assert can_be(candidate(GRADIENT), np.array([-1.0]))
+    assert is_possible(candidate(brake), np.array([-1.0 * np.sign(move)]))
+    assert not is_possible(candidate(brake), np.array([1.0 * np.sign(move)]))
+    assert is_possible(candidate(GRADIENT), np.array([1.0]))
+    assert is_possible(candidate(GRADIENT), np.array([-1.0]))
 
 
 def test_a_name_needs_less_evidence_than_a_term_and_a_sure_one_is_ninety_five_in_a_hundred():
-    assert odds(GRADIENT, 10.0) - odds(TERM, 10.0) == pytest.approx(PRIOR - PRIOR_TERM)
+    assert log_odds(GRADIENT, 10.0) - log_odds(TERM, 10.0) == pytest.approx(PRIOR - PRIOR_TERM)
     assert 1.0 / (1.0 + np.exp(-SURE)) == pytest.approx(0.95)
     assert pytest.approx(SURE - PRIOR) == SEEN
     assert pytest.approx(1.0 / (1.0 + 1.645 * FORM), abs=0.01) == MATTERS
@@ -207,12 +207,12 @@ def test_sizes_are_clipped_into_their_bounds_and_places_become_free():
 
 def test_belief_is_shared_with_what_explains_nearly_as_much():
     best = trial(GRADIENT, 40.0)
-    alone = belief(best, [best], [found(GRADIENT, 40.0), found(GAIN, 2.0)])
-    beside = belief(best, [best], [found(GRADIENT, 40.0), found(GAIN, 39.5)])
+    alone = posterior(best, [best], [found(GRADIENT, 40.0), found(GAIN, 2.0)])
+    shared = posterior(best, [best], [found(GRADIENT, 40.0), found(GAIN, 39.5)])
     assert alone[0] == ("track_gradient",)
     assert alone[1] > 0.95
-    assert beside[0] == ("track_gradient", "brake_gain_imbalance")
-    assert 0.5 <= beside[1] < 0.7
+    assert shared[0] == ("track_gradient", "brake_gain_imbalance")
+    assert 0.5 <= shared[1] < 0.7
 
 
 @pytest.mark.parametrize(("accepted_at", "grown", "compensates"), [(2.0, 1.1, False), (2.0, 10.0, True), (0.1, 1.1, False)])
@@ -220,7 +220,7 @@ def test_what_makes_another_grow_compensates_it(monkeypatch, accepted_at, grown,
     """Against the other's size in a fit of the same weights without the one that is tried, not as it was accepted in others."""
     with_it, without_it = Model(1e-4, (0.06,)), Model(2e-4, (0.06,))
     accepted = decide.Accepted(trial(GRADIENT, 40.0, multiple=accepted_at), ("track_gradient",), 1.0)
-    new = dataclasses.replace(trial(GAIN, 30.0), fitted=Fitted(with_it, (), (), (), 0.0), beside=without_it)
+    new = dataclasses.replace(trial(GAIN, 30.0), fitted=Fitted(with_it, (), (), (), 0.0), null_model=without_it)
     screen = type("Seen", (), {"whitening": None})()
     sizes = {with_it.tau: 2.0 * grown, without_it.tau: 2.0}
     monkeypatch.setattr(decide, "net_effect", lambda _, model, *__: StopChange(0.01 * sizes[model.tau], 0.0))
@@ -242,12 +242,12 @@ def test_an_earlier_name_gives_way_to_a_rival_that_explains_more_beside_a_later_
         return Fitted(model, tuple(variants), values, (np.eye(1),) * len(values), costs[titles[0] if titles else None])
 
     def own(_, __, ___, one):
-        return decide.Held(one, "its own") if holds else None
+        return decide.Retested(one, "its own") if holds else None
 
     monkeypatch.setattr(decide, "refit", refit)
     monkeypatch.setattr(decide, "weights_of", lambda *_: None)
     monkeypatch.setattr(decide, "net_effect", lambda *_: StopChange(0.02, 0.0))
-    monkeypatch.setattr(decide, "about_its_own", own)
+    monkeypatch.setattr(decide, "retest", own)
     rival = dataclasses.replace(trial(GAIN, 40.0), fitted=Fitted(switched(bare, GAIN, np.array([0.06])), (GAIN,), (), (), 0.0))
     first = decide.Accepted(trial(drag, 50.0), (drag.name,), 0.9, (rival,))
     later = decide.Accepted(trial(GRADIENT, 40.0), (GRADIENT.name,), 1.0)
@@ -265,7 +265,7 @@ def test_an_earlier_name_gives_way_to_a_rival_that_explains_more_beside_a_later_
 
 def held(evidence):
     """Return what a trial is about a replica of its own: its evidence there is given by name."""
-    return lambda one: decide.Held(dataclasses.replace(one, evidence=evidence[one.listed.title]), None)
+    return lambda one: decide.Retested(dataclasses.replace(one, evidence=evidence[one.listed.title]), None)
 
 
 EVIDENCE = {"brake_gain_imbalance": 40.0, "track_gradient": 50.0, "brake torque by braking": 60.0}
@@ -273,13 +273,13 @@ THREE = [trial(variant, EVIDENCE[variant.title]) for variant in (GAIN, GRADIENT,
 
 
 def test_what_is_refused_is_told_and_the_next_best_is_taken():
-    best, refused = decide._best(THREE, lambda one: one.evidence > 45.0, held(EVIDENCE), lambda one: SURE)
+    best, rejected = decide._best(THREE, lambda one: one.evidence > 45.0, held(EVIDENCE), lambda one: SURE)
     assert best.trial.listed == GAIN
-    assert list(refused) == ["track_gradient"]  # a term is asked after the names
-    best, refused = decide._best(THREE, lambda one: True, held(EVIDENCE), lambda one: SURE)
+    assert list(rejected) == ["track_gradient"]  # a term is asked after the names
+    best, rejected = decide._best(THREE, lambda one: True, held(EVIDENCE), lambda one: SURE)
     assert best is None
-    assert refused.keys() == EVIDENCE.keys()
-    assert refused["track_gradient"] == odds(GRADIENT, 50.0)
+    assert rejected.keys() == EVIDENCE.keys()
+    assert rejected["track_gradient"] == log_odds(GRADIENT, 50.0)
 
 
 def test_a_trial_counts_as_it_stands_about_a_replica_of_its_own():
@@ -289,17 +289,17 @@ def test_a_trial_counts_as_it_stands_about_a_replica_of_its_own():
     assert behind[1] == {}
     nothing = decide._best(THREE, lambda one: False, held(EVIDENCE | {"track_gradient": 1.0}), lambda one: SURE)
     assert nothing[0].trial.listed == GAIN
-    assert nothing[1] == {"track_gradient": odds(GRADIENT, 1.0)}  # as it stands: less likely than not
+    assert nothing[1] == {"track_gradient": log_odds(GRADIENT, 1.0)}  # as it stands: less likely than not
 
 
 def test_what_need_not_be_asked_is_not():
     asked = []
 
-    def stands(one):
+    def retest_trial(one):
         asked.append(one.listed)
-        return decide.Held(one, None)
+        return decide.Retested(one, None)
 
-    best, _ = decide._best(THREE, lambda one: False, stands, lambda one: SURE)
+    best, _ = decide._best(THREE, lambda one: False, retest_trial, lambda one: SURE)
     assert best.trial.listed == GRADIENT
     assert asked == [GRADIENT]
 
@@ -315,7 +315,7 @@ def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, l
     monkeypatch.setattr(decide, "refit", refit)
     monkeypatch.setattr(decide, "weights_of", lambda *_: None)
     first, last = (decide.Accepted(trial(one, 40.0), (one.name,), 1.0) for one in (GRADIENT, GAIN))
-    accepted, fitted = decide._still_sure(None, [first, last], whole, None)
+    accepted, fitted = decide._backward_elimination(None, [first, last], whole, None)
     kept = ["brake_gain_imbalance"] if loss < 10.0 else ["track_gradient", "brake_gain_imbalance"]
     assert [one.name for one in accepted] == kept
     assert fitted.variants == ((GAIN,) if loss < 10.0 else (GRADIENT, GAIN))
@@ -362,42 +362,44 @@ def test_curves_are_tried_once_and_only_where_what_is_left_matters(unexplained, 
     """Or where something has evidence and matters, but does not hold: with curves it is asked again, and told."""
     searched: list[list[str]] = []
 
-    def screened(replica, model, tried, pool, accepted=(), known=None):
+    def screened(replica, model, tried, pool, accepted=(), noise_parameters=None):
         searched.append([one.title for one in tried])
-        return SimpleNamespace(found=(), second={}, known=None)
+        return SimpleNamespace(found=(), second={}, noise_parameters=None)
 
-    refused = [dataclasses.replace(trial(GRADIENT, 40.0), size=StopChange(0.01 * size, 0.0))] if size else []
+    rejected = [dataclasses.replace(trial(GRADIENT, 40.0), size=StopChange(0.01 * size, 0.0))] if size else []
     monkeypatch.setattr(decide, "screen", screened)
     monkeypatch.setattr(decide, "terms", lambda replica, accepted=(): [TERM])
     monkeypatch.setattr(decide, "curves", lambda replica, accepted=(): [dataclasses.replace(TERM, family="a curve")])
     monkeypatch.setattr(decide, "structured", lambda replica, seen, weights: SimpleNamespace(unexplained=unexplained))
     monkeypatch.setattr(decide, "weights_of", lambda replica, seen: None)
-    monkeypatch.setattr(decide, "FormsLeft", lambda *said: lambda one: SURE)
-    monkeypatch.setattr(decide, "trials_of", lambda *said: refused)
-    monkeypatch.setattr(decide, "_refused", lambda *said: True)
+    monkeypatch.setattr(decide, "FormErrorThreshold", lambda *said: lambda one: SURE)
+    monkeypatch.setattr(decide, "trials_of", lambda *said: rejected)
+    monkeypatch.setattr(decide, "_is_rejected", lambda *said: True)
     replica = SimpleNamespace(baseline=Model(2e-4, (0.06,)))
     outcome = decide.select(replica, [GRADIENT], None)
     with_curves = [["track_gradient", "a curve"]] if unexplained or holds_not else []
     assert searched == [["track_gradient", TERM.family], *with_curves]
     assert not outcome.accepted
-    assert [one.listed.title for one in outcome.refused] == holds_not
+    assert [one.listed.title for one in outcome.rejected] == holds_not
 
 
 @pytest.mark.parametrize("left", [1.0, 6.8])
 def test_what_the_runs_leave_no_evidence_of_was_not_seen(left, monkeypatch):
     """Refused for what the parts of the recordings leave of it, as it is not sure: 6.8 nats are 94.6 %."""
     one = dataclasses.replace(trial(GRADIENT, 40.0), size=StopChange(0.02, 0.0))
-    monkeypatch.setattr(decide, "screen", lambda *_, known: SimpleNamespace(found=(), second={}, known=known))
+    monkeypatch.setattr(
+        decide, "screen", lambda *_, noise_parameters: SimpleNamespace(found=(), second={}, noise_parameters=noise_parameters)
+    )
     for name in ("terms", "curves"):
         monkeypatch.setattr(decide, name, lambda *_: [])
     monkeypatch.setattr(decide, "structured", lambda *_: SimpleNamespace(unexplained=False))
     monkeypatch.setattr(decide, "weights_of", lambda *_: None)
-    monkeypatch.setattr(decide, "FormsLeft", lambda *_: lambda _: SURE)
+    monkeypatch.setattr(decide, "FormErrorThreshold", lambda *_: lambda _: SURE)
     monkeypatch.setattr(decide, "trials_of", lambda *_: [one])
-    monkeypatch.setattr(decide, "_refused", lambda *_: False)
-    monkeypatch.setattr(decide, "about_its_own", lambda *_: held({"track_gradient": left})(one))
+    monkeypatch.setattr(decide, "_is_rejected", lambda *_: False)
+    monkeypatch.setattr(decide, "retest", lambda *_: held({"track_gradient": left})(one))
     outcome = decide.select(SimpleNamespace(baseline=Model(2e-4, (0.06,))), [GRADIENT], None)
-    assert outcome.refused == ()
+    assert outcome.rejected == ()
 
 
 def test_a_move_is_counted_in_the_deviations_that_the_size_has_afterwards():
@@ -405,5 +407,5 @@ def test_a_move_is_counted_in_the_deviations_that_the_size_has_afterwards():
     model = Model(2e-4, (0.05,))
     before = Fitted(model, (GAIN, GRADIENT), (np.array([0.1]), np.array([4.0])), (np.eye(1), np.eye(1)), 0.0)
     after = dataclasses.replace(before, values=(np.array([0.6]), np.array([7.0])), covariance=(np.eye(1), 4.0 * np.eye(1)))
-    assert moved(before, after) == pytest.approx(1.5)
-    assert moved(before, before) == 0.0
+    assert largest_change(before, after) == pytest.approx(1.5)
+    assert largest_change(before, before) == 0.0

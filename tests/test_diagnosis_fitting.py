@@ -11,7 +11,7 @@ from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import Variant, columns, parameter_of, switched, without
 from wsp_env.diagnosis.covariance import Evidence
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import moved_by, refit, weigh
+from wsp_env.diagnosis.fitting import free_parameters, refit, weigh
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.diagnosis.trials import forms
@@ -41,7 +41,7 @@ def weights(replica):
 
 
 def test_the_friction_of_a_stop_that_does_not_slide_is_not_moved(replica, weights):
-    assert_array_equal(moved_by(replica), [True, True, False])
+    assert_array_equal(free_parameters(replica), [True, True, False])
     fitted = refit(replica, LAW, (), weights)
     assert fitted.model.mu_cd[1] == LAW.mu_cd[1]
     assert fitted.model.mu_cd[0] != LAW.mu_cd[0]

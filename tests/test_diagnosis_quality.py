@@ -102,7 +102,7 @@ def test_an_extension_is_asked_about_its_own_replica_and_the_baseline_about_its_
 
     monkeypatch.setattr(module, "weigh", lambda *_: PLAIN)
     monkeypatch.setattr(module, "Weighing", lambda *_: lambda keep: PLAIN)
-    monkeypatch.setattr(module, "bleach", lambda *_: None)
+    monkeypatch.setattr(module, "slide_whitening", lambda *_: None)
     monkeypatch.setattr(module, "refit", refit)
     monkeypatch.setattr(module, "left", stub_left)
     monkeypatch.setattr(module, "Replica", lambda *_: again)

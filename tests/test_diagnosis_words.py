@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wsp_env.diagnosis.answer import Discovered, Estimate, Location, Named
-from wsp_env.diagnosis.words import capital, next_test, parameter_said, parameter_words, said, sentence, unit_words
+from wsp_env.diagnosis.words import capital, mechanism_words, next_test, parameter_said, parameter_words, sentence, unit_words
 from wsp_env.plant.mechanisms import ALL, leading_axle_cleaning
 
 
@@ -51,7 +51,7 @@ WEAKER = estimates("brake_gain_imbalance", gain=(-0.039, -0.051, -0.027), axle=2
     ],
 )  # fmt: skip
 def test_a_mechanism_is_said_with_direction_size_and_place(mechanism, values, words):
-    assert said(mechanism, estimates(mechanism, **values)) == words
+    assert mechanism_words(mechanism, estimates(mechanism, **values)) == words
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -62,7 +62,7 @@ def test_every_mechanism_of_the_library_has_words_for_every_size_and_sign(name):
         texts = set()
         for value in {size.low, size.high} - {size.null}:
             given = {one.name: one.typical for one in ALL[name].parameters if one.kind != "size"} | {size.name: value}
-            texts.add(said(name, estimates(name, **given)).partition(" (")[0])
+            texts.add(mechanism_words(name, estimates(name, **given)).partition(" (")[0])
         assert len(texts) == (1 if size.null in (size.low, size.high) else 2)
 
 
@@ -70,7 +70,7 @@ def test_the_layer_taken_away_is_the_plant_s():
     removal = 2e-5
     spent = leading_axle_cleaning.Spent(np.full((1, 4), 1e4), np.zeros((1, 2)))
     left, _ = leading_axle_cleaning.layer_left(leading_axle_cleaning.Parameters(removal), spent, 0, 1, 0.0, 0.0, 1.0, 0.0)
-    words = said("leading_axle_cleaning", estimates("leading_axle_cleaning", removal_m_per_j=(removal, 1e-5, 3e-5)))
+    words = mechanism_words("leading_axle_cleaning", estimates("leading_axle_cleaning", removal_m_per_j=(removal, 1e-5, 3e-5)))
     assert f"takes away {100.0 * (1.0 - left):.0f} % of the contaminant layer" in words
 
 

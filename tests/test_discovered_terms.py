@@ -8,7 +8,7 @@ import pytest
 from wsp_env.diagnosis.balances import ADHESION, VEHICLE
 from wsp_env.diagnosis.candidates import Candidate
 from wsp_env.diagnosis.discovered import MISREAD, NAME, axle_groups, curves, equation, slot_of, slot_of_title, terms
-from wsp_env.diagnosis.search import can_be
+from wsp_env.diagnosis.search import is_possible
 from wsp_env.plant.mechanisms.term_words import SLOTS
 from wsp_env.plant.mechanisms.terms import Feature, Slot
 
@@ -63,17 +63,17 @@ def test_a_model_holds_three_terms_of_the_plant_and_one_of_the_recorded_speed():
 def test_friction_by_the_rate_of_the_slip_can_only_rise():
     rising = next(one for one in tried() if one.family == "friction by slip rate")
     candidate = Candidate(rising, np.zeros((0, 1)), np.ones(1))
-    assert can_be(candidate, np.array([-1.0]))  # a residual is taken away: the coefficient is minus the amplitude
-    assert not can_be(candidate, np.array([1.0]))
+    assert is_possible(candidate, np.array([-1.0]))  # a residual is taken away: the coefficient is minus the amplitude
+    assert not is_possible(candidate, np.array([1.0]))
     either = next(one for one in tried() if one.family == "friction by work")
-    assert can_be(Candidate(either, np.zeros((0, 1)), np.ones(1)), np.array([1.0]))
+    assert is_possible(Candidate(either, np.zeros((0, 1)), np.ones(1)), np.array([1.0]))
 
 
 def test_a_rigging_can_only_hold_the_torque_back():
     play = next(one for one in tried() if one.family == "brake torque of axles 3 and 4 by torque play")
     candidate = Candidate(play, np.zeros((0, 1)), np.ones(1))
-    assert can_be(candidate, np.array([-1.0]))
-    assert not can_be(candidate, np.array([1.0]))
+    assert is_possible(candidate, np.array([-1.0]))
+    assert not is_possible(candidate, np.array([1.0]))
 
 
 def test_a_curve_is_a_partition_of_one_over_what_was_recorded():

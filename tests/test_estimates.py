@@ -4,7 +4,7 @@ import pytest
 
 from wsp_env.diagnosis.answer import Estimate
 from wsp_env.diagnosis.candidates import Variant
-from wsp_env.diagnosis.estimates import leave_it_open, within_a_sample
+from wsp_env.diagnosis.estimates import intervals_contain_null, within_a_sample
 
 PADS = Variant("pad_friction", ("per_speed_s_per_m", "per_temperature_1_per_k"), {})
 PATCH = Variant("adhesion_patch", ("change", "start_m", "length_m"), {})
@@ -20,13 +20,13 @@ def estimates(variant: Variant, *intervals: tuple[float, float]) -> dict[str, Es
     [((-0.003, 0.001), (-1e-4, 2e-4), True), ((-0.003, -0.001), (-1e-4, 2e-4), False), ((-0.003, 0.0), (1e-5, 2e-4), False)],
 )
 def test_one_size_that_is_surely_there_is_enough(speed, heat, is_open):
-    assert leave_it_open(estimates(PADS, speed, heat), PADS) == is_open
+    assert intervals_contain_null(estimates(PADS, speed, heat), PADS) == is_open
 
 
 def test_where_something_acts_does_not_tell_that_it_is_there():
     shapes = ((200.0, 210.0), (40.0, 60.0))
-    assert leave_it_open(estimates(PATCH, (-0.1, 0.4), *shapes), PATCH)
-    assert not leave_it_open(estimates(PATCH, (0.1, 0.4), *shapes), PATCH)
+    assert intervals_contain_null(estimates(PATCH, (-0.1, 0.4), *shapes), PATCH)
+    assert not intervals_contain_null(estimates(PATCH, (0.1, 0.4), *shapes), PATCH)
 
 
 @pytest.mark.parametrize(

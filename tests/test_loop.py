@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
 from wsp_env.diagnosis.colour import Moments, autoregression, whitening_filter
-from wsp_env.diagnosis.loop import foreseen, stretches
+from wsp_env.diagnosis.loop import predicted, stretches
 from wsp_env.diagnosis.stops import BLOCK_S
 
 RADIUS, INERTIA, STEP, BLOCK = 0.445, 160.0, 0.02, 8
@@ -58,7 +58,7 @@ def turned(stop, torque, holds=0.0, block=BLOCK):
 
 def both_turned(stop, torque, holds=0.0, block=BLOCK):
     """The same under the torques that were to be expected, then under the recorded ones."""
-    return foreseen(stop, torque[:, None], np.full((len(torque), 1), holds), block, RADIUS, INERTIA)
+    return predicted(stop, torque[:, None], np.full((len(torque), 1), holds), block, RADIUS, INERTIA)
 
 
 def told(stop, torque, holds=0.0, block=BLOCK):

@@ -12,7 +12,7 @@ from wsp_env.diagnosis.candidates import Variant, values_in
 from wsp_env.diagnosis.evaluate import Evaluator, Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit, weigh
 from wsp_env.diagnosis.gls import Projector
-from wsp_env.diagnosis.readings import _filtered, as_read, put_right, readings_of
+from wsp_env.diagnosis.readings import _filtered, correct_readings, readings_of, simulate_readings
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.diagnosis.variation import Group
@@ -50,7 +50,7 @@ def test_a_lag_filters_a_line_and_a_swing_as_its_equation_says():
 
 @pytest.mark.parametrize("readings", [LAG, CLOCK, LAG | CLOCK, {"misread_speed": {"coefficient": 0.01, "feature": 1.0}}])
 def test_of_stops_as_sensors_read_them_a_model_with_the_sensors_says_what_it_says_of_true_ones(sound, readings):
-    stops = as_read(sound.campaign, sound.sources, readings)
+    stops = simulate_readings(sound.campaign, sound.sources, readings)
     model = dataclasses.replace(LAW, choice=readings)
     assert readings_of(model) == readings
     for read, true in zip(Evaluator(sound.campaign, stops)(model), Evaluator(sound.campaign, sound.sources)(LAW), strict=True):
@@ -65,7 +65,7 @@ def test_a_wheel_of_another_radius_reads_right():
 def test_late_wheels_balance_what_is_made_as_late(sound):
     """The wheel's own balance is linear: filtered, it holds for filtered torques and forces."""
     (stop, *_), (read, *_) = sound.sources, late_wheels(sound).sources
-    (right,) = put_right(sound.campaign, [read], LAG)
+    (right,) = correct_readings(sound.campaign, [read], LAG)
     force = stop.torque + sound.inertia * stop.wheel_rate
     inside = stop.time > 0.5
     found = right.torque + sound.inertia * right.wheel_rate

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from trial_cases import GAIN, GRADIENT, TERM, found
 
-from wsp_env.diagnosis import settle, trials
+from wsp_env.diagnosis import convergence, trials
 from wsp_env.diagnosis.candidates import Variant, switched, values_in
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted
@@ -81,7 +81,7 @@ def test_a_form_at_its_end_is_left_for_one_that_is_not(monkeypatch):
     monkeypatch.setattr(trials, "cost", lambda *_: 0.0)
     one = dataclasses.replace(found(patch, 5.0), reduction=20.0)
     start = Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0)
-    tried = trials._nearby(None, None, start, None, one)
+    tried = trials._fit_on_replica(None, None, start, None, one)
     assert tried.variant.sizes == ("change",)
     assert tried.reduction == pytest.approx(20.0)
 
@@ -99,10 +99,10 @@ def test_replicas_are_made_until_sizes_settle(monkeypatch, factor, way, made):
         values = way * (1.0 - factor ** len(replicas))
         return Fitted(model, tuple(variants), (np.array([values]),), (np.eye(1),), 0.0)
 
-    monkeypatch.setattr(settle, "Replica", lambda *_: replicas.append(1))
-    monkeypatch.setattr(settle, "refit", refit)
+    monkeypatch.setattr(convergence, "Replica", lambda *_: replicas.append(1))
+    monkeypatch.setattr(convergence, "refit", refit)
     first = Fitted(Model(2e-4, (0.06,)), (GRADIENT,), (np.zeros(1),), (np.eye(1),), 0.0)
-    _, fitted = settle.settle(None, first, None)
+    _, fitted = convergence.converge(None, first, None)
     assert len(replicas) == made
     assert fitted.values[0][0] == pytest.approx(way * (1.0 - factor**made))
 
@@ -119,8 +119,8 @@ def test_where_a_replica_fits_worse_half_of_the_way_is_gone(monkeypatch):
             switched(model, GRADIENT, np.array([end])), tuple(variants), (np.array([end]),), (1e-8 * np.eye(1),), cost + worse
         )
 
-    monkeypatch.setattr(settle, "Replica", lambda _, model: model.choice[GRADIENT.name]["rise"])
-    monkeypatch.setattr(settle, "refit", refit)
+    monkeypatch.setattr(convergence, "Replica", lambda _, model: model.choice[GRADIENT.name]["rise"])
+    monkeypatch.setattr(convergence, "refit", refit)
     begin = Fitted(
         switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.008])),
         (GRADIENT,),
@@ -128,7 +128,7 @@ def test_where_a_replica_fits_worse_half_of_the_way_is_gone(monkeypatch):
         (1e-8 * np.eye(1),),
         cost,
     )
-    replica, fitted = settle.settle(None, begin, None)
+    replica, fitted = convergence.converge(None, begin, None)
     assert far - 0.001 < replica <= far + 3.0 * np.sqrt(2.0 * cost) / 1e6
     assert fitted.values[0][0] == replica  # what the replica is about, not what a refit asks for beyond
     assert fitted.cost < cost + 3.0 * np.sqrt(2.0 * cost)
@@ -145,19 +145,19 @@ def test_what_ran_away_settles_anew_from_the_share_that_fits_best_about_its_own_
         cost = 100.0 + 1e6 * abs(end - truth)
         return Fitted(switched(model, GRADIENT, np.array([end])), tuple(variants), (np.array([end]),), (np.eye(1),), cost)
 
-    monkeypatch.setattr(settle, "Replica", lambda _, model: model.choice[GRADIENT.name]["rise"])
-    monkeypatch.setattr(settle, "refit", refit)
+    monkeypatch.setattr(convergence, "Replica", lambda _, model: model.choice[GRADIENT.name]["rise"])
+    monkeypatch.setattr(convergence, "refit", refit)
     ran = Fitted(switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.02])), (GRADIENT,), (), (), 5000.0)
-    _, fitted = settle.settle_anew(None, ran, GRADIENT, None)
+    _, fitted = convergence.converge_rescaled(None, ran, GRADIENT, None)
     assert fitted.values[0][0] == pytest.approx(truth)
     assert fitted.cost == pytest.approx(100.0)
 
 
 def test_a_share_of_a_size_leaves_where_it_acts():
     patch = Variant("adhesion_patch", ("change", "start_m", "length_m"), {})
-    assert settle._scaled(patch, np.array([-0.4, 300.0, 60.0]), 0.5) == pytest.approx([-0.2, 300.0, 60.0])
+    assert convergence._scaled(patch, np.array([-0.4, 300.0, 60.0]), 0.5) == pytest.approx([-0.2, 300.0, 60.0])
     slope = Variant("initial_slope", ("factor",), {})
-    assert settle._scaled(slope, np.array([0.4]), 1.5) == pytest.approx([0.1])
+    assert convergence._scaled(slope, np.array([0.4]), 1.5) == pytest.approx([0.1])
 
 
 @pytest.mark.parametrize("alike", [0.0, 0.6, 1.0])
@@ -178,13 +178,13 @@ def test_the_form_of_what_was_accepted_lends_evidence_to_what_looks_like_it(monk
     replica = SimpleNamespace(raw=rows.get)
     screen = SimpleNamespace(whitening=lambda columns: columns)
     trial = SimpleNamespace(fitted=SimpleNamespace(model="on"), variant=GRADIENT, reduction=1e4)
-    least = trials.FormsLeft(replica, "accepted", [(GAIN, 1000.0)], screen)
+    least = trials.FormErrorThreshold(replica, "accepted", [(GAIN, 1000.0)], screen)
     assert least(trial) == pytest.approx(max(trials.SURE, (1.645 * FORM) ** 2 * 1000.0 * alike**2), rel=1e-6)
     trial.reduction = 80.0  # of its own it can take no more than what looks like the form
     assert least(trial) == pytest.approx(max(trials.SURE, 40.0 * alike**2), rel=1e-6)
     rows["off"] = weak  # where the form hardly acts it leaves little
     assert least(trial) == trials.SURE
-    assert trials.FormsLeft(replica, "accepted", [], screen)(trial) == trials.SURE
+    assert trials.FormErrorThreshold(replica, "accepted", [], screen)(trial) == trials.SURE
 
 
 @pytest.mark.parametrize(("shrinks", "rests"), [(0.2, True), (0.7, True), (0.95, False), (1.0, False)])
@@ -196,8 +196,8 @@ def test_a_size_that_moves_on_from_replica_to_replica_does_not_hold(shrinks, res
         at["size"], at["move"] = at["size"] + at["move"], shrinks * at["move"]
         return Fitted(model, tuple(variants), (np.array([at["size"]]),), (np.eye(1),), 100.0)
 
-    monkeypatch.setattr(settle, "Replica", lambda *_: None)
-    monkeypatch.setattr(settle, "refit", refit)
+    monkeypatch.setattr(convergence, "Replica", lambda *_: None)
+    monkeypatch.setattr(convergence, "refit", refit)
     begin = Fitted(Model(2e-4, (0.06,)), (GAIN,), (np.zeros(1),), (np.eye(1),), 100.0)
-    _, fitted = settle.settle(None, begin, None)
+    _, fitted = convergence.converge(None, begin, None)
     assert np.isfinite(fitted.cost) == rests

@@ -22,7 +22,7 @@ from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, law_columns
 
 #: Number of squares by which the prior of the variance factor counts (assumption: half of the number that eight runs give).
-BELIEVED = 4.0
+PRIOR_DEGREES = 4.0
 #: Share of the total information on a size below which a part is not used.
 _LEAST_SHARE = 0.02
 
@@ -42,19 +42,23 @@ class Agreement(NamedTuple):
         return float(precision.sum(axis=0) @ self.multiples) / float(precision.sum())
 
     @property
-    def missed(self) -> float:
+    def chi_square(self) -> float:
         """Chi-square of the parts about their common size; its expectation is the number of parts less one."""
         rest = self.multiples - self.common
         return float(rest @ np.linalg.inv(self.covariance) @ rest)
 
     @property
-    def counts(self) -> float:
+    def degrees_of_freedom(self) -> float:
         """Degrees of freedom of the variance factor: the prior's and those of the parts."""
-        return BELIEVED + max(len(self.multiples) - 1.0, 0.0)
+        return PRIOR_DEGREES + max(len(self.multiples) - 1.0, 0.0)
 
-    def left_of(self, evidence: float) -> float:
+    def student_evidence(self, evidence: float) -> float:
         """Return the evidence that remains with Student's t distribution in place of the normal one."""
-        return 0.5 * (self.counts + 1.0) * float(np.log1p(2.0 * max(evidence, 0.0) / (BELIEVED + self.missed)))
+        return (
+            0.5
+            * (self.degrees_of_freedom + 1.0)
+            * float(np.log1p(2.0 * max(evidence, 0.0) / (PRIOR_DEGREES + self.chi_square)))
+        )
 
     def interval(
         self, value: float, deviation: float, change: float, form: float, absent: float = np.inf
@@ -78,8 +82,8 @@ class Agreement(NamedTuple):
         # The common and the fitted size are two estimates that agree if the model is right; their difference is an error of the
         # model (J. Hausman, Econometrica 46, 1978).
         differs = (self.common - 1.0) * change
-        spread = deviation * np.sqrt((BELIEVED + self.missed) / self.counts)
-        return float(stats.t.ppf(0.95, self.counts) * np.sqrt(spread**2 + differs**2 + form**2))
+        spread = deviation * np.sqrt((PRIOR_DEGREES + self.chi_square) / self.degrees_of_freedom)
+        return float(stats.t.ppf(0.95, self.degrees_of_freedom) * np.sqrt(spread**2 + differs**2 + form**2))
 
 
 def agreement(replica: Replica, model: Model, variant: Variant, weights: Weights, form: float = 0.0) -> Agreement:
@@ -98,8 +102,8 @@ def agreement(replica: Replica, model: Model, variant: Variant, weights: Weights
     law = weights(law_columns(replica, model, base)) * [LOG_TAU, *[MU_CD] * len(replica.stops)]
     every = np.column_stack([own, law, left])
     known = weights.projector.inner(every, every)
-    says = np.diag(known)[parts]
-    used = np.concatenate([says > _LEAST_SHARE * says.sum(), np.ones(law.shape[1], dtype=bool)])
+    information = np.diag(known)[parts]
+    used = np.concatenate([information > _LEAST_SHARE * information.sum(), np.ones(law.shape[1], dtype=bool)])
     gram, against = known[:-1, :-1][np.ix_(used, used)], known[:-1, -1][used]
     several = int(used[parts].sum())
     gram[np.diag_indices_from(gram)] += np.arange(len(gram)) >= several  # priors of tau and mu_cd

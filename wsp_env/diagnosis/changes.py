@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from wsp_env.diagnosis.answer import Diagnosis, Estimate
-from wsp_env.diagnosis.words import parameter_words, said, unit_words
+from wsp_env.diagnosis.words import mechanism_words, parameter_words, unit_words
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import Tuning
 
@@ -128,7 +128,7 @@ def _only(name: str, parameters: dict[str, Estimate], at: int, without: Diagnosi
     """Compare a mechanism that only one campaign names with the smallest change that the other could have shown."""
     seen = without.detectable.get(name, {})
     nulls = {one.name: one.null for one in ALL[name].parameters} if name in ALL else {}
-    words, sides = said(name, parameters), ("first", "second")
+    words, sides = mechanism_words(name, parameters), ("first", "second")
     would = [
         size for size, least in seen.items()
         if size in parameters and abs(parameters[size].value - nulls.get(size, 0.0)) > least > 0.0

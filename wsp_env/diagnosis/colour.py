@@ -118,6 +118,6 @@ def colour(rows: Rows, evidence: Evidence, sizes: Sizes) -> np.ndarray:
     return autoregression(moments(evidence, sizes, stretches(rows)))
 
 
-def bleach(rows: Rows, coefficients: np.ndarray) -> sparse.csr_array | None:
+def slide_whitening(rows: Rows, coefficients: np.ndarray) -> sparse.csr_array | None:
     """Return the filter (n, n) that whitens the rows of sliding wheels; None if they are white."""
     return whitening_filter(coefficients, stretches(rows), len(rows)) if len(coefficients) else None

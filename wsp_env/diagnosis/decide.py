@@ -13,17 +13,27 @@ from concurrent.futures import Executor
 import numpy as np
 
 from wsp_env.diagnosis.candidates import Variant, at_bound, switched, values_in, without
+from wsp_env.diagnosis.convergence import converge, largest_change
 from wsp_env.diagnosis.discovered import curves, terms
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.interest import StopChange
-from wsp_env.diagnosis.noise import Known
+from wsp_env.diagnosis.noise import NoiseParameters
 from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.retest import LARGE_CHANGE, Retested, converge_reweighted, retest
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
-from wsp_env.diagnosis.settle import moved, settle
-from wsp_env.diagnosis.standing import MOVES, Held, about_its_own, weighed_anew
 from wsp_env.diagnosis.structure import structured
-from wsp_env.diagnosis.trials import FORM, SURE, FormsLeft, NoiseOn, Trial, odds, told, trials_of, weights_of
+from wsp_env.diagnosis.trials import (
+    FORM,
+    SURE,
+    FormErrorThreshold,
+    ReplicaNoise,
+    Trial,
+    corrects_recordings,
+    log_odds,
+    trials_of,
+    weights_of,
+)
 
 #: Largest number of accepted mechanisms.
 MOST = 3
@@ -70,7 +80,7 @@ class Outcome:
     first: Screen  # candidates about the baseline
     last: Screen  # candidates about the extended model
     weights: Weights  # weights for the residuals of the extended model
-    refused: tuple[Trial, ...] = ()  # if nothing was accepted: trials with evidence and sufficient size that failed a check
+    rejected: tuple[Trial, ...] = ()  # if nothing was accepted: trials with evidence and sufficient size that failed a check
 
     @property
     def missing(self) -> tuple[Accepted, ...]:
@@ -83,16 +93,16 @@ def select(
     tried: Sequence[Variant],
     pool: Executor,
     progress: Callable[[str], None] = lambda step: None,
-    known: Known | None = None,
+    noise_parameters: NoiseParameters | None = None,
 ) -> Outcome:
     """Accept mechanisms one after the other; competing candidates are refitted in parallel.
 
     Parameters
     ----------
-    known : noise about the law alone; None: it is estimated
+    noise_parameters : noise about the law alone; None: it is estimated
 
     """
-    first = seen = screen(replica, replica.baseline, [*tried, *terms(replica)], pool, known=known)
+    first = seen = screen(replica, replica.baseline, [*tried, *terms(replica)], pool, noise_parameters=noise_parameters)
     weights = weights_of(replica, seen)
     by_curves = False
     fitted = Fitted(replica.baseline, (), (), (), 0.0)
@@ -102,33 +112,37 @@ def select(
         if len(accepted) == MOST:
             break
         progress(f"refitting {len(accepted) + 1} of {MOST}")
-        refuses = functools.partial(_refused, replica, accepted, seen)
-        stands = functools.partial(about_its_own, replica, seen, weights)
-        forms_left = FormsLeft(replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen)
+        rejects = functools.partial(_is_rejected, replica, accepted, seen)
+        retest_trial = functools.partial(retest, replica, seen, weights)
+        threshold = FormErrorThreshold(
+            replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen
+        )
         trials = trials_of(replica, seen, fitted, weights, pool)
-        best, refused = _best(trials, refuses, stands, forms_left)
+        best, rejected = _best(trials, rejects, retest_trial, threshold)
         if best is None:
             left = left or [
                 one
                 for one in trials
-                if not accepted and refused.get(one.listed.title, 0.0) > SURE and one.size.multiple >= MATTERS
+                if not accepted and rejected.get(one.listed.title, 0.0) > SURE and one.size.multiple >= MATTERS
             ]
             if by_curves or not (left or structured(replica, seen, weights).unexplained):
                 break
             by_curves = True  # no candidate with a form holds: try curves
-            seen = _screened(replica, fitted, seen.known, tried, curves(replica, [one.trial.listed for one in accepted]), pool)
+            seen = _screened(
+                replica, fitted, seen.noise_parameters, tried, curves(replica, [one.trial.listed for one in accepted]), pool
+            )
             weights = weights_of(replica, seen)
             continue
-        others = [one for one in trials if one.listed.title not in {*refused, best.trial.listed.title}]
-        sure = [one for one in others if odds(one.listed, one.evidence) > forms_left(one)]
-        searched = [one for one in seen.found if one.name not in refused]
+        others = [one for one in trials if one.listed.title not in {*rejected, best.trial.listed.title}]
+        sure = [one for one in others if log_odds(one.listed, one.evidence) > threshold(one)]
+        searched = [one for one in seen.found if one.name not in rejected]
         first_tried = next(one for one in trials if one.listed.title == best.trial.listed.title)
-        named = Accepted(best.trial, *belief(_more_sure(best.trial, first_tried), others, searched), tuple(sure))
-        replica, fitted, accepted = _beside([*accepted, named], best, weights, seen)
+        named = Accepted(best.trial, *posterior(_larger_evidence(best.trial, first_tried), others, searched), tuple(sure))
+        replica, fitted, accepted = _forward_step([*accepted, named], best, weights, seen)
         replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen)
         # The missing mechanism had enlarged all nuisances, and these had reduced its size: estimate both again.
-        own, again, noise = _settled_beside(replica, fitted, accepted, seen)
-        if np.isfinite(again.cost) and moved(fitted, again) > MOVES:
+        own, again, noise = _converge_all(replica, fitted, accepted, seen)
+        if np.isfinite(again.cost) and largest_change(fitted, again) > LARGE_CHANGE:
             replica, fitted, accepted = _sized(own, again, accepted, seen)
         seen = _screened(replica, fitted, noise, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
         weights = weights_of(replica, seen)
@@ -138,35 +152,36 @@ def select(
 
 
 def _screened(
-    replica: Replica, fitted: Fitted, known: Known, tried: Sequence[Variant], unnamed: Sequence[Variant], pool: Executor
+    replica: Replica, fitted: Fitted, noise_parameters: NoiseParameters, tried: Sequence[Variant],
+    unnamed: Sequence[Variant], pool: Executor,
 ) -> Screen:  # fmt: skip
     """Screen the remaining names and terms about the accepted model."""
     left = [one for one in tried if one.name not in fitted.model.choice]
-    return screen(replica, fitted.model, [*left, *unnamed], pool, fitted.variants, known)
+    return screen(replica, fitted.model, [*left, *unnamed], pool, fitted.variants, noise_parameters)
 
 
-def _settled_beside(
+def _converge_all(
     replica: Replica, fitted: Fitted, accepted: Sequence[Accepted], seen: Screen
-) -> tuple[Replica, Fitted, Known]:  # fmt: skip
-    """Settle the fit with nuisance sizes that belong to the accepted mechanisms; return the noise, too.
+) -> tuple[Replica, Fitted, NoiseParameters]:  # fmt: skip
+    """Iterate replicas with nuisance sizes that belong to the accepted mechanisms; return the noise, too.
 
     If a mechanism changes when or how speeds are read, other rows slide, and each replica gets new weights.
     """
-    if not any(told(one.trial.listed) for one in accepted):
-        noise = NoiseOn(replica, seen)
-        return *settle(replica.recorded, fitted, noise.weights()), noise.known
-    own, again, noise = weighed_anew(replica, fitted, seen)
-    return own, again, noise.known
+    if not any(corrects_recordings(one.trial.listed) for one in accepted):
+        noise = ReplicaNoise(replica, seen)
+        return *converge(replica.recorded, fitted, noise.weights()), noise.parameters
+    own, again, noise = converge_reweighted(replica, fitted, seen)
+    return own, again, noise.parameters
 
 
-def _beside(
-    accepted: list[Accepted], last: "Held", weights: Weights, seen: Screen
+def _forward_step(
+    accepted: list[Accepted], last: Retested, weights: Weights, seen: Screen
 ) -> tuple[Replica, Fitted, list[Accepted]]:  # fmt: skip
     """Return replica and fit of all accepted mechanisms, without those that are no longer sure with the last one present."""
     replica = last.replica
-    kept, fitted = _still_sure(replica, accepted, last.trial.fitted, seen)
+    kept, fitted = _backward_elimination(replica, accepted, last.trial.fitted, seen)
     if len(kept) < len(accepted):
-        replica, fitted = settle(replica.recorded, fitted, weights)
+        replica, fitted = converge(replica.recorded, fitted, weights)
     return _sized(replica, fitted, kept, seen)
 
 
@@ -184,29 +199,30 @@ def _exchanged(
         taken = {variant.title for variant in others}
         tried = []
         for rival in one.rivals:
-            if rival.listed.title not in taken and not told(rival.listed):  # others were compared on their own replica
+            # Those that correct the recordings were compared on their own replica.
+            if rival.listed.title not in taken and not corrects_recordings(rival.listed):
                 begin = switched(rest.model, rival.variant, values_in(rival.fitted.model, rival.variant))
                 again = refit(replica, begin, [*others, rival.variant], weights)
                 reduction = rest.cost - again.cost
                 tried.append(dataclasses.replace(
-                    rival, fitted=again, beside=rest.model, reduction=reduction, evidence=0.5 * reduction - rival.price
+                    rival, fitted=again, null_model=rest.model, reduction=reduction, evidence=0.5 * reduction - rival.penalty
                 ))  # fmt: skip
-        before = 0.5 * (rest.cost - now.cost) - one.trial.price
+        before = 0.5 * (rest.cost - now.cost) - one.trial.penalty
         for better in sorted(tried, key=lambda rival: -rival.evidence):
             if better.evidence <= before or bool(better.listed.family) > bool(one.trial.listed.family):
                 break
-            held = None if at_bound(better.variant, better.fitted.model) else about_its_own(replica, seen, weights, better)
-            if held is not None and odds(held.trial.listed, held.trial.evidence) > SURE:
+            retested = None if at_bound(better.variant, better.fitted.model) else retest(replica, seen, weights, better)
+            if retested is not None and log_odds(retested.trial.listed, retested.trial.evidence) > SURE:
                 kept = [other for other in accepted if other is not one]
                 others_tried = [*tried, dataclasses.replace(one.trial, evidence=before)]
-                named = Accepted(held.trial, *belief(_more_sure(held.trial, better), others_tried, ()))
-                return _sized(held.replica, held.trial.fitted, [*kept, named], seen)
+                named = Accepted(retested.trial, *posterior(_larger_evidence(retested.trial, better), others_tried, ()))
+                return _sized(retested.replica, retested.trial.fitted, [*kept, named], seen)
     return replica, fitted, accepted
 
 
-def _more_sure(held: Trial, tried: Trial) -> Trial:
+def _larger_evidence(retested: Trial, tried: Trial) -> Trial:
     """Return the trial with more evidence: competitors were also tried on the earlier, linear replica."""
-    return max(held, tried, key=lambda one: one.evidence)
+    return max(retested, tried, key=lambda one: one.evidence)
 
 
 def _sized(
@@ -217,17 +233,19 @@ def _sized(
     return replica, fitted, [one.sized(size) for one, size in zip(accepted, sizes, strict=True)]
 
 
-def _still_sure(replica: Replica, accepted: list[Accepted], fitted: Fitted, seen: Screen) -> tuple[list[Accepted], Fitted]:
+def _backward_elimination(
+    replica: Replica, accepted: list[Accepted], fitted: Fitted, seen: Screen
+) -> tuple[list[Accepted], Fitted]:
     """Remove earlier mechanisms that are no longer sure with the last one present: the better of two names may come second."""
     if len(accepted) < 2:
         return accepted, fitted
     weights = weights_of(replica, seen)
     for one in accepted[:-1]:
-        beside = refit(replica, fitted.model, fitted.variants, weights)
+        full = refit(replica, fitted.model, fitted.variants, weights)
         others = [variant for variant in fitted.variants if variant is not one.trial.variant]
-        again = refit(replica, without(fitted.model, one.trial.variant), others, weights)
-        if odds(one.trial.listed, 0.5 * (again.cost - beside.cost) - one.trial.price) <= SURE:
-            accepted, fitted = [other for other in accepted if other is not one], again
+        reduced = refit(replica, without(fitted.model, one.trial.variant), others, weights)
+        if log_odds(one.trial.listed, 0.5 * (reduced.cost - full.cost) - one.trial.penalty) <= SURE:
+            accepted, fitted = [other for other in accepted if other is not one], reduced
     return accepted, fitted
 
 
@@ -240,29 +258,33 @@ def _preferred(trials: Sequence[Trial]) -> list[Trial]:
 
 
 def _best(
-    trials: Sequence[Trial], refuses: Callable[[Trial], bool], stands: Callable[[Trial], Held | None],
-    least: Callable[[Trial], float],
-) -> tuple[Held | None, dict[str, float]]:  # fmt: skip
+    trials: Sequence[Trial], rejects: Callable[[Trial], bool], retest_trial: Callable[[Trial], Retested | None],
+    threshold: Callable[[Trial], float],
+) -> tuple[Retested | None, dict[str, float]]:  # fmt: skip
     """Return the best trial that holds, and the titles of rejected trials with their log odds.
 
-    The log odds of a trial must exceed `least`, and `refuses` must be false: for the trial as found, and about its own replica
-    (`stands`). Rejected titles are not listed as alternatives.
+    The log odds of a trial must exceed `threshold`, and `rejects` must be false: for the trial as found, and about its own
+    replica (`retest_trial`). Rejected titles are not listed as alternatives.
     """
-    best: Held | None = None
-    refused: dict[str, float] = {}
-    for one in _preferred([trial for trial in trials if odds(trial.listed, trial.evidence) > least(trial)]):
+    best: Retested | None = None
+    rejected: dict[str, float] = {}
+    for one in _preferred([trial for trial in trials if log_odds(trial.listed, trial.evidence) > threshold(trial)]):
         if best is not None and _preferred([best.trial, one])[0] is best.trial:
             continue
-        held = None if refuses(one) else stands(one)
-        if held is None or odds(held.trial.listed, held.trial.evidence) <= least(held.trial) or refuses(held.trial):
-            last = one if held is None else held.trial
-            refused[one.listed.title] = odds(last.listed, last.evidence)
-        elif best is None or _preferred([best.trial, held.trial])[0] is held.trial:
-            best = held
-    return best, refused
+        retested = None if rejects(one) else retest_trial(one)
+        if (
+            retested is None
+            or log_odds(retested.trial.listed, retested.trial.evidence) <= threshold(retested.trial)
+            or rejects(retested.trial)
+        ):
+            last = one if retested is None else retested.trial
+            rejected[one.listed.title] = log_odds(last.listed, last.evidence)
+        elif best is None or _preferred([best.trial, retested.trial])[0] is retested.trial:
+            best = retested
+    return best, rejected
 
 
-def _refused(replica: Replica, accepted: Sequence[Accepted], seen: Screen, trial: Trial) -> bool:
+def _is_rejected(replica: Replica, accepted: Sequence[Accepted], seen: Screen, trial: Trial) -> bool:
     """Whether a trial is rejected whatever its evidence: it is at a bound, or it compensates an earlier mechanism."""
     return at_bound(trial.variant, trial.fitted.model) or _compensates(replica, trial, accepted, seen)
 
@@ -273,11 +295,11 @@ def _compensates(replica: Replica, trial: Trial, accepted: Sequence[Accepted], s
     def size(model: Model, one: Accepted) -> float:
         return net_effect(replica, model, one.trial.variant, seen.whitening).multiple
 
-    return any(size(trial.fitted.model, one) > GROWN * size(trial.beside, one) for one in accepted)
+    return any(size(trial.fitted.model, one) > GROWN * size(trial.null_model, one) for one in accepted)
 
 
-def belief(best: Trial, trials: Sequence[Trial], found: Sequence[Found]) -> tuple[tuple[str, ...], float]:
-    """Return the names with nearly equal evidence, best first, and the share of belief in the best one."""
+def posterior(best: Trial, trials: Sequence[Trial], found: Sequence[Found]) -> tuple[tuple[str, ...], float]:
+    """Return the names with nearly equal evidence, best first, and the posterior probability of the best one."""
     evidence = {one.name: one.evidence for one in found} | {one.listed.title: one.evidence for one in trials}
     top = best.evidence
     scale = max(1.0, FORM**2 * top)

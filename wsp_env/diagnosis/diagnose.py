@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, FitQuality, Named, Verdict, Worth
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import unavailable, variants, without
+from wsp_env.diagnosis.convergence import converge_law
 from wsp_env.diagnosis.data_first import data_first
 from wsp_env.diagnosis.decide import Accepted, Outcome, select
 from wsp_env.diagnosis.discovered import OF_WHEELS, equation, looks_like, slot_of, slot_of_title
@@ -22,7 +23,6 @@ from wsp_env.diagnosis.locate import locate, residual_map
 from wsp_env.diagnosis.quality import Quality, quality
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, detectable, net_change
-from wsp_env.diagnosis.settle import settle_law
 from wsp_env.diagnosis.stops import PreparedStop, prepare
 from wsp_env.diagnosis.structure import Structure, structured
 from wsp_env.diagnosis.timing import aligned, times
@@ -78,9 +78,9 @@ def _diagnose(campaign: Campaign, progress: Progress, pool: Executor) -> Diagnos
         stops = [stop for stop in prepare(aligned(campaign, read))[0] if stop.name in sound]
         replica = Replica(Balances(campaign, stops), replica.baseline)
     notes += damaged
-    replica, known = settle_law(replica, read.sizes)
+    replica, noise_parameters = converge_law(replica, read.sizes)
     progress("searching")
-    outcome = select(replica, list(variants(replica)), pool, progress, known)
+    outcome = select(replica, list(variants(replica)), pool, progress, noise_parameters)
     progress("judging")
     return dataclasses.replace(_answer(replica, outcome, notes, pool), suspect_channels=first.suspects)
 
@@ -119,7 +119,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     part = _describes_a_part(missing, left, found.removed_of)
     unexplained |= part
     # A candidate with evidence and sufficient size that fails a check shows physics that no model here describes.
-    unexplained |= worthless or (not missing and bool(outcome.missing or outcome.refused))
+    unexplained |= worthless or (not missing and bool(outcome.missing or outcome.rejected))
     holds = not unexplained
     named = tuple(_named(replica, outcome, one, found) for one in missing if not one.trial.listed.family) if holds else ()
     terms = tuple(_discovered(replica, outcome, one, found) for one in missing if one.trial.listed.family) if holds else ()
@@ -143,7 +143,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     ]
     if worthless:
         small += [f"seen in the runs to tune on, but worth nothing on those held out: {one.words}" for one in missing]
-    small += [f"seen, but in no form that holds: {one.listed.title.replace('_', ' ')}" for one in outcome.refused]
+    small += [f"seen, but in no form that holds: {one.listed.title.replace('_', ' ')}" for one in outcome.rejected]
     if part and not worthless:
         small += [f"seen, but most of what goes on in the {left.balance} balance is left by it: {one.words}" for one in missing]
     if holds and missing and left.unexplained:

@@ -143,20 +143,20 @@ def course(balances: Balances, before: Model, after: Model, where: Sequence[Loca
     measured = np.zeros(len(rows))
     measured[(rows.run == run) & rows.wheels] = balances.parts[run].wheel_rows(one.force / (2.0 * one.load))
 
-    def told(values: np.ndarray) -> tuple[float, ...]:
+    def floats(values: np.ndarray) -> tuple[float, ...]:
         return tuple(map(float, values))
 
     return RunTrace(
         run=balances.stops[run].name,
         group=balances.stops[run].group,
         axle=axle + 1,
-        time_s=told(rows.time[mine]),
-        adhesion_measured=told(measured[mine]),
-        adhesion_before=told((measured - base)[mine]),
-        adhesion_after=told((measured - extended)[mine]),
-        speed_time_s=told(rows.time[vehicle]),
-        speed_residual_before_mps=told(base[vehicle]),
-        speed_residual_after_mps=told(extended[vehicle]),
+        time_s=floats(rows.time[mine]),
+        adhesion_measured=floats(measured[mine]),
+        adhesion_before=floats((measured - base)[mine]),
+        adhesion_after=floats((measured - extended)[mine]),
+        speed_time_s=floats(rows.time[vehicle]),
+        speed_residual_before_mps=floats(base[vehicle]),
+        speed_residual_after_mps=floats(extended[vehicle]),
         shows="speed" if speed else "adhesion",
         chosen=chosen,
     )

@@ -33,8 +33,8 @@ def estimates(
         parameter = parameter_of(variant.name, name)
         value = float(np.clip(values[j], parameter.low, parameter.high))
         change = 0.0 if parameter.kind == "shape" else value - parameter.null  # form error and runs apply to sizes only
-        bends = sizes == [name] and len(variant.sizes) > 1 and change != 0.0  # one size, fitted together with shapes
-        absent = abs(change) / np.sqrt(max(reduction, 1e-12)) if bends else np.inf
+        nonlinear = sizes == [name] and len(variant.sizes) > 1 and change != 0.0  # one size, fitted together with shapes
+        absent = abs(change) / np.sqrt(max(reduction, 1e-12)) if nonlinear else np.inf
         interval = runs.interval(value, float(np.sqrt(max(covariance[j, j], 0.0))), change, own * change, absent)
         low, high = np.clip(interval, parameter.low, parameter.high)
         found[name] = Estimate(value, parameter.unit, (float(low), float(high)))
@@ -43,7 +43,7 @@ def estimates(
     return found
 
 
-def leave_it_open(found: Mapping[str, Estimate], variant: Variant) -> bool:
+def intervals_contain_null(found: Mapping[str, Estimate], variant: Variant) -> bool:
     """Whether the intervals of all sizes contain their null values."""
     nulls = {name: parameter_of(variant.name, name).null for name in _sizes(variant)}
     return all(found[name].interval90[0] <= null <= found[name].interval90[1] for name, null in nulls.items())

@@ -108,7 +108,7 @@ class Evaluator:
             return [one(m, faster and faster[i : i + 1])[0] for i, (one, m) in parts]
         m, trajectory, belief = along.model(self.vehicle, own[0]), self._trajectory, self._belief(model.mu_cd, model.tau)
         if mechanisms.work_moves(m.mechanisms):
-            speed, shift = self._held(m, trajectory, belief)
+            speed, shift = self._changed_speed(m, trajectory, belief)
         else:
             speed, shift = self._last(self._speed_of, along.moving(m.mechanisms))
         if faster is not None:
@@ -140,8 +140,8 @@ class Evaluator:
         return last[1]
 
     def _speed_of(self, on: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Return `_held` for mechanisms whose effect does not depend on the friction."""
-        return self._held(along.of_mechanisms(self.vehicle, on), self._trajectory, self._any_belief)
+        """Return `_changed_speed` for mechanisms whose effect does not depend on the friction."""
+        return self._changed_speed(along.of_mechanisms(self.vehicle, on), self._trajectory, self._any_belief)
 
     def _forces_of(self, on: Any) -> list[Evaluation]:
         """Return `forces` for mechanisms whose effect does not depend on the friction."""
@@ -149,7 +149,7 @@ class Evaluator:
         p = along.along(self._trajectory.measured(speed_mps=speed), self._any_belief, m, contacts=False)
         return self._evaluations(m, p, shift)
 
-    def _held(
+    def _changed_speed(
         self, m: along.PlantModel, trajectory: along.Trajectory, belief: along.Belief
     ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
         """Return the vehicle's speed (T,) with the change by a model's forces, and the shift of the recorded speed (T,) [m/s].
@@ -162,9 +162,9 @@ class Evaluator:
         shift, moved = p.speed_mps - self._speed, self._predicted(m, p) - self._believed
         speed = self._speed.copy()
         for stop, samples in zip(self.stops, trajectory.stops, strict=True):
-            held = moved[samples] - stop.estimator(stop.time, moved[samples] - shift[samples])
-            if held.any():
-                speed[samples] += held - shift[samples]
+            change = moved[samples] - stop.estimator(stop.time, moved[samples] - shift[samples])
+            if change.any():
+                speed[samples] += change - shift[samples]
         return speed, shift
 
     def _evaluations(self, m: along.PlantModel, p: along.Prediction, shift: np.ndarray) -> list[Evaluation]:

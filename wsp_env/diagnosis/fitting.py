@@ -87,9 +87,9 @@ def _left_to_the_weights(balances: Balances | Replica, group: Group) -> Group:
     """Return a group without the columns that a refit fits; mu_cd of a run that hardly slides stays a nuisance."""
     if group.name not in ("tau", "mu_cd"):
         return group
-    moved = moved_by(balances)
+    free = free_parameters(balances)
     run = balances.rows.run[(group.columns != 0.0).argmax(axis=0)]  # of each column; each mu_cd belongs to one run
-    kept = ~(moved[:1] if group.name == "tau" else moved[1 + run])
+    kept = ~(free[:1] if group.name == "tau" else free[1 + run])
     return group._replace(columns=group.columns[:, kept])
 
 
@@ -113,7 +113,7 @@ def sliding(balances: Balances | Replica) -> np.ndarray:
     return np.bincount(rows.run[rows.slides], minlength=len(balances.stops)) >= _LEAST_ROWS
 
 
-def moved_by(balances: Balances | Replica) -> np.ndarray:
+def free_parameters(balances: Balances | Replica) -> np.ndarray:
     """Mask (1 + runs,) of the law's parameters that a refit moves: tau, mu_cd of each run. Without slides the prior holds."""
     slides = sliding(balances)
     return np.array([bool(slides.any()), *slides])
@@ -136,19 +136,19 @@ def refit(
 
     """
     keep = np.ones(len(balances.rows), dtype=bool) if keep is None else keep
-    moves = moved_by(balances)
+    moves = free_parameters(balances)
     moves[0] &= free_law
     state = _State(balances, model, tuple(variants), weights, keep, moves)
     least = 0
     for _ in range(_ITERATIONS):
         move = state.damped()
-        for held in range(least, len(_DAMPINGS)):
-            tried = state.at(move(_DAMPINGS[held]))
+        for level in range(least, len(_DAMPINGS)):
+            tried = state.at(move(_DAMPINGS[level]))
             if tried.cost <= state.cost:
                 break
         else:
             break
-        better, state, least = state.cost - tried.cost, tried, max(held - 1, 0)
+        better, state, least = state.cost - tried.cost, tried, max(level - 1, 0)
         if better < 0.05:
             break
     return state.fitted()

@@ -28,12 +28,12 @@ class Forces:
         self.nominal = np.concatenate(nominal)
         # A return spring reduces the effect of the pressure, and the sensor has a zero error: torque over pressure is a line
         # that does not pass through zero.
-        held = [part.joined(brakes=part.wheel_rows(self._held(one))) for part, one in self._parts]
+        held = [part.joined(brakes=part.wheel_rows(self._spring_torques(one))) for part, one in self._parts]
         zero = [part.joined(brakes=part.wheel_rows(np.full(one.braking.shape, self._largest))) for part, one in self._parts]
         self.springs = np.column_stack([np.concatenate(held), np.concatenate(zero)])
         self.gain = self._torque(lambda time: np.ones((len(time), 1)), slow=False)[0]
 
-    def _held(self, one: Evaluation) -> np.ndarray:
+    def _spring_torques(self, one: Evaluation) -> np.ndarray:
         """Return torques (T, A) held back by return springs, per share of the largest; rising up to `APPLIED_SHARE` of it."""
         return np.minimum(one.braking / APPLIED_SHARE, self._largest)
 

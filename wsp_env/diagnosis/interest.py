@@ -68,9 +68,9 @@ class Compared:
         slips, pushes = [], []
         for part, one, other in zip(self._parts, self.before, after, strict=True):
             if sensor:
-                slips.append(_shown(part, one, other))
+                slips.append(_reading_change(part, one, other))
                 continue
-            slips.append(_moved(part, _unbalanced(other, self._radius) - part.unbalanced))
+            slips.append(_slip_change(part, _unbalanced(other, self._radius) - part.unbalanced))
             if part.braked.any():
                 more = _retarded(other, part.slides, self._radius) - part.retarded
                 distances[part.slid].append(-float(part.travelled @ more))
@@ -110,13 +110,13 @@ class _Part(NamedTuple):
         )  # fmt: skip
 
 
-def _moved(part: _Part, unbalanced: np.ndarray) -> np.ndarray:
+def _slip_change(part: _Part, unbalanced: np.ndarray) -> np.ndarray:
     """Change (2, A) of each axle's slip [m/s] in the halves of the speeds, for a change (T, A) of its balance."""
     result: np.ndarray = np.sqrt(part.halves @ (unbalanced**2 * part.slides)) * part.flat
     return result
 
 
-def _shown(part: _Part, one: Evaluation, other: Evaluation) -> np.ndarray:
+def _reading_change(part: _Part, one: Evaluation, other: Evaluation) -> np.ndarray:
     """Change (2, A) of each axle's measured slip [m/s]; nan for a half with too few samples."""
     shown = np.abs(other.slip + other.misread - one.slip - one.misread)
     result: np.ndarray = np.full((2, shown.shape[1]), np.nan)

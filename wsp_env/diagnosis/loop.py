@@ -40,8 +40,8 @@ def stretches(rows: Rows) -> list[np.ndarray]:
     return found
 
 
-def foreseen(
-    stop: PreparedStop, torque: np.ndarray, holds: np.ndarray, block: int, radius: float, inertia: float
+def predicted(
+    stop: PreparedStop, torque: np.ndarray, damping: np.ndarray, block: int, radius: float, inertia: float
 ) -> tuple[PreparedStop, PreparedStop]:
     """Return a stop twice, with the motion of sliding wheels predicted from the beginning of the previous block.
 
@@ -53,7 +53,7 @@ def foreseen(
     stop : with torques that give its wheels' rates with the law's friction
     torque : (T, A) recorded [N m]. Where it is smaller than the stop's torque, friction was below the law's and the wheel
         slower
-    holds : (T, A) derivative of the law's torque on a wheel by its slip [N m s/m]; it stabilises the wheel where the curve
+    damping : (T, A) derivative of the law's torque on a wheel by its slip [N m s/m]; it stabilises the wheel where the curve
         rises
     block : number of samples of a block
     radius, inertia : of a wheelset [m], [kg m2]
@@ -62,12 +62,12 @@ def foreseen(
     slip, least = stop.speed[:, None] - radius * stop.wheel, least_slip(stop.speed)[:, None]
     throughout: np.ndarray = np.asarray(_blocks(slip > least, block).all(axis=1))
     both = throughout & _before(throughout)
-    pushes = _blocks(torque - stop.torque, block)
+    disturbance = _blocks(torque - stop.torque, block)
     by_moment = radius * stop.step_s / inertia  # slip [m/s] in a sample by 1 N m
-    known = _before(_before(pushes.mean(axis=1) * throughout))  # difference between friction and law, assumed to continue
-    keeps = _with_before(np.exp(-_blocks(holds, block) * by_moment))
-    moments = _with_before(pushes) - known[:, None]
-    surprise = _with_before(_blocks(torque, block)) - _expected(torque, (slip, stop.wheel_rate), both, block, stop.step_s)
+    bias = _before(_before(disturbance.mean(axis=1) * throughout))  # difference between friction and law, assumed to continue
+    decay = _with_before(np.exp(-_blocks(damping, block) * by_moment))
+    moments = _with_before(disturbance) - bias[:, None]
+    innovation = _with_before(_blocks(torque, block)) - _expected(torque, (slip, stop.wheel_rate), both, block, stop.step_s)
 
     def within(values: np.ndarray) -> np.ndarray:
         """Return the second blocks, as (T, A), of values (B, 2 block, A)."""
@@ -78,7 +78,7 @@ def foreseen(
         """Return the stop without the wheel motion due to moments (B, 2 block, A) [N m]."""
         less = np.zeros((len(moments), 2 * block + 1, slip.shape[1]))  # slip caused by the moments [m/s]
         for i in range(2 * block):
-            less[:, i + 1] = keeps[:, i] * less[:, i] + by_moment * moments[:, i]
+            less[:, i + 1] = decay[:, i] * less[:, i] + by_moment * moments[:, i]
         rate = np.diff(less, axis=1) / stop.step_s
         slid_on = np.clip(stop.wheel - within(less[:, :-1]) / radius, 0.0, (stop.speed[:, None] - least) / radius)
         return dataclasses.replace(
@@ -88,7 +88,7 @@ def foreseen(
             wheel_jerk=stop.wheel_jerk - within(np.gradient(rate, stop.step_s, axis=1)) / radius,
         )
 
-    expected = moments - surprise
+    expected = moments - innovation
     return dataclasses.replace(turned(expected), torque=stop.torque + within(expected)), turned(moments)
 
 

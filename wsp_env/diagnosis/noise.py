@@ -7,17 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.diagnosis.balances import Whitening
-from wsp_env.diagnosis.colour import bleach, colour
+from wsp_env.diagnosis.colour import colour, slide_whitening
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import Group, nuisances
 
 #: EM iterations that update the sizes after the noise was whitened and the small mechanisms were added.
-AGAIN = 6
+EM_UPDATES = 6
 
 
-class Known(NamedTuple):
+class NoiseParameters(NamedTuple):
     """What is known about the normal variation of similar residuals."""
 
     sizes: Sizes  # of the nuisances
@@ -33,9 +33,9 @@ class Noise(NamedTuple):
     sizes: Sizes  # of the nuisances
 
     @property
-    def known(self) -> Known:
+    def parameters(self) -> NoiseParameters:
         """What it tells about similar residuals."""
-        return Known(self.sizes, self.colour)
+        return NoiseParameters(self.sizes, self.colour)
 
 
 def noise_of(
@@ -56,14 +56,14 @@ def noise_of(
     if start is None:
         begin = alone.solve()
     else:
-        begin = alone.solve(AGAIN, Sizes(np.append(start.groups, np.ones(len(free))), start.noise))
+        begin = alone.solve(EM_UPDATES, Sizes(np.append(start.groups, np.ones(len(free))), start.noise))
     coefficients = colour(replica.rows, alone, begin)
-    whitening = dataclasses.replace(plain, colour=bleach(replica.rows, coefficients))
+    whitening = dataclasses.replace(plain, colour=slide_whitening(replica.rows, coefficients))
     return Noise(groups, whitening, coefficients, Sizes(begin.groups[: len(groups)], begin.noise))
 
 
-def noise_like(known: Known, replica: Replica, model: Model, base: np.ndarray) -> Noise:
+def noise_from_parameters(parameters: NoiseParameters, replica: Replica, model: Model, base: np.ndarray) -> Noise:
     """Return the normal variation of a model's residuals (n,) with sizes and colour that are known."""
     plain = replica.whitening(replica.about)
-    whitening = dataclasses.replace(plain, colour=bleach(replica.rows, known.colour))
-    return Noise(nuisances(replica, model, base, plain), whitening, known.colour, known.sizes)
+    whitening = dataclasses.replace(plain, colour=slide_whitening(replica.rows, parameters.colour))
+    return Noise(nuisances(replica, model, base, plain), whitening, parameters.colour, parameters.sizes)

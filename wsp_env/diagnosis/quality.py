@@ -1,7 +1,7 @@
 """Quality of fit of baseline and extended model: on the tuning runs, then with only mu_cd refitted on the held-out runs.
 
-Each model is evaluated on its own replica, because effects are nonlinear (`wsp_env.diagnosis.settle`). The value of a mechanism
-for the held-out runs is evaluated on the replica of the extended model.
+Each model is evaluated on its own replica, because effects are nonlinear (`wsp_env.diagnosis.convergence`). The value of a
+mechanism for the held-out runs is evaluated on the replica of the extended model.
 """
 
 import dataclasses
@@ -14,7 +14,7 @@ import numpy as np
 from wsp_env.diagnosis.answer import FitQuality
 from wsp_env.diagnosis.balances import BALANCES, Whitening
 from wsp_env.diagnosis.candidates import Variant, at_bound, columns, without
-from wsp_env.diagnosis.colour import bleach
+from wsp_env.diagnosis.colour import slide_whitening
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.decide import Outcome
 from wsp_env.diagnosis.evaluate import Model
@@ -66,7 +66,7 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
     def whitening_and_groups(about: Replica) -> tuple[Whitening, list[Group]]:
         """Return whitening and nuisances for the slides on this replica; delays of channels count as noise."""
         seen = last if on_sensors(about.about) else first
-        colour = bleach(about.rows, last.colour)
+        colour = slide_whitening(about.rows, last.colour)
         return dataclasses.replace(seen.whitening, colour=colour), [*seen.groups, seen.times]
 
     @functools.cache

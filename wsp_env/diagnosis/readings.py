@@ -30,7 +30,7 @@ def readings_of(model: Model) -> Choice:
     return {name: values for name, values in on_sensors(model).items() if "radii" not in ALL[name].acts}
 
 
-def put_right(campaign: Campaign, stops: Sequence[PreparedStop], readings: Choice) -> list[PreparedStop]:
+def correct_readings(campaign: Campaign, stops: Sequence[PreparedStop], readings: Choice) -> list[PreparedStop]:
     """Return stops with the true vehicle speed, and with all channels except the wheel speeds as late as these."""
     evaluator = Evaluator(campaign, stops)
     lag = read_late(evaluator.vehicle, readings)
@@ -38,13 +38,13 @@ def put_right(campaign: Campaign, stops: Sequence[PreparedStop], readings: Choic
     return [_as_late(_with_speed(stop, one), lag) for stop, one in zip(stops, found, strict=True)]
 
 
-def as_read(campaign: Campaign, stops: Sequence[PreparedStop], readings: Choice) -> list[PreparedStop]:
+def simulate_readings(campaign: Campaign, stops: Sequence[PreparedStop], readings: Choice) -> list[PreparedStop]:
     """Return stops as sensors read them: a model with these sensors evaluates them as a model without does the true ones."""
     read = list(stops)
     for _ in range(_ITERATIONS):
         evaluator = Evaluator(campaign, read)
         found = zip(read, evaluator.forces(_model(stops, readings)), stops, strict=True)
-        read = [_less(one, _undone(one, said, evaluator.vehicle), stop) for one, said, stop in found]
+        read = [_corrected(one, _true_values(one, evaluation, evaluator.vehicle), stop) for one, evaluation, stop in found]
     return read
 
 
@@ -81,14 +81,14 @@ def _filtered(values: np.ndarray, lag_s: float, step_s: float) -> np.ndarray:
     return result
 
 
-def _undone(read: PreparedStop, one: Evaluation, vehicle: Vehicle) -> PreparedStop:
+def _true_values(read: PreparedStop, one: Evaluation, vehicle: Vehicle) -> PreparedStop:
     """Return a stop with the true values that a model derives from the readings."""
     wheel = (one.speed[:, None] - one.slip) / vehicle.wheel_radius_m
     rate = (one.force * vehicle.wheel_radius_m - one.torque) / vehicle.wheelset_inertia_kgm2
     return dataclasses.replace(_with_speed(read, one), wheel=wheel, wheel_rate=rate)
 
 
-def _less(read: PreparedStop, found: PreparedStop, true: PreparedStop) -> PreparedStop:
+def _corrected(read: PreparedStop, found: PreparedStop, true: PreparedStop) -> PreparedStop:
     """Return a corrected reading: subtract the error that remains after the model's correction."""
 
     def less(name: str) -> np.ndarray:

@@ -22,8 +22,8 @@ from scipy.ndimage import uniform_filter1d
 from wsp_env.diagnosis.balances import Balances, Blocks, Rows, Whitening
 from wsp_env.diagnosis.denoise import denoised
 from wsp_env.diagnosis.evaluate import Choice, Evaluation, Evaluator, Model
-from wsp_env.diagnosis.loop import foreseen
-from wsp_env.diagnosis.readings import as_read, on_sensors, put_right, readings_of
+from wsp_env.diagnosis.loop import predicted
+from wsp_env.diagnosis.readings import correct_readings, on_sensors, readings_of, simulate_readings
 from wsp_env.diagnosis.stops import (
     BLOCK_S,
     ROLLING_SHARE,
@@ -59,12 +59,12 @@ class Replica:
         self.recorded, self.about, self.baseline = recorded, model, baseline
         self._readings: Choice = {}
         campaign = recorded.campaign
-        right = recorded.like(put_right(campaign, recorded.sources, readings)) if readings else recorded
+        right = recorded.like(correct_readings(campaign, recorded.sources, readings)) if readings else recorded
         larger = _larger_radii(right, baseline)
         evaluator = Evaluator(campaign, right.sources)
         found = evaluator(baseline)
         true = _true_slips(found, found if rest is baseline else evaluator(rest), right.sources, larger)
-        needed, kept = _needed(right, evaluator, baseline, found, true)
+        needed, kept = _required_slips(right, evaluator, baseline, found, true)
         made = [_rolling(right, one, i, needed[i], kept[i], true[i], larger) for i, one in enumerate(found)]
         forces = Evaluator(campaign, made)(baseline)
         braked = [_braked(right, stop, one) for stop, one in zip(made, forces, strict=True)]
@@ -81,8 +81,10 @@ class Replica:
             self.rows = _rows_as_they_slide(self.rows, self._copy.parts, slid)
         smoothing = self._changed(baseline)  # residual of an exact balance due to smoothing
         residuals = self._residuals(right) - smoothing * right.rows.wheels
-        turned = zip(*_foreseen(right, braked, forces), strict=True)
-        self._copy, self.timed = (right.like(as_read(campaign, stops, readings) if readings else stops) for stops in turned)
+        turned = zip(*_predicted_stops(right, braked, forces), strict=True)
+        self._copy, self.timed = (
+            right.like(simulate_readings(campaign, stops, readings) if readings else stops) for stops in turned
+        )
         self._kept, self._readings = threading.local(), readings
         self._offset = residuals - self._changed(self.physical(baseline))
 
@@ -183,21 +185,21 @@ def _choosing(model: Model, kept: Callable[[str], bool]) -> Model:
     return model if len(choice) == len(model.choice) else dataclasses.replace(model, choice=choice)
 
 
-def _foreseen(
-    right: Balances, braked: Sequence[PreparedStop], said: Sequence[Evaluation]
+def _predicted_stops(
+    right: Balances, braked: Sequence[PreparedStop], evaluations: Sequence[Evaluation]
 ) -> list[tuple[PreparedStop, PreparedStop]]:  # fmt: skip
     """Return the stops with the slips predicted before each block: under the expected and under the recorded torques.
 
     Parameters
     ----------
-    said : evaluations of the baseline
+    evaluations : of the baseline
 
     """
     found = []
-    for mine, stop, part, one in zip(braked, right.sources, right.parts, said, strict=True):
+    for mine, stop, part, one in zip(braked, right.sources, right.parts, evaluations, strict=True):
         block = part.length * round(part.stop.step_s / stop.step_s)
-        holds = 2.0 * right.radius * one.load * one.slope
-        found.append(foreseen(mine, stop.torque, holds, block, right.radius, right.inertia))
+        damping = 2.0 * right.radius * one.load * one.slope
+        found.append(predicted(mine, stop.torque, damping, block, right.radius, right.inertia))
     return found
 
 
@@ -263,17 +265,17 @@ def _braked(recorded: Balances, stop: PreparedStop, one: Evaluation) -> Prepared
 
 
 def _true_slips(
-    read: Sequence[Evaluation], said: Sequence[Evaluation], stops: Sequence[PreparedStop], larger: np.ndarray
+    read: Sequence[Evaluation], evaluations: Sequence[Evaluation], stops: Sequence[PreparedStop], larger: np.ndarray
 ) -> list[np.ndarray]:
     """Return the true slips (T, A) of every stop: from a model's sensors, or from the measured radii if these are wrong."""
     true = []
-    for one, other, stop in zip(read, said, stops, strict=True):
+    for one, other, stop in zip(read, evaluations, stops, strict=True):
         v = np.maximum(stop.speed, 0.1)[:, None]
         true.append(np.where(larger != 0.0, one.slip - larger * (v - one.slip), other.slip))
     return true
 
 
-def _needed(
+def _required_slips(
     balances: Balances, evaluator: Evaluator, model: Model, found: Sequence[Evaluation], true: Sequence[np.ndarray]
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:  # fmt: skip
     """Return the slips (T, A) required by the wheels' forces on the steep part, and the share kept of the measured slips.
@@ -291,19 +293,23 @@ def _needed(
     for _ in range(_NEWTON):
         there = at(slips)
         slips = [
-            np.clip(one.slip + (_aim(one) - one.adhesion) / np.maximum(one.slope, 0.05 / v), -least_slip(v), least_slip(v))
+            np.clip(
+                one.slip + (_required_adhesion(one) - one.adhesion) / np.maximum(one.slope, 0.05 / v),
+                -least_slip(v),
+                least_slip(v),
+            )
             for one, v in zip(there, speeds, strict=True)
         ]
     measured = at([np.clip(slip, 0.0, None) for slip in true])
     shares = []
     for one, other, slip, v, stop in zip(there, measured, true, speeds, balances.sources, strict=True):
-        steep = SLIP_MPS * np.maximum(one.slope, other.slope) / np.maximum(_aim(one), _LEAST_ADHESION)
+        steep = SLIP_MPS * np.maximum(one.slope, other.slope) / np.maximum(_required_adhesion(one), _LEAST_ADHESION)
         slides = (slip / least_slip(v) - 0.7) / 0.6
         flat = uniform_filter1d(np.clip(2.0 * (1.0 - steep), 0.0, 1.0), 2 * round(0.5 * _FLAT_S / stop.step_s) + 1, axis=0)
         shares.append(np.clip(np.maximum(slides, flat), 0.0, 1.0))
     return slips, shares
 
 
-def _aim(one: Evaluation) -> np.ndarray:
+def _required_adhesion(one: Evaluation) -> np.ndarray:
     """Return the adhesion (T, A) that a wheel's force requires."""
     return np.clip(one.force / (2.0 * one.load), -0.05, None)

@@ -12,7 +12,7 @@ from wsp_env.diagnosis.answer import Curve, Diagnosis, Estimate
 from wsp_env.diagnosis.report_evidence import evidence
 from wsp_env.diagnosis.report_facts import BALANCES, LEAST_SHARE, axles_said, doubt, facts, lead, removed_said
 from wsp_env.diagnosis.report_runs import course_plot, figures, heat_maps, still_high
-from wsp_env.diagnosis.words import capital, parameter_words, said, unit_words
+from wsp_env.diagnosis.words import capital, mechanism_words, parameter_words, unit_words
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.report import COLOURS, Facts, Origin, PageOptions, Section, Table, axes, plotly, write_page
 
@@ -101,7 +101,7 @@ def _fitted(found: Diagnosis) -> list[Section]:
         rows = _parameters(one.parameters)
         others = ", ".join(name.replace("_", " ") for name in one.alternatives[1:])
         text = [
-            f"{capital(said(one.name, one.parameters))}. What it leaves: {ALL[one.name].signature.trace}.",
+            f"{capital(mechanism_words(one.name, one.parameters))}. What it leaves: {ALL[one.name].signature.trace}.",
             f"Confidence {one.confidence:.2f}{doubt(one)}; {one.multiple:.1f} times the smallest effect of interest; reduces "
             f"chi-square by {one.gain:.0f}, where noise alone gives {one.null_gain:.0f}; held out, by "
             f"{one.held_out_gain:.0f}.",

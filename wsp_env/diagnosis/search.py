@@ -17,7 +17,7 @@ from wsp_env.diagnosis.candidates import Candidate, Variant, columns, parameter_
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Evaluation, Model
 from wsp_env.diagnosis.interest import Compared, StopChange, only_sensors
-from wsp_env.diagnosis.noise import AGAIN, Known, noise_like, noise_of
+from wsp_env.diagnosis.noise import EM_UPDATES, NoiseParameters, noise_from_parameters, noise_of
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.triangular import inverse_of
 from wsp_env.diagnosis.variation import Group, Net, law_columns, segment_columns
@@ -70,9 +70,9 @@ class Screen:
     second: Mapping[str, Found]  # the second-best variant of each name
 
     @property
-    def known(self) -> Known:
+    def noise_parameters(self) -> NoiseParameters:
         """What it tells about the noise of similar residuals."""
-        return Known(self.sizes, self.colour)
+        return NoiseParameters(self.sizes, self.colour)
 
 
 class _Law:
@@ -144,7 +144,7 @@ def _samples(replica: Replica, name: str, size: str, move: float) -> float:
 
 def screen(
     replica: Replica, model: Model, tried: Sequence[Variant], pool: Executor, accepted: Sequence[Variant] = (),
-    known: Known | None = None,
+    noise_parameters: NoiseParameters | None = None,
 ) -> Screen:  # fmt: skip
     """Search all candidates about a model.
 
@@ -152,14 +152,18 @@ def screen(
     ----------
     tried : mechanisms that are off
     accepted : mechanisms that are on
-    known : sizes and colour of the noise; None: they are estimated
+    noise_parameters : sizes and colour of the noise; None: they are estimated
 
     """
     base = replica.raw(model)
     nothing = np.zeros((len(base), 0))
     on = [columns(replica, model, base, one) for one in accepted]
     free = Group("accepted mechanisms", np.column_stack([nothing, *on]), np.inf, True)
-    noise = noise_of(replica, model, base, [free]) if known is None else noise_like(known, replica, model, base)
+    noise = (
+        noise_of(replica, model, base, [free])
+        if noise_parameters is None
+        else noise_from_parameters(noise_parameters, replica, model, base)
+    )
     groups, whitening = noise.groups, noise.whitening
     law = _Law(replica, model, base, whitening)
     listed = list(pool.map(lambda one: candidate(replica, model, base, law, one), tried))
@@ -173,7 +177,7 @@ def screen(
     times = small._replace(columns=small.columns[:, np.array(late, dtype=bool)])
     terms = law.net(np.column_stack([nothing, *(one.columns / one.scale for one in unnamed)]))[0]
     evidence = Evidence(replica, whitening, [*groups, free, small], base, terms)
-    sizes = evidence.solve(AGAIN, Sizes(np.append(noise.sizes.groups, [1.0, 1.0]), noise.sizes.noise))
+    sizes = evidence.solve(EM_UPDATES, Sizes(np.append(noise.sizes.groups, [1.0, 1.0]), noise.sizes.noise))
     found, second = _judged(evidence, sizes, named, unnamed)
     kept = Sizes(sizes.groups[: len(groups)], sizes.noise)
     return Screen(model, replica.about, base, whitening, groups, small, times, kept, noise.colour, tuple(found), second)
@@ -306,10 +310,10 @@ def _one(one: Candidate, centre: np.ndarray, spread: np.ndarray, variants: int, 
         bare, log_density(large) - log_density(small) - float(np.log(variants)), multiple / one.scale, multiple,
         np.sqrt(np.diag(spread)), float(centre @ np.linalg.solve(spread + small, centre)),
     )  # fmt: skip
-    return found if can_be(one, found.amplitude) else dataclasses.replace(found, evidence=-np.inf)
+    return found if is_possible(one, found.amplitude) else dataclasses.replace(found, evidence=-np.inf)
 
 
-def can_be(one: Candidate, amplitude: np.ndarray) -> bool:
+def is_possible(one: Candidate, amplitude: np.ndarray) -> bool:
     """Whether the fitted size is possible: if the null of a single size is a bound, only one side is (no brake pushes)."""
     if len(one.variant.sizes) != 1:
         return True

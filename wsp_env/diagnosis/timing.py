@@ -55,14 +55,14 @@ def aligned(campaign: Campaign, found: Times) -> Campaign:
     runs = {
         name: dataclasses.replace(
             run,
-            wheel_speed_radps=_moved(run.time_s, run.wheel_speed_radps, found.wheel),
-            brake_torque_nm=_moved(run.time_s, run.brake_torque_nm, found.torque),
+            wheel_speed_radps=_shifted(run.time_s, run.wheel_speed_radps, found.wheel),
+            brake_torque_nm=_shifted(run.time_s, run.brake_torque_nm, found.torque),
         )
         for name, run in campaign.runs.items()
     }
     return dataclasses.replace(campaign, runs=runs)
 
 
-def _moved(time: np.ndarray, channels: np.ndarray, early: np.ndarray) -> np.ndarray:
+def _shifted(time: np.ndarray, channels: np.ndarray, early: np.ndarray) -> np.ndarray:
     at = [np.clip(time - late, time[0], time[-1]) for late in early]
     return np.column_stack([CubicSpline(time, column)(instants) for column, instants in zip(channels.T, at, strict=True)])

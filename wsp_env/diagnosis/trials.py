@@ -12,21 +12,21 @@ from scipy import linalg
 
 from wsp_env.diagnosis.balances import Whitening
 from wsp_env.diagnosis.candidates import Variant, at_bound, near, parameter_of, refined, switched, without
-from wsp_env.diagnosis.colour import bleach
+from wsp_env.diagnosis.colour import slide_whitening
+from wsp_env.diagnosis.convergence import converge, converge_rescaled, diverges
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh
 from wsp_env.diagnosis.interest import StopChange
-from wsp_env.diagnosis.noise import AGAIN, Known, noise_of
+from wsp_env.diagnosis.noise import EM_UPDATES, NoiseParameters, noise_of
 from wsp_env.diagnosis.readings import on_sensors
 from wsp_env.diagnosis.replica import OF_TIME, Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect
-from wsp_env.diagnosis.settle import has_run_away, settle, settle_anew
 from wsp_env.diagnosis.variation import Group, Net, law_columns, nuisances, segment_columns, shapes
 from wsp_env.plant.mechanisms import ALL
 
 #: Number of mechanisms that are refitted in each round.
-TRIED = 4
+REFITTED = 4
 #: Shares of the linear step that are tried as start of a refit.
 _SHARES = (2.0, 1.0, 0.5, 0.25, 0.1)
 #: Log prior odds that a name of the library is missing in a campaign: one in fifty (assumption).
@@ -54,10 +54,10 @@ class Trial:
     variant: Variant  # with the parameters that the refit moves as sizes
     fitted: Fitted
     evidence: float  # including what the refit explains beyond the linear search
-    beside: Model  # model without it, fitted in the same way
-    reduction: float  # of chi-square (of the deviance, if `told`), by the refit
+    null_model: Model  # model without it, fitted in the same way
+    reduction: float  # of chi-square (of the deviance, if `corrects_recordings`), by the refit
     size: StopChange  # net
-    price: float  # half of the reduction less the evidence: the cost of its sizes and variants
+    penalty: float  # half of the reduction less the evidence: the cost of its sizes and variants
     weights: Weights  # with which it was fitted
     about: Replica  # to which it was fitted
 
@@ -74,20 +74,20 @@ def on_a_sensor(variant: Variant) -> bool:
     return ALL[variant.name].signature.acts_on == "sensor"
 
 
-def told(variant: Variant) -> bool:
+def corrects_recordings(variant: Variant) -> bool:
     """Whether a mechanism is compared on recordings corrected for it: it acts on sensors, or is a delay."""
     return on_a_sensor(variant) or variant.name in OF_TIME
 
 
-def odds(variant: Variant, evidence: float) -> float:
+def log_odds(variant: Variant, evidence: float) -> float:
     """Log posterior odds that a mechanism, or a term without a name, is missing."""
     return evidence + (PRIOR_TERM if variant.family else PRIOR)
 
 
 def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor) -> list[Trial]:
     """Refit the most promising mechanisms; return the trials, best first."""
-    promising = sorted(seen.found, key=lambda one: -odds(one.candidate.variant, one.evidence))[:TRIED]
-    promising = [one for one in promising if odds(one.candidate.variant, one.evidence) > 0.0]
+    promising = sorted(seen.found, key=lambda one: -log_odds(one.candidate.variant, one.evidence))[:REFITTED]
+    promising = [one for one in promising if log_odds(one.candidate.variant, one.evidence) > 0.0]
     if not promising:
         return []
     # Delays are the least linear effects, and the linear search may miss them: try them with whatever is found first. Late
@@ -98,42 +98,42 @@ def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, 
     seconds = [seen.second[one.name] for one in promising if one.name in seen.second]
     promising += [one for one in seconds if len(refined(one.candidate.variant).sizes) > len(one.candidate.variant.sizes)]
     start = refit(replica, fitted.model, fitted.variants, weights)
-    least, lock = functools.cache(lambda: least_deviance(replica, seen, start, weights)), threading.Lock()
+    least, lock = functools.cache(lambda: accepted_deviance(replica, seen, start, weights)), threading.Lock()
 
     def without_it() -> float:
         with lock:  # two threads that ask at the same time would both compute it
             return least()
 
     def trial(one: Found) -> Trial:
-        if told(one.candidate.variant):
-            tried = _told(replica, seen, start, weights, without_it, one)
+        if corrects_recordings(one.candidate.variant):
+            tried = _fit_on_own_replica(replica, seen, start, weights, without_it, one)
         else:
-            tried = _nearby(replica, seen, start, weights, one)
-        price = 0.5 * one.reduction - one.evidence
+            tried = _fit_on_replica(replica, seen, start, weights, one)
+        penalty = 0.5 * one.reduction - one.evidence
         size = net_effect(tried.about, tried.fitted.model, tried.variant, seen.whitening)
         return Trial(
-            one, one.candidate.variant, tried.variant, tried.fitted, 0.5 * tried.reduction - price, tried.before,
-            tried.reduction, size, price, tried.weights, tried.about,
+            one, one.candidate.variant, tried.variant, tried.fitted, 0.5 * tried.reduction - penalty, tried.null_model,
+            tried.reduction, size, penalty, tried.weights, tried.about,
         )  # fmt: skip
 
     best: dict[str, Trial] = {}
-    for one in sorted(pool.map(trial, promising), key=lambda one: -odds(one.listed, one.evidence)):
+    for one in sorted(pool.map(trial, promising), key=lambda one: -log_odds(one.listed, one.evidence)):
         best.setdefault(one.listed.title, one)
     return list(best.values())
 
 
-class _Tried(NamedTuple):
+class _BestFit(NamedTuple):
     """The best fit of a mechanism beside the accepted ones."""
 
     about: Replica
     variant: Variant  # with the parameters that the refit moves as sizes
     fitted: Fitted
-    before: Model  # model without it, fitted in the same way
+    null_model: Model  # model without it, fitted in the same way
     reduction: float  # decrease of the deviance
     weights: Weights
 
 
-def _nearby(replica: Replica, seen: Screen, start: Fitted, weights: Weights, one: Found) -> _Tried:
+def _fit_on_replica(replica: Replica, seen: Screen, start: Fitted, weights: Weights, one: Found) -> _BestFit:
     """Fit a mechanism, starting at those shares of its linear step that fit best.
 
     The linear step may be wrong, and a refit of the location may improve it or lose it.
@@ -154,20 +154,20 @@ def _nearby(replica: Replica, seen: Screen, start: Fitted, weights: Weights, one
             break
     # The accepted mechanisms may fit better now for another reason; this is not due to the tried one.
     alone = refit(replica, without(best.model, free), start.variants, weights)
-    before = min(start, alone, key=lambda one: one.cost)
-    return _Tried(replica, free, best, before.model, before.cost - best.cost, weights)
+    null_fit = min(start, alone, key=lambda one: one.cost)
+    return _BestFit(replica, free, best, null_fit.model, null_fit.cost - best.cost, weights)
 
 
-def least_deviance(replica: Replica, seen: Screen, start: Fitted, weights: Weights) -> float:
+def accepted_deviance(replica: Replica, seen: Screen, start: Fitted, weights: Weights) -> float:
     """Return the least deviance of the accepted model: on the present replica, or on its own with new nuisance sizes."""
     own = Replica(replica.recorded, start.model)
-    mine = NoiseOn(own, seen).weights()
+    mine = ReplicaNoise(own, seen).weights()
     return min(weights.deviance(start), mine.deviance(refit(own, start.model, start.variants, mine)))
 
 
-def _told(
+def _fit_on_own_replica(
     replica: Replica, seen: Screen, start: Fitted, weights: Weights, without_it: Callable[[], float], one: Found
-) -> _Tried:  # fmt: skip
+) -> _BestFit:  # fmt: skip
     """Fit a mechanism on sensors, or a delay, on its own replicas with nuisance sizes estimated there.
 
     A model without it cannot fit recordings that are corrected for it. If something is late, all nuisances seem larger, for
@@ -182,15 +182,15 @@ def _told(
     near_by = weights_of(first, seen)
     begun = refit(first, model, variants, near_by)
     gained = weights.deviance(start) - near_by.deviance(begun)
-    if odds(listed, one.evidence + 0.5 * max(gained - one.reduction, 0.0)) <= 0.0 or _in_a_sample(begun, replica.sample_s):
-        return _Tried(first, variant, begun, start.model, min(gained, 0.0), near_by)  # seen neither linearly nor nearby
-    about, fitted = settle(replica.recorded, begun, near_by)
-    if has_run_away(fitted, begun.cost):
-        about, fitted = settle_anew(replica.recorded, begun, variant, near_by)
-    mine = NoiseOn(about, seen).weights()
+    if log_odds(listed, one.evidence + 0.5 * max(gained - one.reduction, 0.0)) <= 0.0 or _in_a_sample(begun, replica.sample_s):
+        return _BestFit(first, variant, begun, start.model, min(gained, 0.0), near_by)  # seen neither linearly nor nearby
+    about, fitted = converge(replica.recorded, begun, near_by)
+    if diverges(fitted, begun.cost):
+        about, fitted = converge_rescaled(replica.recorded, begun, variant, near_by)
+    mine = ReplicaNoise(about, seen).weights()
     again = refit(about, fitted.model, variants, mine)
     gained = without_it() - mine.deviance(again) if np.isfinite(fitted.cost) else -np.inf  # if the iteration converged
-    return _Tried(about, variant, again, start.model, gained, mine)
+    return _BestFit(about, variant, again, start.model, gained, mine)
 
 
 def _in_a_sample(fitted: Fitted, sample_s: float) -> bool:
@@ -208,12 +208,12 @@ def weights_of(replica: Replica, seen: Screen, forms: Sequence[Group] = ()) -> W
     sizes = Sizes(np.concatenate([seen.sizes.groups, np.ones(1 + len(forms))]), seen.sizes.noise)
     whitening, groups = seen.whitening, seen.groups
     if on_sensors(replica.about) != on_sensors(seen.about):
-        whitening = dataclasses.replace(replica.whitening(replica.about), colour=bleach(replica.rows, seen.colour))
+        whitening = dataclasses.replace(replica.whitening(replica.about), colour=slide_whitening(replica.rows, seen.colour))
         groups = nuisances(replica, replica.about, replica.raw(replica.about), whitening)
     return weigh(replica, whitening, [*groups, seen.small, *forms], sizes)
 
 
-class NoiseOn:
+class ReplicaNoise:
     """Nuisance sizes and colour of the noise estimated on a replica, beside mechanisms at sizes too small to matter.
 
     Parameters
@@ -227,12 +227,12 @@ class NoiseOn:
         self._replica, self._noise = replica, noise_of(replica, replica.about, base, start=seen.sizes)
         self._groups, before = [*self._noise.groups, seen.small], self._noise.sizes
         evidence = Evidence(replica, self._noise.whitening, self._groups, base, np.zeros((len(base), 0)))
-        self._sizes = evidence.solve(AGAIN, Sizes(np.append(before.groups, 1.0), before.noise))
+        self._sizes = evidence.solve(EM_UPDATES, Sizes(np.append(before.groups, 1.0), before.noise))
 
     @property
-    def known(self) -> Known:
+    def parameters(self) -> NoiseParameters:
         """What it tells about the noise of similar residuals."""
-        return Known(Sizes(self._sizes.groups[:-1], self._sizes.noise), self._noise.colour)
+        return NoiseParameters(Sizes(self._sizes.groups[:-1], self._sizes.noise), self._noise.colour)
 
     def weights(self, forms: Sequence[Group] = ()) -> Weights:
         """Return the weights of the residuals, with form errors `forms`."""
@@ -246,17 +246,19 @@ def forms(replica: Replica, model: Model, variants: Sequence[Variant], whitening
     They are its effect, weighted over measured quantities, minus their part along the effect itself, whose size is fitted (M.
     Plumlee, Journal of the American Statistical Association 112, 2017, on calibration with a discrepancy).
     """
-    base, bent, net = replica.raw(model), shapes(replica), _net(replica, model, whitening)
+    base, bent, net = replica.raw(model), shapes(replica), _law_projection(replica, model, whitening)
     effects = [(one, replica.raw(without(model, one)) - base) for one in variants if form_of(one) > 0.0]
-    return [Group(f"form of {one.title}", _across(net, whitening, effect, bent), form_of(one), True) for one, effect in effects]
+    return [
+        Group(f"form of {one.title}", _orthogonal(net, whitening, effect, bent), form_of(one), True) for one, effect in effects
+    ]
 
 
-def _net(replica: Replica, model: Model, whitening: Whitening) -> Net:
+def _law_projection(replica: Replica, model: Model, whitening: Whitening) -> Net:
     """Return the projection off the law's parameters."""
     return Net(whitening, np.column_stack([segment_columns(replica), law_columns(replica, model, replica.raw(model))]))
 
 
-def _across(net: Net, whitening: Whitening, effect: np.ndarray, bent: np.ndarray) -> np.ndarray:
+def _orthogonal(net: Net, whitening: Whitening, effect: np.ndarray, bent: np.ndarray) -> np.ndarray:
     """Return an effect (n,) times weights (n, k), minus the projection on the effect itself."""
     columns = effect[:, None] * bent
     seen = whitening(net(np.column_stack([columns, effect]))[0])
@@ -265,7 +267,7 @@ def _across(net: Net, whitening: Whitening, effect: np.ndarray, bent: np.ndarray
     return result
 
 
-class FormsLeft:
+class FormErrorThreshold:
     """Least log odds of a further mechanism: 95 %, or more if form errors of accepted ones may produce its effect.
 
     The true form of an accepted mechanism may differ by a share s of its effect (`form_of`). At 95 %, this error produces
@@ -282,21 +284,21 @@ class FormsLeft:
 
     def __init__(self, replica: Replica, model: Model, accepted: Sequence[tuple[Variant, float]], seen: Screen) -> None:
         self._replica, self._whitening = replica, seen.whitening
-        self._net = _net(replica, model, seen.whitening)
-        self._lent: list[tuple[np.ndarray, float]] = []
+        self._law_projection = _law_projection(replica, model, seen.whitening)
+        self._form_errors: list[tuple[np.ndarray, float]] = []
         for variant, evidence in accepted:
             for form in forms(replica, model, [variant], seen.whitening):
                 vectors, values = linalg.svd(self._seen(form.columns), full_matrices=False)[:2]
                 strength = values / max(float(values.max(initial=0.0)), np.finfo(float).tiny)
-                self._lent.append((vectors * strength, (_Z95 * form.expected) ** 2 * evidence))
+                self._form_errors.append((vectors * strength, (_Z95 * form.expected) ** 2 * evidence))
 
     def _seen(self, columns: np.ndarray) -> np.ndarray:
-        return self._whitening(self._net(columns)[0])
+        return self._whitening(self._law_projection(columns)[0])
 
     def __call__(self, trial: Trial) -> float:
         """Return the log odds that a trial must exceed."""
         on, off = trial.fitted.model, without(trial.fitted.model, trial.variant)
         effect = self._seen((self._replica.raw(off) - self._replica.raw(on))[:, None])[:, 0]
         square = max(float(effect @ effect), np.finfo(float).tiny)
-        alike = [(float(np.sum((basis.T @ effect) ** 2)) / square, lent) for basis, lent in self._lent]
-        return max(SURE, sum(share * min(lent, 0.5 * max(trial.reduction, 0.0)) for share, lent in alike))
+        alike = [(float(np.sum((basis.T @ effect) ** 2)) / square, limit) for basis, limit in self._form_errors]
+        return max(SURE, sum(share * min(limit, 0.5 * max(trial.reduction, 0.0)) for share, limit in alike))

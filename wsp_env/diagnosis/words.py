@@ -8,7 +8,7 @@ from wsp_env.diagnosis.answer import Discovered, Estimate, Location, Named, Verd
 from wsp_env.plant.mechanisms import ALL
 
 
-def said(name: str, parameters: Mapping[str, Estimate]) -> str:
+def mechanism_words(name: str, parameters: Mapping[str, Estimate]) -> str:
     """Return the effect of a mechanism in words: size, sign and axle or place, with the 90 % interval in brackets.
 
     Sizes whose interval contains the null value are omitted if the interval of another size does not.
@@ -149,7 +149,7 @@ def _term(term: Discovered) -> str:
 def _claim(one: Named) -> str:
     """Return a claim on one mechanism, with its confidence."""
     others = " or ".join(name.replace("_", " ") for name in one.alternatives[1:])
-    words = said(one.name, one.parameters)
+    words = mechanism_words(one.name, one.parameters)
     if one.multiple < 1.0:
         words = f"perhaps {words}, at the limit of what matters in a stop"
     elif others:

@@ -5,7 +5,7 @@ from typing import Any
 
 from wsp_env.diagnosis.creep_curves.answer import CreepDiagnosis, ShownCurve
 from wsp_env.diagnosis.report_facts import LEAST_SHARE, MEANINGS
-from wsp_env.diagnosis.words import parameter_words, said, unit_words
+from wsp_env.diagnosis.words import mechanism_words, parameter_words, unit_words
 from wsp_env.report import COLOURS, Facts, Origin, PageOptions, Section, Table, axes, plotly, write_page
 
 _TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)  # [%]
@@ -96,7 +96,8 @@ def _fitted(found: CreepDiagnosis) -> Section:
         others = ", ".join(name.replace("_", " ") for name in one.alternatives[1:])
         apart = f" These points cannot tell it from {others}." if others else ""
         text.append(
-            f"{one.name.replace('_', ' ').capitalize()}: {said(one.name, one.parameters)}. Confidence {one.confidence:.2f}; "
+            f"{one.name.replace('_', ' ').capitalize()}: {mechanism_words(one.name, one.parameters)}. "
+            f"Confidence {one.confidence:.2f}; "
             f"{one.multiple:.1f} times the smallest effect of interest; reduces chi-square by {one.gain:.0f} beside the "
             f"others, against at most {one.null_gain:.0f} in null recordings; held out {one.held_out_gain:.0f}.{apart}"
         )

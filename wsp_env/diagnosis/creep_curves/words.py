@@ -10,7 +10,7 @@ from wsp_env.diagnosis.creep_curves.answer import Closure, Inseparable, NamedOnC
 from wsp_env.diagnosis.creep_curves.model import CreepModel, CurveFit, creep_mechanisms
 from wsp_env.diagnosis.creep_curves.search import CreepSearch
 from wsp_env.diagnosis.creep_curves.separation import mechanism_of, radius_note
-from wsp_env.diagnosis.words import said
+from wsp_env.diagnosis.words import mechanism_words
 from wsp_env.plant.mechanisms import LIBRARY
 
 
@@ -26,7 +26,7 @@ def sentence(verdict: Verdict, named: Sequence[NamedOnCurve]) -> str:
     for one in named:
         others = [name.replace("_", " ") for name in one.alternatives[1:]]
         doubt = f" (or {', '.join(others)}: these points cannot tell)" if others else ""
-        parts.append(f"{'probably ' if others else ''}{said(one.name, one.parameters)}{doubt}")
+        parts.append(f"{'probably ' if others else ''}{mechanism_words(one.name, one.parameters)}{doubt}")
     return f"What the law lacks: {'; and '.join(parts)}."
 
 

@@ -8,10 +8,10 @@ from numpy.testing import assert_allclose
 from synthetic_stops import stop, write_campaign
 
 from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.convergence import converge_law
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import baseline
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.settle import settle_law
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.recordings import read_campaign
 
@@ -28,26 +28,26 @@ def recorded(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def settled(recorded):
-    return settle_law(baseline(recorded))
+def converged(recorded):
+    return converge_law(baseline(recorded))
 
 
 def law(model):
     return np.array([model.tau, *model.mu_cd])
 
 
-def test_noisy_recordings_of_the_law_give_the_law(settled):
-    replica, _ = settled
+def test_noisy_recordings_of_the_law_give_the_law(converged):
+    replica, _ = converged
     assert replica.baseline.tau == pytest.approx(TRUE.tau, rel=0.02)
     assert_allclose(replica.baseline.mu_cd, TRUE.mu_cd, rtol=0.02)
 
 
-def test_it_is_where_it_stays(settled):
-    again, _ = settle_law(settled[0])
-    assert_allclose(law(again.baseline), law(settled[0].baseline), rtol=0.005)
+def test_it_is_where_it_stays(converged):
+    again, _ = converge_law(converged[0])
+    assert_allclose(law(again.baseline), law(converged[0].baseline), rtol=0.005)
 
 
-def test_it_does_not_depend_on_the_law_it_begins_with(recorded, settled):
+def test_it_does_not_depend_on_the_law_it_begins_with(recorded, converged):
     far = dataclasses.replace(TRUE, tau=0.5 * TRUE.tau, mu_cd=tuple(1.15 * mu for mu in TRUE.mu_cd))
-    found, _ = settle_law(Replica(recorded, far))
-    assert_allclose(law(found.baseline), law(settled[0].baseline), rtol=0.02)
+    found, _ = converge_law(Replica(recorded, far))
+    assert_allclose(law(found.baseline), law(converged[0].baseline), rtol=0.02)

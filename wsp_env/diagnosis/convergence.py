@@ -13,30 +13,30 @@ from wsp_env.diagnosis.candidates import Variant, parameter_of, switched, values
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit, weigh
-from wsp_env.diagnosis.noise import Known, noise_of
+from wsp_env.diagnosis.noise import NoiseParameters, noise_of
 from wsp_env.diagnosis.replica import Replica
 
 #: Least and largest number of replicas, each made from the fit to the previous one. The first may be far from the recordings;
 #: after a change of wheel radius of a per cent, the second too.
 _REPLICAS = 2, 8
 #: Change of a size between replicas, in standard deviations, below which it has converged.
-_SETTLED = 0.5
+_CONVERGED = 0.5
 #: Largest ratio of last to first change at which the iteration counts as converging: if the changes are not halved within the
 #: largest number of replicas, it does not converge (assumption).
-_COMES_TO_REST = 0.5
+_CONTRACTION = 0.5
 #: Standard deviations of a sum of squares by which a model must fit worse on its own replica to count as diverged (assumption:
 #: by chance, this happens once in a thousand).
-_AWAY = 3.0
+_DIVERGED = 3.0
 #: Shares of a mechanism's size at which a diverged fit is restarted: with a nonlinear effect, the linear estimate about the
 #: baseline is too small or too large.
 _SHARES = (0.5, 0.75, 1.25, 1.5)
 #: Largest numbers of estimates of the nuisance sizes about the law alone, and of replicas under each of them.
-_LAWS, _OF_LAW = 2, 4
+_SIZE_ESTIMATES, _LAW_REPLICAS = 2, 4
 #: Relative change of tau and mu_cd at which the law alone has converged: it moves a stop by some 0.1 % (assumption).
-_RESTS = 0.01
+_LAW_CONVERGED = 0.01
 
 
-class _Made(NamedTuple):
+class _Iterate(NamedTuple):
     """A replica, the fit from which it was made, and the model fitted to it."""
 
     replica: Replica
@@ -44,7 +44,7 @@ class _Made(NamedTuple):
     fitted: Fitted
 
 
-def settle_law(replica: Replica, start: Sizes | None = None) -> tuple[Replica, Known]:
+def converge_law(replica: Replica, start: Sizes | None = None) -> tuple[Replica, NoiseParameters]:
     """Return a replica about the law fitted with nuisance sizes estimated from the recordings, and what is known of the noise.
 
     With other sizes, the likeliest tau differs, and a replica about another law has other residuals. A mechanism is compared on
@@ -55,20 +55,20 @@ def settle_law(replica: Replica, start: Sizes | None = None) -> tuple[Replica, K
     start : as for `noise_of`
 
     """
-    known: Known | None = None
-    for _ in range(_LAWS):
+    noise_parameters: NoiseParameters | None = None
+    for _ in range(_SIZE_ESTIMATES):
         begun = replica.baseline
-        noise = noise_of(replica, begun, replica.raw(begun), start=known.sizes if known else start)
-        known, weights = noise.known, weigh(replica, noise.whitening, noise.groups, noise.sizes)
-        for _ in range(_OF_LAW):
+        noise = noise_of(replica, begun, replica.raw(begun), start=noise_parameters.sizes if noise_parameters else start)
+        noise_parameters, weights = noise.parameters, weigh(replica, noise.whitening, noise.groups, noise.sizes)
+        for _ in range(_LAW_REPLICAS):
             before = replica.baseline
             replica = Replica(replica.recorded, refit(replica, before, (), weights).model)
-            if _law_change(before, replica.baseline) < _RESTS:
+            if _law_change(before, replica.baseline) < _LAW_CONVERGED:
                 break
-        if _law_change(begun, replica.baseline) < _RESTS:
+        if _law_change(begun, replica.baseline) < _LAW_CONVERGED:
             break
-    assert known is not None
-    return replica, known
+    assert noise_parameters is not None
+    return replica, noise_parameters
 
 
 def _law_change(before: Model, after: Model) -> float:
@@ -77,33 +77,33 @@ def _law_change(before: Model, after: Model) -> float:
     return float(np.max(np.abs(new - old)))
 
 
-def settle(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Replica, Fitted]:
+def converge(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Replica, Fitted]:
     """Return the replica of an extended model and the model fitted to it, with infinite cost if it does not converge.
 
     If a replica fits the recordings worse than the best one before, the step to it is halved.
     """
-    moves: list[float] = []
+    changes: list[float] = []
     last, least = None, np.inf
     for made in range(1, _REPLICAS[1] + 1):
         replica = Replica(recorded, fitted.model)
-        one = _Made(replica, fitted, refit(replica, fitted.model, fitted.variants, weights))
-        if last is not None and has_run_away(one.fitted, least):
-            if moved(last.about, fitted) < _SETTLED:
+        one = _Iterate(replica, fitted, refit(replica, fitted.model, fitted.variants, weights))
+        if last is not None and diverges(one.fitted, least):
+            if largest_change(last.about, fitted) < _CONVERGED:
                 break
-            fitted = _halfway(last.about, fitted)
+            fitted = _midpoint(last.about, fitted)
             continue
         last, fitted, least = one, one.fitted, min(least, one.fitted.cost)
-        moves.append(moved(one.about, fitted))
-        if made >= _REPLICAS[0] and moves[-1] < _SETTLED:
+        changes.append(largest_change(one.about, fitted))
+        if made >= _REPLICAS[0] and changes[-1] < _CONVERGED:
             return replica, fitted
     assert last is not None
-    if len(moves) < made:  # the steps beyond this replica fit worse
-        return last.replica, _held(last, weights)
-    rests = moves[-1] < _COMES_TO_REST * moves[0]
-    return last.replica, fitted if rests else dataclasses.replace(fitted, cost=np.inf)
+    if len(changes) < made:  # the steps beyond this replica fit worse
+        return last.replica, _law_fit(last, weights)
+    contracts = changes[-1] < _CONTRACTION * changes[0]
+    return last.replica, fitted if contracts else dataclasses.replace(fitted, cost=np.inf)
 
 
-def _halfway(near: Fitted, far: Fitted) -> Fitted:
+def _midpoint(near: Fitted, far: Fitted) -> Fitted:
     """Return the midpoint of two fits, from which the next replica is made."""
     tau, mu_cd = 0.5 * (near.model.tau + far.model.tau), 0.5 * (np.array(near.model.mu_cd) + np.array(far.model.mu_cd))
     model = dataclasses.replace(far.model, tau=tau, mu_cd=tuple(mu_cd.tolist()))
@@ -113,21 +113,21 @@ def _halfway(near: Fitted, far: Fitted) -> Fitted:
     return dataclasses.replace(far, model=model, values=values)
 
 
-def _held(made: _Made, weights: Weights) -> Fitted:
+def _law_fit(iterate: _Iterate, weights: Weights) -> Fitted:
     """Return the fit of the law alone, with the mechanisms as they are in the replica."""
-    law = refit(made.replica, made.about.model, (), weights)
-    return dataclasses.replace(made.fitted, model=law.model, values=made.about.values, cost=law.cost)
+    law = refit(iterate.replica, iterate.about.model, (), weights)
+    return dataclasses.replace(iterate.fitted, model=law.model, values=iterate.about.values, cost=law.cost)
 
 
-def has_run_away(fitted: Fitted, before: float) -> bool:
+def diverges(fitted: Fitted, before: float) -> bool:
     """Whether a model on its own replica fits worse than a sum of squares `before`, by more than the scatter of such a sum.
 
     On its own replica, any model is right by construction. The evidence there does not show a diverged mechanism, the fit does.
     """
-    return fitted.cost > before + _AWAY * float(np.sqrt(2.0 * before))
+    return fitted.cost > before + _DIVERGED * float(np.sqrt(2.0 * before))
 
 
-def moved(before: Fitted, after: Fitted) -> float:
+def largest_change(before: Fitted, after: Fitted) -> float:
     """Return the largest change of a mechanism's parameters between two fits, in standard deviations."""
     return max(
         float(np.max(np.abs(new - old) / np.sqrt(np.maximum(np.diag(spread), 1e-300))))
@@ -135,8 +135,8 @@ def moved(before: Fitted, after: Fitted) -> float:
     )
 
 
-def settle_anew(recorded: Balances, fitted: Fitted, variant: Variant, weights: Weights) -> tuple[Replica, Fitted]:
-    """Settle again, starting from the share of a mechanism's size on whose own replica the model fits best."""
+def converge_rescaled(recorded: Balances, fitted: Fitted, variant: Variant, weights: Weights) -> tuple[Replica, Fitted]:
+    """Iterate again, starting from the share of a mechanism's size on whose own replica the model fits best."""
     others = [one for one in fitted.variants if one is not variant]
     tried = []
     for share in _SHARES:
@@ -144,7 +144,7 @@ def settle_anew(recorded: Balances, fitted: Fitted, variant: Variant, weights: W
         replica = Replica(recorded, model)
         tried.append((refit(replica, model, others, weights), replica))
     best, replica = min(tried, key=lambda one: one[0].cost)
-    return settle(recorded, refit(replica, best.model, fitted.variants, weights), weights)
+    return converge(recorded, refit(replica, best.model, fitted.variants, weights), weights)
 
 
 def _scaled(variant: Variant, values: np.ndarray, share: float) -> np.ndarray:

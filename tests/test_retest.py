@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from trial_cases import BENT, GAIN, GRADIENT, PLAIN, trial
 
-from wsp_env.diagnosis import standing
+from wsp_env.diagnosis import retest
 from wsp_env.diagnosis.answer import Estimate
 from wsp_env.diagnosis.balances import Whitening
 from wsp_env.diagnosis.candidates import switched, values_in
@@ -25,24 +25,24 @@ REPLICA, SEEN = SimpleNamespace(recorded=None, sample_s=0.01), SimpleNamespace(w
 def own(monkeypatch):
     """What is said of a gradient about a replica of its own: it cost 100 before, and costs 100 without it there."""
     on = switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.002]))
-    one = dataclasses.replace(trial(GRADIENT, 30.0), fitted=Fitted(on, (GRADIENT,), (), (), 100.0), price=3.0)
-    monkeypatch.setattr(standing, "refit", lambda replica, model, variants, _: Fitted(model, tuple(variants), (), (), 100.0))
-    monkeypatch.setattr(standing, "net_effect", lambda *_: StopChange(0.04, 0.0))
+    one = dataclasses.replace(trial(GRADIENT, 30.0), fitted=Fitted(on, (GRADIENT,), (), (), 100.0), penalty=3.0)
+    monkeypatch.setattr(retest, "refit", lambda replica, model, variants, _: Fitted(model, tuple(variants), (), (), 100.0))
+    monkeypatch.setattr(retest, "net_effect", lambda *_: StopChange(0.04, 0.0))
 
     def ask(
         cost: float, pulls: bool = False, left: float = 20.0, again: float = np.nan, least: float = np.nan,
         interval: tuple[float, float] = (0.001, 0.003), found: float = 60.0,
-    ) -> standing.Held | None:  # fmt: skip
-        monkeypatch.setattr(standing, "estimates", lambda *_: {"rise": Estimate(0.002, "-", interval)})
-        monkeypatch.setattr(standing, "settle", lambda *_: ("own replica", dataclasses.replace(one.fitted, cost=cost)))
+    ) -> retest.Retested | None:  # fmt: skip
+        monkeypatch.setattr(retest, "estimates", lambda *_: {"rise": Estimate(0.002, "-", interval)})
+        monkeypatch.setattr(retest, "converge", lambda *_: ("own replica", dataclasses.replace(one.fitted, cost=cost)))
         anew = dataclasses.replace(one.fitted, cost=again)
         noise = SimpleNamespace(weights=lambda: PLAIN)
-        monkeypatch.setattr(standing, "weighed_anew", lambda *said: (f"{said[1].cost}, {said[3]}", anew, noise))
-        monkeypatch.setattr(standing, "least_deviance", lambda *_: least)
+        monkeypatch.setattr(retest, "converge_reweighted", lambda *said: (f"{said[1].cost}, {said[3]}", anew, noise))
+        monkeypatch.setattr(retest, "accepted_deviance", lambda *_: least)
         pulled = {True: 5.0**2, False: 0.0}[pulls]
-        monkeypatch.setattr(standing, "_pulled", lambda _, model, __: pulled * ("track_gradient" in model.choice))
-        monkeypatch.setattr(standing, "agreement", lambda *_: SimpleNamespace(left_of=lambda evidence: left))
-        return standing.about_its_own(REPLICA, SEEN, PLAIN, dataclasses.replace(one, reduction=found))
+        monkeypatch.setattr(retest, "_nuisance_chi_square", lambda _, model, __: pulled * ("track_gradient" in model.choice))
+        monkeypatch.setattr(retest, "agreement", lambda *_: SimpleNamespace(student_evidence=lambda evidence: left))
+        return retest.retest(REPLICA, SEEN, PLAIN, dataclasses.replace(one, reduction=found))
 
     return ask
 
@@ -72,16 +72,16 @@ def test_beside_others_it_must_be_missing_whether_their_forms_bend_or_not(monkey
         cost = 100.0 if GRADIENT not in variants else bent if weights is BENT else plain
         return Fitted(model, tuple(variants), (), (), cost)
 
-    monkeypatch.setattr(standing, "refit", refit)
-    monkeypatch.setattr(standing, "settle", lambda *_: ("own replica", whole))
-    monkeypatch.setattr(standing, "forms", lambda _, __, variants, ___: variants)
-    monkeypatch.setattr(standing, "weights_of", lambda _, __, forms: BENT if list(forms) == [GAIN] else "wrong forms")
-    monkeypatch.setattr(standing, "net_effect", lambda *_: StopChange(0.04, 0.0))
-    monkeypatch.setattr(standing, "_pulled", lambda *_: 0.0)
-    monkeypatch.setattr(standing, "agreement", lambda *_: SimpleNamespace(left_of=lambda evidence: 20.0))
-    monkeypatch.setattr(standing, "estimates", lambda *_: {"rise": Estimate(0.002, "-", (0.001, 0.003))})
+    monkeypatch.setattr(retest, "refit", refit)
+    monkeypatch.setattr(retest, "converge", lambda *_: ("own replica", whole))
+    monkeypatch.setattr(retest, "forms", lambda _, __, variants, ___: variants)
+    monkeypatch.setattr(retest, "weights_of", lambda _, __, forms: BENT if list(forms) == [GAIN] else "wrong forms")
+    monkeypatch.setattr(retest, "net_effect", lambda *_: StopChange(0.04, 0.0))
+    monkeypatch.setattr(retest, "_nuisance_chi_square", lambda *_: 0.0)
+    monkeypatch.setattr(retest, "agreement", lambda *_: SimpleNamespace(student_evidence=lambda evidence: 20.0))
+    monkeypatch.setattr(retest, "estimates", lambda *_: {"rise": Estimate(0.002, "-", (0.001, 0.003))})
     one = dataclasses.replace(trial(GRADIENT, 30.0), fitted=whole)
-    held = standing.about_its_own(REPLICA, SEEN, PLAIN, one)
+    held = retest.retest(REPLICA, SEEN, PLAIN, one)
     assert held.trial.reduction == expected
     assert held.trial.evidence == 0.5 * expected
 
@@ -114,24 +114,24 @@ def test_what_runs_away_must_explain_as_much_under_the_weights_of_its_own_replic
 
 
 @pytest.mark.parametrize(("most", "moves"), [(np.inf, [2.5, 1.25, 0.625]), (100.0, [2.5, 1.25, 0.625]), (99.0, [2.5])])
-def test_weighed_anew_a_fit_settles_under_the_weights_of_every_replica(monkeypatch, most, moves):
+def test_a_reweighted_fit_converges_under_the_weights_of_every_replica(monkeypatch, most, moves):
     """Each fit goes half of the way that is left; one that moves less than a deviation, or costs more, is the last."""
     deviation = 0.008
     begin = Fitted(Model(2e-4, (0.06,)), (GRADIENT,), (np.array([0.0]),), (np.eye(1) * deviation**2,), 100.0)
-    monkeypatch.setattr(standing, "Replica", lambda recorded, model: ("about", model))
+    monkeypatch.setattr(retest, "Replica", lambda recorded, model: ("about", model))
 
     def noise_on(own, seen):
         return SimpleNamespace(weights=lambda: SimpleNamespace(deviance=lambda one: one.cost, of=own))
 
-    monkeypatch.setattr(standing, "NoiseOn", noise_on)
+    monkeypatch.setattr(retest, "ReplicaNoise", noise_on)
 
     def refit(own, model, variants, weights):
         assert weights.of == own == ("about", model)
         value = 0.5 * (values_in(model, GRADIENT) + 0.04)
         return dataclasses.replace(begin, model=switched(model, GRADIENT, value), values=(value,))
 
-    monkeypatch.setattr(standing, "refit", refit)
-    own, fitted, noise = standing.weighed_anew(REPLICA, begin, SEEN, most)
+    monkeypatch.setattr(retest, "refit", refit)
+    own, fitted, noise = retest.converge_reweighted(REPLICA, begin, SEEN, most)
     assert fitted.values[0] == pytest.approx(deviation * sum(moves))
     assert values_in(own[1], GRADIENT) == pytest.approx(deviation * sum(moves[:-1]))
     assert noise.weights().of == own
@@ -162,5 +162,5 @@ def test_what_pulls_a_nuisance_is_no_finding(cancels, expected):
             return effect * (sizes[cancels] - 9.0 * ("track_gradient" in model.choice))
 
     on = switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.002]))
-    beside, before = (standing._pulled(Replica(), one, weights) for one in (on, Model(2e-4, (0.06,))))
-    assert (beside - before > standing.PULLED**2) == expected
+    beside, before = (retest._nuisance_chi_square(Replica(), one, weights) for one in (on, Model(2e-4, (0.06,))))
+    assert (beside - before > retest.NUISANCE_SHIFT**2) == expected

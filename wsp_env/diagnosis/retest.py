@@ -1,0 +1,141 @@
+"""Tests whether a tried mechanism holds on a replica of its own, with the nuisance sizes estimated there.
+
+On the replica on which it was found, a mechanism with nonlinear effect is extrapolated linearly.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from wsp_env.diagnosis.agreement import agreement
+from wsp_env.diagnosis.candidates import without
+from wsp_env.diagnosis.convergence import converge, diverges, largest_change
+from wsp_env.diagnosis.estimates import estimates, intervals_contain_null, within_a_sample
+from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.fitting import Fitted, Weights, refit
+from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.search import Screen, net_effect
+from wsp_env.diagnosis.trials import (
+    SURE,
+    ReplicaNoise,
+    Trial,
+    accepted_deviance,
+    corrects_recordings,
+    form_of,
+    forms,
+    log_odds,
+    weights_of,
+)
+
+#: Change of a mechanism with new nuisance sizes, in standard deviations, from which on its replica is made again.
+LARGE_CHANGE = 1.0
+#: Largest number of replicas with newly estimated weights.
+_REWEIGHTED = 4
+#: Additional shift of the nuisances by a mechanism, in standard deviations, above which it is rejected: nuisances cancel it.
+NUISANCE_SHIFT = 4.0
+
+
+class Retested(NamedTuple):
+    """A trial with its evidence on a replica of its own, and the replica to which it was fitted."""
+
+    trial: Trial
+    replica: Replica
+
+
+def retest(replica: Replica, seen: Screen, weights: Weights, trial: Trial) -> Retested | None:
+    """Return a trial with its size and evidence on a replica of its own; None if it does not hold.
+
+    If the parts of the recordings disagree so that it is no longer sure, the evidence is the reduced one. A trial that diverges
+    and then fails is returned with its evidence there, so that it counts as not seen.
+    """
+    own_weights, diverged, rejected = weights, False, None
+    weights_with: Callable[..., Weights] | None = None
+    if corrects_recordings(trial.listed):
+        # It is already on its own replica; a model without it cannot fit the slides that it implies.
+        own, fitted, own_weights, null_replica = trial.about, trial.fitted, trial.weights, replica
+    else:
+        own, fitted = converge(replica.recorded, trial.fitted, weights)
+        null_replica = own
+        without_it = dataclasses.replace(trial.fitted, cost=trial.fitted.cost + trial.reduction)
+        diverged = diverges(fitted, without_it.cost)
+    if diverged:  # variances estimated without it do not hold: compare both models, each with variances of its own residuals
+        begin = trial.fitted
+        if np.isfinite(fitted.cost):  # the evidence of the linear search is void: if it fails now, it was not seen
+            begin, lost = fitted, 0.5 * (without_it.cost - fitted.cost) - trial.penalty
+            rejected = Retested(dataclasses.replace(trial, evidence=lost), own)
+        own, fitted, noise = converge_reweighted(replica, begin, seen, weights.deviance(without_it))
+        weights_with = noise.weights
+        own_weights, null_replica = weights_with(), replica
+    others = [one for one in fitted.variants if one is not trial.variant]
+    null_fit = refit(null_replica, without(fitted.model, trial.variant), others, weights)
+    if (
+        _nuisance_chi_square(own, fitted.model, own_weights) - _nuisance_chi_square(null_replica, null_fit.model, weights)
+        > NUISANCE_SHIFT**2
+    ):
+        return rejected
+    reduction = trial.reduction
+    if not corrects_recordings(trial.listed):
+        reduction = weights.deviance(null_fit) - own_weights.deviance(fitted)
+        if not diverged:
+            # Where the replica shows a mechanism, a model without it cannot fit. With it, the recordings must also fit better
+            # than without it about a replica without it.
+            reduction = min(reduction, without_it.cost - fitted.cost)
+    if diverged:  # on its own replica it must explain as much as when it was found, less its form error
+        least = 2.0 * ((1.0 - form_of(trial.listed)) ** 2 * trial.evidence + trial.penalty)
+        if reduction > least:
+            reduction = accepted_deviance(replica, seen, null_fit, weights) - own_weights.deviance(fitted)
+        if reduction <= least:
+            return rejected
+    if others:
+        # It must keep its evidence with and without form errors of the other mechanisms. If allowed, they may produce its
+        # effect; they may also fit a false mechanism to the residual of another false one.
+        with_forms = (weights_with or functools.partial(weights_of, own, seen))(
+            forms(own, fitted.model, others, seen.whitening)
+        )
+        null_with_forms = (
+            with_forms
+            if null_replica is own
+            else weights_of(null_replica, seen, forms(null_replica, null_fit.model, others, seen.whitening))
+        )
+        null_deviance = null_with_forms.deviance(refit(null_replica, null_fit.model, null_fit.variants, null_with_forms))
+        reduction = min(reduction, null_deviance - with_forms.deviance(refit(own, fitted.model, fitted.variants, with_forms)))
+    found = estimates(own, fitted, trial.variant, own_weights, reduction)
+    if intervals_contain_null(found, trial.variant):
+        return rejected
+    if within_a_sample(found, trial.variant, replica.sample_s):
+        reduction = 0.0  # a recording with these samples cannot distinguish it from zero
+    evidence, size = 0.5 * reduction - trial.penalty, net_effect(own, fitted.model, trial.variant, seen.whitening)
+    parts = agreement(own, fitted.model, trial.variant, own_weights, form_of(trial.listed))
+    reduced_evidence = parts.student_evidence(evidence)
+    if log_odds(trial.listed, reduced_evidence) <= SURE:
+        evidence = reduced_evidence
+    return Retested(
+        dataclasses.replace(trial, fitted=fitted, reduction=reduction, evidence=evidence, size=size, weights=own_weights), own
+    )
+
+
+def converge_reweighted(
+    replica: Replica, fitted: Fitted, seen: Screen, most: float = np.inf
+) -> tuple[Replica, Fitted, ReplicaNoise]:  # fmt: skip
+    """Iterate replicas with nuisance sizes estimated on each one, while the deviance does not exceed `most`.
+
+    Return the last replica, the fit to it, and its noise.
+    """
+    own, again = replica, fitted
+    for _ in range(_REWEIGHTED):
+        before, own = again, Replica(replica.recorded, again.model)
+        noise = ReplicaNoise(own, seen)
+        weights = noise.weights()
+        again = refit(own, before.model, before.variants, weights)
+        if largest_change(before, again) < LARGE_CHANGE or weights.deviance(again) > most:
+            break
+    return own, again, noise
+
+
+def _nuisance_chi_square(replica: Replica, model: Model, weights: Weights) -> float:
+    """Return the sum of squared nuisance amplitudes, in prior deviations; a true finding relaxes those that replaced it."""
+    amplitudes = weights.projector.amplitudes(weights(replica.raw(model)))
+    return float(amplitudes @ amplitudes)
