@@ -118,7 +118,7 @@ def select(
             replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen
         )
         trials = trials_of(replica, seen, fitted, weights, pool)
-        best, rejected = _best(trials, rejects, retest_trial, threshold)
+        best, rejected = _best(trials, rejects, retest_trial, threshold, not accepted)
         if best is None:
             left = left or [
                 one
@@ -212,7 +212,9 @@ def _exchanged(
             if better.evidence <= before or bool(better.listed.family) > bool(one.trial.listed.family):
                 break
             retested = None if at_bound(better.variant, better.fitted.model) else retest(replica, seen, weights, better)
-            if retested is not None and log_odds(retested.trial.listed, retested.trial.evidence) > SURE:
+            if retested is None or retested.suspended is not None:
+                continue
+            if log_odds(retested.trial.listed, retested.trial.evidence) > SURE:
                 kept = [other for other in accepted if other is not one]
                 others_tried = [*tried, dataclasses.replace(one.trial, evidence=before)]
                 named = Accepted(retested.trial, *posterior(_larger_evidence(retested.trial, better), others_tried, ()))
@@ -258,29 +260,38 @@ def _preferred(trials: Sequence[Trial]) -> list[Trial]:
 
 
 def _best(
-    trials: Sequence[Trial], rejects: Callable[[Trial], bool], retest_trial: Callable[[Trial], Retested | None],
-    threshold: Callable[[Trial], float],
+    trials: Sequence[Trial], rejects: Callable[[Trial], bool], retest_trial: Callable[[Trial, Fitted | None], Retested | None],
+    threshold: Callable[[Trial], float], again: bool = True,
 ) -> tuple[Retested | None, dict[str, float]]:  # fmt: skip
     """Return the best trial that holds, and the titles of rejected trials with their log odds.
 
     The log odds of a trial must exceed `threshold`, and `rejects` must be false: for the trial as found, and about its own
-    replica (`retest_trial`). Rejected titles are not listed as alternatives.
+    replica (`retest_trial`). If none holds with the variances as they are, suspended trials are tested with own
+    variances if `again`. Rejected titles are not listed as alternatives.
     """
     best: Retested | None = None
     rejected: dict[str, float] = {}
-    for one in _preferred([trial for trial in trials if log_odds(trial.listed, trial.evidence) > threshold(trial)]):
-        if best is not None and _preferred([best.trial, one])[0] is best.trial:
-            continue
-        retested = None if rejects(one) else retest_trial(one)
-        if (
-            retested is None
-            or log_odds(retested.trial.listed, retested.trial.evidence) <= threshold(retested.trial)
-            or rejects(retested.trial)
-        ):
-            last = one if retested is None else retested.trial
-            rejected[one.listed.title] = log_odds(last.listed, last.evidence)
-        elif best is None or _preferred([best.trial, retested.trial])[0] is retested.trial:
-            best = retested
+    suspended: dict[str, Fitted] = {}
+
+    def test(one: Trial) -> None:
+        nonlocal best
+        retested = None if rejects(one) else retest_trial(one, suspended.pop(one.listed.title, None))
+        last = one if retested is None else retested.trial
+        if retested is not None and retested.suspended is not None:
+            suspended[one.listed.title] = retested.suspended
+        elif retested is not None and log_odds(last.listed, last.evidence) > threshold(last) and not rejects(last):
+            rejected.pop(one.listed.title, None)
+            best = retested if best is None or _preferred([best.trial, last])[0] is last else best
+            return
+        rejected[one.listed.title] = log_odds(last.listed, last.evidence)
+
+    promising = _preferred([trial for trial in trials if log_odds(trial.listed, trial.evidence) > threshold(trial)])
+    for one in promising:
+        if best is None or _preferred([best.trial, one])[0] is one:
+            test(one)
+    if best is None and again:  # the evidence with which these were found is void: all are tested
+        for one in [one for one in promising if one.listed.title in suspended]:
+            test(one)
     return best, rejected
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from wsp_env.diagnosis.agreement import agreement
 from wsp_env.diagnosis.candidates import without
-from wsp_env.diagnosis.convergence import converge, diverges, largest_change
+from wsp_env.diagnosis.convergence import converge, largest_change
 from wsp_env.diagnosis.estimates import estimates, intervals_contain_null, within_a_sample
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
@@ -43,30 +43,41 @@ class Retested(NamedTuple):
 
     trial: Trial
     replica: Replica
+    suspended: Fitted | None = None  # fit of a trial that is no longer sure there, with variances estimated without it
 
 
-def retest(replica: Replica, seen: Screen, weights: Weights, trial: Trial) -> Retested | None:
+def retest(replica: Replica, seen: Screen, weights: Weights, trial: Trial, suspended: Fitted | None = None) -> Retested | None:
     """Return a trial with its size and evidence on a replica of its own; None if it does not hold.
 
-    If the parts of the recordings disagree so that it is no longer sure, the evidence is the reduced one. A trial that diverges
-    and then fails is returned with its evidence there, so that it counts as not seen.
+    If the parts of the recordings disagree so that it is no longer sure, the evidence is the reduced one.
+
+    Parameters
+    ----------
+    suspended : of the trial's first test; now each model has variances of its own residuals. If it fails again, it is returned
+        with its evidence in the first test, so that it counts as not seen
+
     """
-    own_weights, diverged, rejected = weights, False, None
+    own_weights, reweighted, rejected = weights, False, None
+    explained = np.inf  # reduction of the sum of squares from the null model about its replica to this one about its own
     weights_with: Callable[..., Weights] | None = None
     if corrects_recordings(trial.listed):
         # It is already on its own replica; a model without it cannot fit the slides that it implies.
         own, fitted, own_weights, null_replica = trial.about, trial.fitted, trial.weights, replica
     else:
-        own, fitted = converge(replica.recorded, trial.fitted, weights)
-        null_replica = own
         without_it = dataclasses.replace(trial.fitted, cost=trial.fitted.cost + trial.reduction)
-        diverged = diverges(fitted, without_it.cost)
-    if diverged:  # variances estimated without it do not hold: compare both models, each with variances of its own residuals
-        begin = trial.fitted
-        if np.isfinite(fitted.cost):  # the evidence of the linear search is void: if it fails now, it was not seen
-            begin, lost = fitted, 0.5 * (without_it.cost - fitted.cost) - trial.penalty
-            rejected = Retested(dataclasses.replace(trial, evidence=lost), own)
-        own, fitted, noise = converge_reweighted(replica, begin, seen, weights.deviance(without_it))
+        reweighted = suspended is not None
+        own, fitted = (replica, suspended) if suspended else converge(replica.recorded, trial.fitted, weights)
+        null_replica, explained = own, without_it.cost - fitted.cost
+        evidence = 0.5 * explained - trial.penalty
+        if log_odds(trial.listed, evidence) <= SURE:
+            if not np.isfinite(fitted.cost):
+                return Retested(trial, own, trial.fitted)
+            # The evidence of the linear search is void: if it fails again, it was not seen.
+            rejected = Retested(dataclasses.replace(trial, evidence=evidence), own, None if reweighted else fitted)
+            if not reweighted:
+                return rejected
+    if reweighted:
+        own, fitted, noise = converge_reweighted(replica, fitted, seen, weights.deviance(without_it))
         weights_with = noise.weights
         own_weights, null_replica = weights_with(), replica
     others = [one for one in fitted.variants if one is not trial.variant]
@@ -79,11 +90,11 @@ def retest(replica: Replica, seen: Screen, weights: Weights, trial: Trial) -> Re
     reduction = trial.reduction
     if not corrects_recordings(trial.listed):
         reduction = weights.deviance(null_fit) - own_weights.deviance(fitted)
-        if not diverged:
+        if not reweighted:
             # Where the replica shows a mechanism, a model without it cannot fit. With it, the recordings must also fit better
             # than without it about a replica without it.
-            reduction = min(reduction, without_it.cost - fitted.cost)
-    if diverged:  # on its own replica it must explain as much as when it was found, less its form error
+            reduction = min(reduction, explained)
+    if reweighted:  # on its own replica it must explain as much as when it was found, less its form error
         least = 2.0 * ((1.0 - form_of(trial.listed)) ** 2 * trial.evidence + trial.penalty)
         if reduction > least:
             reduction = accepted_deviance(replica, seen, null_fit, weights) - own_weights.deviance(fitted)
