@@ -265,7 +265,7 @@ def test_an_earlier_name_gives_way_to_a_rival_that_explains_more_beside_a_later_
 
 def held(evidence):
     """Return what a trial is about a replica of its own: its evidence there is given by name."""
-    return lambda one: decide.Retested(dataclasses.replace(one, evidence=evidence[one.listed.title]), None)
+    return lambda one, suspended=None: decide.Retested(dataclasses.replace(one, evidence=evidence[one.listed.title]), None)
 
 
 EVIDENCE = {"brake_gain_imbalance": 40.0, "track_gradient": 50.0, "brake torque by braking": 60.0}
@@ -295,13 +295,35 @@ def test_a_trial_counts_as_it_stands_about_a_replica_of_its_own():
 def test_what_need_not_be_asked_is_not():
     asked = []
 
-    def retest_trial(one):
+    def retest_trial(one, suspended):
         asked.append(one.listed)
         return decide.Retested(one, None)
 
     best, _ = decide._best(THREE, lambda one: False, retest_trial, lambda one: SURE)
     assert best.trial.listed == GRADIENT
     assert asked == [GRADIENT]
+
+
+@pytest.mark.parametrize(("holds", "again", "expected"), [(True, True, GAIN), (False, True, GRADIENT), (False, False, None)])
+def test_suspended_trials_are_tested_again_only_if_nothing_else_holds(holds, again, expected):
+    """The gradient and the term are suspended; the gain holds or does not. With own variances the gradient has 55."""
+    asked = []
+
+    def retest_trial(one, suspended):
+        asked.append((one.listed, suspended))
+        if one.listed == GAIN:
+            return decide.Retested(one, None) if holds else None
+        evidence = {GRADIENT.title: 55.0, TERM.title: 20.0}[one.listed.title] if suspended else 1.0
+        return decide.Retested(dataclasses.replace(one, evidence=evidence), None, None if suspended else "fit")
+
+    best, rejected = decide._best(THREE, lambda one: False, retest_trial, lambda one: SURE, again)
+    assert (best and best.trial.listed) == expected
+    second = [listed for listed, suspended in asked if suspended]
+    assert second == ([GRADIENT, TERM] if expected == GRADIENT else [])
+    assert rejected.keys() == {one.listed.title for one in THREE} - {
+        expected.title if expected else "",
+        TERM.title * bool(expected),
+    }  # a term that holds, but less surely, stays an alternative
 
 
 @pytest.mark.parametrize("loss", [2.0, 200.0])

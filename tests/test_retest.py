@@ -1,6 +1,7 @@
 """Whether what was tried holds about a replica of its own."""
 
 import dataclasses
+import functools
 from types import SimpleNamespace
 
 import numpy as np
@@ -31,7 +32,7 @@ def own(monkeypatch):
 
     def ask(
         cost: float, pulls: bool = False, left: float = 20.0, again: float = np.nan, least: float = np.nan,
-        interval: tuple[float, float] = (0.001, 0.003), found: float = 60.0,
+        interval: tuple[float, float] = (0.001, 0.003), found: float = 60.0, twice: bool = False,
     ) -> retest.Retested | None:  # fmt: skip
         monkeypatch.setattr(retest, "estimates", lambda *_: {"rise": Estimate(0.002, "-", interval)})
         monkeypatch.setattr(retest, "converge", lambda *_: ("own replica", dataclasses.replace(one.fitted, cost=cost)))
@@ -42,7 +43,9 @@ def own(monkeypatch):
         pulled = {True: 5.0**2, False: 0.0}[pulls]
         monkeypatch.setattr(retest, "_nuisance_chi_square", lambda _, model, __: pulled * ("track_gradient" in model.choice))
         monkeypatch.setattr(retest, "agreement", lambda *_: SimpleNamespace(student_evidence=lambda evidence: left))
-        return retest.retest(REPLICA, SEEN, PLAIN, dataclasses.replace(one, reduction=found))
+        asked = dataclasses.replace(one, reduction=found)
+        first = retest.retest(REPLICA, SEEN, PLAIN, asked)
+        return retest.retest(REPLICA, SEEN, PLAIN, asked, first.suspended) if twice else first
 
     return ask
 
@@ -56,10 +59,24 @@ def test_a_trial_has_the_evidence_and_size_that_it_has_about_its_own_replica(own
     assert held.trial.size == StopChange(0.04, 0.0)
 
 
-@pytest.mark.parametrize(("found", "expected"), [(-10.0, 30.0), (-30.0, 10.0), (-45.0, -5.0)])
+@pytest.mark.parametrize(("found", "expected"), [(-10.0, 30.0), (0.0, 40.0), (60.0, 40.0)])
 def test_the_recordings_must_fit_better_than_without_it_about_a_replica_without_it(own, found, expected):
     """About its own replica, which shows it, a model without it costs 100; about its own 100 + `found`. With it: 60."""
-    assert own(60.0, found=found).trial.reduction == expected
+    held = own(60.0, found=found)
+    assert held.trial.reduction == expected
+    assert held.suspended is None
+
+
+@pytest.mark.parametrize(("found", "evidence"), [(-30.0, 2.0), (-60.0, -13.0)])
+def test_what_is_no_longer_sure_about_its_own_replica_is_suspended(own, found, evidence):
+    held = own(60.0, found=found)
+    assert held.suspended.cost == 60.0
+    assert held.trial.evidence == evidence  # a price of 3
+
+
+def test_what_does_not_converge_is_suspended_as_it_was_found(own):
+    held = own(np.inf)
+    assert (held.suspended.cost, held.trial.evidence) == (100.0, 30.0)
 
 
 @pytest.mark.parametrize(("plain", "bent", "expected"), [(60.0, 60.0, 40.0), (60.0, 95.0, 5.0), (95.0, 60.0, 5.0)])
@@ -86,24 +103,26 @@ def test_beside_others_it_must_be_missing_whether_their_forms_bend_or_not(monkey
     assert held.trial.evidence == 0.5 * expected
 
 
-def test_what_runs_away_about_its_own_replica_is_asked_under_the_weights_that_it_has_there(own):
-    """It fits worse there than the model without it did, which left 160, by more than three deviations of such a sum.
+def test_what_was_suspended_is_asked_under_the_weights_that_it_has_there(own):
+    """It fits worse there than the model without it did, which left 160.
 
     Weights that were learned without it say what everything varied by while it was missing: both are compared by their
     deviances, each under weights of its own, and without it the least counts.
     """
-    assert own(160.0 + 2.9 * 320.0**0.5).replica == "own replica"
-    away = 160.0 + 3.1 * 320.0**0.5
-    held = own(away, again=40.0, least=96.0)
+    away = 170.0
+    held = own(away, again=40.0, least=96.0, twice=True)
     assert held.replica == f"{away}, 160.0"  # begun there, and left where it costs more than without it
     assert held.trial.reduction == 56.0
     assert held.trial.evidence == 0.5 * 56.0 - 3.0
-    assert own(np.inf, again=40.0, least=96.0).replica == "100.0, 160.0"  # where it did not come to rest: from the trial
+    assert (
+        own(np.inf, again=40.0, least=96.0, twice=True).replica == "100.0, 160.0"
+    )  # where it did not come to rest: from the trial
 
 
-def test_what_runs_away_must_explain_as_much_under_the_weights_of_its_own_replica_but_for_its_form(own):
+def test_what_was_suspended_must_explain_as_much_under_the_weights_of_its_own_replica_but_for_its_form(own):
     """It had 30. Where less than 0.8 squared of that is left, it was not seen; if it never came to rest, nothing tells."""
-    away, no_less = 160.0 + 3.1 * 320.0**0.5, 2.0 * (0.64 * 30.0 + 3.0)
+    away, no_less = 170.0, 2.0 * (0.64 * 30.0 + 3.0)
+    own = functools.partial(own, twice=True)
     lost = pytest.approx(0.5 * (160.0 - away) - 3.0)
     assert own(away, again=100.0 - no_less - 0.1, least=100.0).trial.evidence == pytest.approx(0.64 * 30.0 + 0.05)
     assert own(away, again=100.0 - no_less - 0.1, least=99.8).trial.evidence == lost
