@@ -1,6 +1,6 @@
-"""Tests whether a tried mechanism holds on a replica of its own, with the nuisance sizes estimated there.
+"""Tests whether a tried mechanism holds on a replica of its own, on which its effect is not extrapolated linearly.
 
-On the replica on which it was found, a mechanism with nonlinear effect is extrapolated linearly.
+First with the weights with which it was found; if it is suspended, with nuisance sizes estimated on its own replicas.
 """
 
 import dataclasses
