@@ -105,7 +105,7 @@ def test_an_extension_is_asked_about_its_own_replica_and_the_baseline_about_its_
     monkeypatch.setattr(module, "slide_whitening", lambda *_: None)
     monkeypatch.setattr(module, "refit", refit)
     monkeypatch.setattr(module, "left", stub_left)
-    monkeypatch.setattr(module, "Replica", lambda *_: again)
+    monkeypatch.setattr(module, "replica_of", lambda *_: again)
     white, sizes = Whitening(np.ones(2), ()), Sizes(np.ones(0), np.ones(5))
     screen = SimpleNamespace(groups=(), times=None, whitening=white, colour=None, sizes=sizes)
     outcome = SimpleNamespace(

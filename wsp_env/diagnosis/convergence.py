@@ -12,7 +12,7 @@ from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import Variant, parameter_of, switched, values_in
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Fitted, Weights, refit, weigh
+from wsp_env.diagnosis.fitting import Fitted, Weights, refit, replica_of, weigh
 from wsp_env.diagnosis.noise import NoiseParameters, noise_of
 from wsp_env.diagnosis.replica import Replica
 
@@ -85,7 +85,7 @@ def converge(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Repl
     changes: list[float] = []
     last, least = None, np.inf
     for made in range(1, _REPLICAS[1] + 1):
-        replica = Replica(recorded, fitted.model)
+        replica = replica_of(recorded, fitted.model, weights)
         one = _Iterate(replica, fitted, refit(replica, fitted.model, fitted.variants, weights))
         if last is not None and diverges(one.fitted, least):
             if largest_change(last.about, fitted) < _CONVERGED:
@@ -141,7 +141,7 @@ def converge_rescaled(recorded: Balances, fitted: Fitted, variant: Variant, weig
     tried = []
     for share in _SHARES:
         model = switched(fitted.model, variant, _scaled(variant, values_in(fitted.model, variant), share))
-        replica = Replica(recorded, model)
+        replica = replica_of(recorded, model, weights)
         tried.append((refit(replica, model, others, weights), replica))
     best, replica = min(tried, key=lambda one: one[0].cost)
     return converge(recorded, refit(replica, best.model, fitted.variants, weights), weights)

@@ -101,6 +101,19 @@ def baseline(recorded: Balances) -> Replica:
     return Replica(recorded, model)
 
 
+def replica_of(recorded: Balances, model: Model, weights: Weights) -> Replica:
+    """Return the replica of a model with mechanisms, whose effect has the share of the unpredicted part that fits best.
+
+    The share is between 0 and 1. It is estimated anew for each replica, and never by a refit.
+    """
+    replica = Replica(recorded, model)
+    if replica.unpredicted is None:
+        return replica
+    rows = weights(np.column_stack([replica.raw(replica.about), replica.unpredicted]))
+    known = weights.projector.inner(rows, rows)
+    return replica.without(float(np.clip(known[0, 1] / max(known[1, 1], np.finfo(float).tiny), 0.0, 1.0)))
+
+
 def _law_fitted(balances: Balances | Replica, model: Model) -> Model:
     whitening = balances.whitening(model)
     groups = nuisances(balances, model, balances.raw(model), whitening)

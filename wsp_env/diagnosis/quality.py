@@ -18,7 +18,7 @@ from wsp_env.diagnosis.colour import slide_whitening
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.decide import Outcome
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Weighing, Weights, refit, weigh
+from wsp_env.diagnosis.fitting import Weighing, Weights, refit, replica_of, weigh
 from wsp_env.diagnosis.gls import fit
 from wsp_env.diagnosis.readings import on_sensors
 from wsp_env.diagnosis.replica import Replica
@@ -110,7 +110,11 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
     if len(kept) < len(variants):
         for one, sure in zip(outcome.accepted, repeated, strict=True):
             after = after if sure else without(after, one.trial.variant)
-        own = Replica(replica.recorded, refit(own, after, kept, weights(own, "all")).model) if kept else replica
+        if kept:
+            every = weights(own, "all")
+            own = replica_of(replica.recorded, refit(own, after, kept, every).model, every)
+        else:
+            own = replica
         # A mechanism fitted together with others is now fitted without the rejected ones.
         after = refit(own, after, kept, weights(own, "tuned"), ~held).model
     every = weights(replica, "all")

@@ -9,8 +9,14 @@ gives the recorded force. For the same reason the residual is linear in measured
 wheel and the WSP reacts. Changes of the model are therefore evaluated at slip and torque predicted before each block of time
 (`wsp_env.diagnosis.loop`); the residuals of the recordings are evaluated at the actual slip. Changes of a delay show in the
 torque's own course and are evaluated under the recorded torque.
+
+A replica of a mechanism also needs the mechanism's effect on the recordings at the actual slips and torques. That effect
+differs from the one at the predicted slips by an unpredicted part: what friction and WSP did within the block. Whether nature's
+mechanism acts so fast is a question of its form (a load may follow each wheel's force, or only the vehicle's deceleration).
+`Replica.unpredicted` is this part, and `wsp_env.diagnosis.fitting.replica_of` estimates which share of it the recordings show.
 """
 
+import copy
 import dataclasses
 import threading
 from collections.abc import Callable, Sequence
@@ -74,19 +80,26 @@ class Replica:
         # The replica contains the true slip of a wheel with wrong radius; the reading of its sensor is linear in the radius.
         shares = [share * (larger == 0.0) for share in kept]
         self._share = [averaged(share, stop.step_s) for share, stop in zip(shares, right.sources, strict=True)]
-        self._slopes = [one.slope for one in self._copy.evaluate(baseline)]
-        if rest is not baseline:  # the slope of the curve at the true slips, whatever the sensors show
-            slid = self._slid(self._copy, rest)[-1]
-            self._slopes = [one.slope for one in slid]
+        slid = self._at_true_slips(baseline, on_sensors(rest))
+        self._slopes = [one.slope for one in slid]
+        if rest is not baseline:
             self.rows = _rows_as_they_slide(self.rows, self._copy.parts, slid)
-        smoothing = self._changed(baseline)  # residual of an exact balance due to smoothing
-        residuals = self._residuals(right) - smoothing * right.rows.wheels
+        smoothing = self._changed(baseline) * right.rows.wheels  # residual of an exact balance due to smoothing
+        residuals = self._residuals(right, baseline, self._slopes) - smoothing
+        law = dataclasses.replace(baseline, choice={})
+        if baseline.choice:
+            slopes = [one.slope for one in self._at_true_slips(law, on_sensors(rest))]
+            of_law = self._residuals(right, law, slopes) - smoothing
         turned = zip(*_predicted_stops(right, braked, forces), strict=True)
         self._copy, self.timed = (
             right.like(simulate_readings(campaign, stops, readings) if readings else stops) for stops in turned
         )
         self._kept, self._readings = threading.local(), readings
         self._offset = residuals - self._changed(self.physical(baseline))
+        #: Part (n,) of the effect on the recordings that is not predicted; None without mechanisms except those on sensors.
+        self.unpredicted: np.ndarray | None = None
+        if baseline.choice:
+            self.unpredicted = self._offset - (of_law - self._changed(self.physical(law)))
 
     def __getattr__(self, name: str) -> Any:
         """Delegate other attributes to the replica's balances."""
@@ -143,6 +156,12 @@ class Replica:
         slid = copy.evaluate_slid(model, [(1.0 - kept) * error for kept, error in zip(self._share, errors, strict=True)])
         return whole, without, errors, slid
 
+    def _at_true_slips(self, model: Model, sensors: Choice) -> list[Evaluation]:
+        """Evaluate a model without sensors at the true slips, whatever `sensors` show."""
+        if not sensors:
+            return self._copy.evaluate(model)
+        return self._slid(self._copy, dataclasses.replace(model, choice={**model.choice, **sensors}))[-1]
+
     def physical(self, model: Model) -> Model:
         """Return a model with the sensors of the replica."""
         if on_sensors(model) == self._readings:
@@ -158,17 +177,24 @@ class Replica:
         """Residuals (n,) of a model: those of the recordings at the baseline plus the change by the model."""
         return self._changed(model) + self._offset
 
+    def without(self, share: float) -> "Replica":
+        """Return the replica with a share of the unpredicted part removed from the residuals of the recordings."""
+        if self.unpredicted is None or share == 0.0:
+            return self
+        result = copy.copy(self)
+        result._offset, result.unpredicted = self._offset - share * self.unpredicted, (1.0 - share) * self.unpredicted
+        return result
+
     def _changed(self, model: Model) -> np.ndarray:
         parts = zip(self._copy.parts, self.evaluate(model), strict=True)
         return np.concatenate([part.residuals(one) for part, one in parts])
 
-    def _residuals(self, right: Balances) -> np.ndarray:
-        """Residuals (n,) of the recordings at the baseline."""
-        result, rows = right.raw(self.baseline), self.rows
-        pairs = zip(right.evaluate(self.baseline), self.evaluate(self.baseline), strict=True)
-        for i, (one, copy) in enumerate(pairs):
-            expected = copy.adhesion + self._slopes[i] * (one.slip - copy.slip)
-            wheels = right.parts[i].wheel_rows(one.force / (2.0 * copy.load) - expected)
+    def _residuals(self, right: Balances, model: Model, slopes: Sequence[np.ndarray]) -> np.ndarray:
+        """Residuals (n,) of the recordings at a model, with the slopes (T, A) of its curve at the replica's slips."""
+        result, rows = right.raw(model), self.rows
+        for i, (one, mine) in enumerate(zip(right.evaluate(model), self.evaluate(model), strict=True)):
+            expected = mine.adhesion + slopes[i] * (one.slip - mine.slip)
+            wheels = right.parts[i].wheel_rows(one.force / (2.0 * mine.load) - expected)
             result[(rows.run == i) & rows.wheels] = wheels
         return result
 

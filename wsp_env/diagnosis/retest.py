@@ -15,7 +15,7 @@ from wsp_env.diagnosis.candidates import without
 from wsp_env.diagnosis.convergence import converge, largest_change
 from wsp_env.diagnosis.estimates import estimates, intervals_contain_null, within_a_sample
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Fitted, Weights, refit
+from wsp_env.diagnosis.fitting import Fitted, Weights, refit, replica_of
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Screen, net_effect
 from wsp_env.diagnosis.trials import (
@@ -135,9 +135,9 @@ def converge_reweighted(
 
     Return the last replica, the fit to it, and its noise.
     """
-    own, again = replica, fitted
+    own, again, weights = replica, fitted, weights_of(replica, seen)
     for _ in range(_REWEIGHTED):
-        before, own = again, Replica(replica.recorded, again.model)
+        before, own = again, replica_of(replica.recorded, again.model, weights)
         noise = ReplicaNoise(own, seen)
         weights = noise.weights()
         again = refit(own, before.model, before.variants, weights)

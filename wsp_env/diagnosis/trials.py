@@ -16,7 +16,7 @@ from wsp_env.diagnosis.colour import slide_whitening
 from wsp_env.diagnosis.convergence import converge, converge_rescaled, diverges
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh
+from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, replica_of, weigh
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.noise import EM_UPDATES, NoiseParameters, noise_of
 from wsp_env.diagnosis.readings import on_sensors
@@ -160,7 +160,7 @@ def _fit_on_replica(replica: Replica, seen: Screen, start: Fitted, weights: Weig
 
 def accepted_deviance(replica: Replica, seen: Screen, start: Fitted, weights: Weights) -> float:
     """Return the least deviance of the accepted model: on the present replica, or on its own with new nuisance sizes."""
-    own = Replica(replica.recorded, start.model)
+    own = replica_of(replica.recorded, start.model, weights)
     mine = ReplicaNoise(own, seen).weights()
     return min(weights.deviance(start), mine.deviance(refit(own, start.model, start.variants, mine)))
 
