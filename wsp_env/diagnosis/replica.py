@@ -11,15 +11,16 @@ wheel and the WSP reacts. Changes of the model are therefore evaluated at slip a
 torque's own course and are evaluated under the recorded torque.
 
 A replica of a mechanism also needs the mechanism's effect on the recordings at the actual slips and torques. That effect
-differs from the one at the predicted slips by an unpredicted part: what friction and WSP did within the block. Whether nature's
-mechanism acts so fast is a question of its form (a load may follow each wheel's force, or only the vehicle's deceleration).
-`Replica.unpredicted` is this part, and `wsp_env.diagnosis.fitting.replica_of` estimates which share of it the recordings show.
+differs from the one at the predicted slips by an unpredicted part: what friction and WSP did within the block. Torques are
+measured, but whether friction and wheel loads change as fast as a mechanism of the library is a question of form: a load may
+follow each wheel's force, or only the vehicle's deceleration. `Replica.unpredicted` is this part for mechanisms of the contact,
+and `wsp_env.diagnosis.fitting.replica_of` estimates which share of it the recordings show.
 """
 
 import copy
 import dataclasses
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,8 @@ from wsp_env.diagnosis.stops import (
     wheel_filter,
 )
 from wsp_env.diagnosis.thinning import averaged
-from wsp_env.plant.mechanisms import ALL
+from wsp_env.plant.mechanisms import ALL, discovered
+from wsp_env.plant.mechanisms.terms import Slot
 
 _NEWTON = 12
 _FLAT_S = 0.5  # averaging time of the curve's flatness [s], so that it does not follow noise
@@ -86,20 +88,20 @@ class Replica:
             self.rows = _rows_as_they_slide(self.rows, self._copy.parts, slid)
         smoothing = self._changed(baseline) * right.rows.wheels  # residual of an exact balance due to smoothing
         residuals = self._residuals(right, baseline, self._slopes) - smoothing
-        law = dataclasses.replace(baseline, choice={})
-        if baseline.choice:
-            slopes = [one.slope for one in self._at_true_slips(law, on_sensors(rest))]
-            of_law = self._residuals(right, law, slopes) - smoothing
+        prompt = _choosing(baseline, lambda name: not _on_contact(name, baseline.choice[name]))
+        if prompt is not baseline:
+            slopes = [one.slope for one in self._at_true_slips(prompt, on_sensors(rest))]
+            of_prompt = self._residuals(right, prompt, slopes) - smoothing
         turned = zip(*_predicted_stops(right, braked, forces), strict=True)
         self._copy, self.timed = (
             right.like(simulate_readings(campaign, stops, readings) if readings else stops) for stops in turned
         )
         self._kept, self._readings = threading.local(), readings
         self._offset = residuals - self._changed(self.physical(baseline))
-        #: Part (n,) of the effect on the recordings that is not predicted; None without mechanisms except those on sensors.
+        #: Part (n,) of the effect on the recordings that is not predicted; None without mechanisms of the contact.
         self.unpredicted: np.ndarray | None = None
-        if baseline.choice:
-            self.unpredicted = self._offset - (of_law - self._changed(self.physical(law)))
+        if prompt is not baseline:
+            self.unpredicted = self._offset - (of_prompt - self._changed(self.physical(prompt)))
 
     def __getattr__(self, name: str) -> Any:
         """Delegate other attributes to the replica's balances."""
@@ -203,6 +205,13 @@ def without_sensors(model: Model) -> Model:
     """Return a model without mechanisms on sensors; the same object if it has none."""
     sensors = on_sensors(model)
     return _choosing(model, lambda name: name not in sensors)
+
+
+def _on_contact(name: str, values: Mapping[str, float]) -> bool:
+    """Whether a mechanism changes nothing but friction and wheel loads."""
+    if name == discovered.CARD.name:
+        return {int(term.slot) for term in discovered.terms_of(values)} <= {Slot.FRICTION, Slot.RECOVERY}
+    return ALL[name].signature.acts_on == "contact"
 
 
 def _choosing(model: Model, kept: Callable[[str], bool]) -> Model:
