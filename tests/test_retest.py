@@ -137,7 +137,8 @@ def test_a_reweighted_fit_converges_under_the_weights_of_every_replica(monkeypat
     """Each fit goes half of the way that is left; one that moves less than a deviation, or costs more, is the last."""
     deviation = 0.008
     begin = Fitted(Model(2e-4, (0.06,)), (GRADIENT,), (np.array([0.0]),), (np.eye(1) * deviation**2,), 100.0)
-    monkeypatch.setattr(retest, "Replica", lambda recorded, model: ("about", model))
+    monkeypatch.setattr(retest, "replica_of", lambda recorded, model, weights: ("about", model))
+    monkeypatch.setattr(retest, "weights_of", lambda *_: None)
 
     def noise_on(own, seen):
         return SimpleNamespace(weights=lambda: SimpleNamespace(deviance=lambda one: one.cost, of=own))

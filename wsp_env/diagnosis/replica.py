@@ -11,16 +11,17 @@ wheel and the WSP reacts. Changes of the model are therefore evaluated at slip a
 torque's own course and are evaluated under the recorded torque.
 
 A replica of a mechanism also needs the mechanism's effect on the recordings at the actual slips and torques. That effect
-differs from the one at the predicted slips by an unpredicted part: what friction and WSP did within the block. Torques are
-measured, but whether friction and wheel loads change as fast as a mechanism of the library is a question of form: a load may
-follow each wheel's force, or only the vehicle's deceleration. `Replica.unpredicted` is this part for mechanisms of the contact,
-and `wsp_env.diagnosis.fitting.replica_of` estimates which share of it the recordings show.
+differs from the one at the predicted slips by an unpredicted part: what friction and WSP did within the block. The library's
+mechanisms of brakes and vehicle act on measured torques at once. But whether friction and wheel loads change as fast as in the
+library is a question of form (a load may follow each wheel's force, or only the vehicle's deceleration), and of terms for
+unknown physics nothing is known. `Replica.unpredicted` is this part for contact and terms, and
+`wsp_env.diagnosis.fitting.replica_of` estimates which share of it the recordings show.
 """
 
 import copy
 import dataclasses
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,6 @@ from wsp_env.diagnosis.stops import (
 )
 from wsp_env.diagnosis.thinning import averaged
 from wsp_env.plant.mechanisms import ALL, discovered
-from wsp_env.plant.mechanisms.terms import Slot
 
 _NEWTON = 12
 _FLAT_S = 0.5  # averaging time of the curve's flatness [s], so that it does not follow noise
@@ -88,7 +88,7 @@ class Replica:
             self.rows = _rows_as_they_slide(self.rows, self._copy.parts, slid)
         smoothing = self._changed(baseline) * right.rows.wheels  # residual of an exact balance due to smoothing
         residuals = self._residuals(right, baseline, self._slopes) - smoothing
-        prompt = _choosing(baseline, lambda name: not _on_contact(name, baseline.choice[name]))
+        prompt = _choosing(baseline, lambda name: not _may_act_slower(name))
         if prompt is not baseline:
             slopes = [one.slope for one in self._at_true_slips(prompt, on_sensors(rest))]
             of_prompt = self._residuals(right, prompt, slopes) - smoothing
@@ -98,7 +98,7 @@ class Replica:
         )
         self._kept, self._readings = threading.local(), readings
         self._offset = residuals - self._changed(self.physical(baseline))
-        #: Part (n,) of the effect on the recordings that is not predicted; None without mechanisms of the contact.
+        #: Part (n,) of the effect on the recordings that is not predicted; None without mechanisms that may act slower.
         self.unpredicted: np.ndarray | None = None
         if prompt is not baseline:
             self.unpredicted = self._offset - (of_prompt - self._changed(self.physical(prompt)))
@@ -207,11 +207,9 @@ def without_sensors(model: Model) -> Model:
     return _choosing(model, lambda name: name not in sensors)
 
 
-def _on_contact(name: str, values: Mapping[str, float]) -> bool:
-    """Whether a mechanism changes nothing but friction and wheel loads."""
-    if name == discovered.CARD.name:
-        return {int(term.slot) for term in discovered.terms_of(values)} <= {Slot.FRICTION, Slot.RECOVERY}
-    return ALL[name].signature.acts_on == "contact"
+def _may_act_slower(name: str) -> bool:
+    """Whether a mechanism may act more slowly than its form: on friction or wheel loads, or a term for unknown physics."""
+    return name == discovered.CARD.name or ALL[name].signature.acts_on == "contact"
 
 
 def _choosing(model: Model, kept: Callable[[str], bool]) -> Model:
