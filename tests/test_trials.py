@@ -99,7 +99,7 @@ def test_replicas_are_made_until_sizes_settle(monkeypatch, factor, way, made):
         values = way * (1.0 - factor ** len(replicas))
         return Fitted(model, tuple(variants), (np.array([values]),), (np.eye(1),), 0.0)
 
-    monkeypatch.setattr(convergence, "Replica", lambda *_: replicas.append(1))
+    monkeypatch.setattr(convergence, "replica_of", lambda *_: replicas.append(1))
     monkeypatch.setattr(convergence, "refit", refit)
     first = Fitted(Model(2e-4, (0.06,)), (GRADIENT,), (np.zeros(1),), (np.eye(1),), 0.0)
     _, fitted = convergence.converge(None, first, None)
@@ -119,7 +119,7 @@ def test_where_a_replica_fits_worse_half_of_the_way_is_gone(monkeypatch):
             switched(model, GRADIENT, np.array([end])), tuple(variants), (np.array([end]),), (1e-8 * np.eye(1),), cost + worse
         )
 
-    monkeypatch.setattr(convergence, "Replica", lambda _, model: model.choice[GRADIENT.name]["rise"])
+    monkeypatch.setattr(convergence, "replica_of", lambda _, model, __: model.choice[GRADIENT.name]["rise"])
     monkeypatch.setattr(convergence, "refit", refit)
     begin = Fitted(
         switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.008])),
@@ -145,7 +145,7 @@ def test_what_ran_away_settles_anew_from_the_share_that_fits_best_about_its_own_
         cost = 100.0 + 1e6 * abs(end - truth)
         return Fitted(switched(model, GRADIENT, np.array([end])), tuple(variants), (np.array([end]),), (np.eye(1),), cost)
 
-    monkeypatch.setattr(convergence, "Replica", lambda _, model: model.choice[GRADIENT.name]["rise"])
+    monkeypatch.setattr(convergence, "replica_of", lambda _, model, __: model.choice[GRADIENT.name]["rise"])
     monkeypatch.setattr(convergence, "refit", refit)
     ran = Fitted(switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.02])), (GRADIENT,), (), (), 5000.0)
     _, fitted = convergence.converge_rescaled(None, ran, GRADIENT, None)
@@ -196,7 +196,7 @@ def test_a_size_that_moves_on_from_replica_to_replica_does_not_hold(shrinks, res
         at["size"], at["move"] = at["size"] + at["move"], shrinks * at["move"]
         return Fitted(model, tuple(variants), (np.array([at["size"]]),), (np.eye(1),), 100.0)
 
-    monkeypatch.setattr(convergence, "Replica", lambda *_: None)
+    monkeypatch.setattr(convergence, "replica_of", lambda *_: None)
     monkeypatch.setattr(convergence, "refit", refit)
     begin = Fitted(Model(2e-4, (0.06,)), (GAIN,), (np.zeros(1),), (np.eye(1),), 100.0)
     _, fitted = convergence.converge(None, begin, None)
