@@ -1,9 +1,10 @@
 """Controllers on vehicles that differ from the one they assume: `python -m agents.drawn --vehicle bogie`.
 
 The stops are held out. Brakes are nominal, or brakes, radii, sensor noise and wear are drawn at random. All controllers assume
-the nominal vehicle. The table gives each controller's figures as ratios to the lower envelope of the others' fronts (see
-`agents.rivals`) in the same world at the controller's own mean slip; the ratio of distances has its standard error. `--json`
-prints the means as well. For several trainings (`--runs`) a second table gives mean, confidence interval and range.
+the nominal vehicle; `--told` lets them know fields of the true brake. The table gives each controller's figures as ratios to
+the lower envelope of the others' fronts (see `agents.rivals`) in the same world at the controller's own mean slip; the ratio
+of distances has its standard error. `--json` prints the means as well. For several trainings (`--runs`) a second table gives
+mean, confidence interval and range.
 """
 
 import dataclasses
@@ -49,6 +50,9 @@ RESAMPLED = 200
 #: What stands before the name of a training in that of its policy.
 _RUN = "policy of"
 
+#: Fields of a drawn brake that controllers may be told.
+Known = Literal["dead_time_s", "fill_time_constant_s", "vent_time_constant_s", "demand_rise_s", "torque_per_bar_nm"]
+
 World = list[tuple[Vehicle, dict[str, dict[str, float]], list[Stop]]]
 
 #: What is kept of a controller: figure -> its value in every stop (N,).
@@ -90,6 +94,7 @@ class Arguments:
     runs: tuple[Path, ...] = ()  # folders of trainings with several seeds, whose policies are braked with too
     only: tuple[str, ...] = ()  # who is braked with, by the beginning of the name; none: all, and without rivals no ratios
     drawn_by: int = HELD_OUT  # seed of the stops and of what is drawn
+    told: tuple[Known, ...] = ()  # fields of the true brake that the controllers know
     keep: Path | None = None  # file of what was measured; an interrupted run goes on with it
     json: bool = False
 
@@ -143,13 +148,13 @@ def _changed(stop: Stop, radius: np.ndarray) -> Stop:
 class Drawn:
     """The same stops of a world for every controller; as `agents.measure.Yardstick`, of several vehicles."""
 
-    def __init__(self, believed: Vehicle, parts: World) -> None:
-        self.believed = believed
+    def __init__(self, believed: Vehicle, parts: World, told: Sequence[str] = ()) -> None:
+        self.believed = [_told(believed, own, told) for own, _, _ in parts]
         self.parts = [Yardstick(own, stops, Conduct(mechanisms=mechanisms)) for own, mechanisms, stops in parts]
 
     def figures(self, controller: Controller) -> dict[str, np.ndarray]:
         """Return the figures of all stops, (N,) each."""
-        found = [part.figures(Believing(controller, self.believed)) for part in self.parts]
+        found = [part.figures(Believing(controller, own)) for part, own in zip(self.parts, self.believed, strict=True)]
         return {name: np.concatenate([own[name] for own in found]) for name in found[0]}
 
     @property
@@ -157,6 +162,12 @@ class Drawn:
         """Number of the draw (N,) that each stop shares with others: its vehicle, or itself where there is but one vehicle."""
         sizes = [len(part.stops) for part in self.parts]
         return np.arange(sizes[0]) if len(sizes) == 1 else np.repeat(np.arange(len(sizes)), sizes)
+
+
+def _told(believed: Vehicle, true: Vehicle, fields: Sequence[str]) -> Vehicle:
+    """Return the believed vehicle with these fields of the true one's brake."""
+    known = {name: getattr(true.brake, name) for name in fields}
+    return dataclasses.replace(believed, brake=dataclasses.replace(believed.brake, **known))
 
 
 def means_of(found: Stops) -> dict[str, float]:
@@ -209,7 +220,8 @@ def compare(arguments: Arguments) -> list[dict[str, Any]]:
     policies = {name: load_policy(folder) for name, folder in folders.items()}
     for name in arguments.worlds:
         for law in arguments.laws:
-            yardstick = Drawn(vehicle, world(name, under(vehicle, law), law, arguments.stops, arguments.drawn_by))
+            parts = world(name, under(vehicle, law), law, arguments.stops, arguments.drawn_by)
+            yardstick = Drawn(vehicle, parts, arguments.told)
             every = {(family, who): one for family, own in families.items() for who, one in own.items()}
             every |= {("", who): one for who, one in policies.items()}
             if arguments.only:
@@ -217,6 +229,7 @@ def compare(arguments: Arguments) -> list[dict[str, Any]]:
             found = {}
             for key, controller in every.items():
                 what = f"{arguments.vehicle} {arguments.stops} {arguments.drawn_by} {name} {law}"
+                what += "".join(f" {field}" for field in arguments.told)
                 label = f"{what} {' '.join(key)} {_settings(controller)}"
                 found[key] = _kept(arguments.keep, label) or measured(yardstick, controller)
                 _keep(arguments.keep, label, found[key])

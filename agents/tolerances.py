@@ -64,6 +64,8 @@ TOLERANCES = {
     "venting x 1.4": Tolerance({"vent_time_constant_s": 1.4}),
     "venting x 0.7": Tolerance({"vent_time_constant_s": 0.7}),
     "all three x 1.4": Tolerance({"dead_time_s": 1.4, "fill_time_constant_s": 1.4, "vent_time_constant_s": 1.4}),
+    "demand's rise x 1.25": Tolerance({"demand_rise_s": 1.25}),
+    "demand's rise x 0.75": Tolerance({"demand_rise_s": 0.75}),
     "torque + 10 %": Tolerance({"torque_per_bar_nm": 1.1}),
     "torque - 10 %": Tolerance({"torque_per_bar_nm": 0.9}),
     "torque of one axle - 20 %": Tolerance(mechanisms={"brake_gain_imbalance": {"gain": -0.2, "axle": 1.0}}),

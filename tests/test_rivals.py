@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from agents.drawn import DRAWS, FILL_S, KEPT, REPORTED, WORN, against, over_seeds, standard_error, world
+from agents.drawn import DRAWS, FILL_S, KEPT, REPORTED, WORN, Drawn, against, over_seeds, standard_error, world
 from agents.faults import DRY, Arguments, Broken, longest_lock, parts_of
 from agents.measure import low_adhesion
 from agents.rivals import at_slip, classical, envelope
@@ -96,6 +96,14 @@ def test_drawn_vehicles_differ_from_the_nominal_one_and_worn_stops_in_one_wheels
     assert all(FILL_S[0] <= own.brake.fill_time_constant_s <= FILL_S[1] for own, _, _ in parts)
     with pytest.raises(SystemExit, match="no world 'x'"):
         world("x", BOGIE, "classic", 1, 1)
+
+
+def test_controllers_know_the_fields_of_a_drawn_brake_that_they_are_told():
+    parts = world("drawn brakes", BOGIE, "classic", DRAWS, 5)
+    for (own, _, _), believed in zip(parts, Drawn(BOGIE, parts, ("demand_rise_s",)).believed, strict=True):
+        assert believed.brake.demand_rise_s == own.brake.demand_rise_s != BOGIE.brake.demand_rise_s
+        assert believed.brake.fill_time_constant_s == BOGIE.brake.fill_time_constant_s
+    assert all(believed == BOGIE for believed in Drawn(BOGIE, parts).believed)
 
 
 def test_a_front_is_taken_at_the_same_slip_and_without_points_that_are_none_of_it():
