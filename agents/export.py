@@ -32,7 +32,7 @@ from wsp_env.evaluation.policy import (
     describe_observation,
     observer_constants,
 )
-from wsp_env.observer.estimator import full_brake
+from wsp_env.observer.estimate import full_brake
 from wsp_env.observer.observation import Observer
 from wsp_env.parameters.uic_z1 import VEHICLES
 

@@ -13,7 +13,7 @@ from agents.steering import wanted_brake
 from wsp_env.contact.port import adhesion_under
 from wsp_env.evaluation.reference import nearest, wanted_pressure
 from wsp_env.evaluation.runner import Conduct, StopRecords, record, start_plant
-from wsp_env.observer.estimator import VehicleEstimate, full_brake
+from wsp_env.observer.estimate import VehicleEstimate, full_brake
 from wsp_env.observer.overrule import RELEASED_SHARE
 from wsp_env.parameters.resistance import running_resistance
 from wsp_env.parameters.vehicle import Vehicle

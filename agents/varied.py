@@ -14,7 +14,7 @@ from agents.drawn import NOISE, RADIUS, WORN, drawn_vehicle
 from agents.worlds import Shaped
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
-from wsp_env.observer.estimator import VehicleEstimate
+from wsp_env.observer.estimate import VehicleEstimate
 from wsp_env.observer.guard import Guard
 from wsp_env.observer.observation import Observer
 from wsp_env.parameters.vehicle import Vehicle

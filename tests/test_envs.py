@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import wsp_env
 from wsp_env.envs import IDS
 from wsp_env.envs.task import RewardWeights
-from wsp_env.observer.estimator import full_brake
+from wsp_env.observer.estimate import full_brake
 from wsp_env.observer.observation import Observer
 from wsp_env.parameters.uic_z1 import VEHICLES
 from wsp_env.plant.mechanisms import ALL

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from wsp_env.evaluation.network import Infer, open_network
-from wsp_env.observer import estimator, rail
+from wsp_env.observer import estimate, estimator, rail, running_speed
 from wsp_env.observer.guard import Guard
 from wsp_env.observer.observation import Observer
 from wsp_env.parameters.document import DocumentError, read_json
@@ -69,7 +69,9 @@ class Contract:
     pressure_sensors: bool
     measurement: list[dict[str, str]]  # name, unit, shape, meaning
     observation: list[dict[str, str]]  # one entry per number, in order
-    observer: dict[str, float]  # constants of `wsp_env.observer.observation`, `.estimator` and `.rail`
+    observer: dict[
+        str, float
+    ]  # constants of `wsp_env.observer`: `observation`, `estimate`, `estimator`, `running_speed`, `rail`
     output: dict[str, str]
     limits: dict[str, Any]  # what the policy was trained for: ranges of the conditions, adhesion that full brake asks for
     training: dict[str, Any]  # arguments, decisions, score on the watched stops, version of torch
@@ -115,9 +117,8 @@ def _numbered(entries: list[dict[str, str]]) -> dict[str, dict[str, str]]:
 
 def observer_constants() -> dict[str, float]:
     """Return the constants of `Observer` that decide what a policy sees."""
-    constants = {
-        name: value for holder in (Observer, estimator, rail) for name, value in vars(holder).items() if name.isupper()
-    }
+    holders = (Observer, estimate, estimator, running_speed, rail)
+    constants = {name: value for holder in holders for name, value in vars(holder).items() if name.isupper()}
     found: dict[str, float] = {}
     for name, value in constants.items():
         if isinstance(value, tuple):

@@ -11,7 +11,7 @@ from wsp_env.export.source import plain_function
 from wsp_env.export.translator import Direct, Translator
 from wsp_env.export.unit import Variable, assigned
 from wsp_env.observer import doubts as judging
-from wsp_env.observer import estimator, guard, observation, overrule
+from wsp_env.observer import estimate, guard, observation, overrule
 from wsp_env.observer.observation import Observer
 from wsp_env.parameters.vehicle import Vehicle
 
@@ -69,7 +69,7 @@ def guarded_observer(
     axles, size = vehicle.axles, Observer.size_for(vehicle.axles)
     given = observation._constants_of(vehicle, interval_s, by_pressure)
     doubted = judging.allocate(kinds.SENTINEL, axles)
-    slow = estimator.approach(interval_s, judging.NOISE_FILTER_S)
+    slow = estimate.approach(interval_s, judging.NOISE_FILTER_S)
     judged = judging.GuardConstants(vehicle.wheel_radius_m, interval_s, slow, *timers)
     memory, constants, doubts, own = (
         kinds.variable(t.type_of(example), f"self->{name}")

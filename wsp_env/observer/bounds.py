@@ -26,9 +26,9 @@ def fill_and_vent(fill_s: float, vent_s: float) -> tuple[float, float]:
 
 
 @inlined
-def supply(distributor: float, demand: float) -> float:
-    """Return the highest possible distributor pressure, from its estimate and the demand; shares of full pressure."""
-    return max(distributor, min(demand, RISES_FASTER * distributor))
+def supply(most: float, demand: float, rise: float) -> float:
+    """Return the highest possible distributor pressure, from its last value, the demand and the nominal rise per interval."""
+    return max(min(demand, most + RISES_FASTER * rise), most - rise / RISES_FASTER)
 
 
 @inlined

@@ -9,7 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.compiled import inlined, rebuilder
-from wsp_env.observer.estimator import MASS_DEVIATION, ROLLING_ADHESION, EstimatorConstants, VehicleEstimate
+from wsp_env.observer import running_speed
+from wsp_env.observer.estimate import EstimatorConstants, VehicleEstimate
+from wsp_env.observer.estimator import ROLLING_ADHESION
 
 #: Largest rate of a wheel's circumferential speed [m/s2]; faster changes are faults (assumption: a full brake causes 16 m/s2).
 JUMP_MPS2 = 100.0
@@ -146,8 +148,7 @@ def _obeys(i: int, k: int, d: Doubts, c: GuardConstants, e: VehicleEstimate) -> 
     d.disobeys[i, k] = d.disobeys[i, k] + c.interval if e.adhesion[i, k] < -DISOBEYS_ADHESION else 0.0
     if d.disobeys[i, k] >= DISOBEYS_S - 1e-9:
         d.failed[i, k] = True
-        e.speed_variance[i], e.covariance[i] = max(e.speed_variance[i], MISLED_MPS * MISLED_MPS), 0.0
-        e.mass_ratio[i], e.mass_variance[i] = 1.0, MASS_DEVIATION * MASS_DEVIATION
+        running_speed.distrust(i, MISLED_MPS, e)
 
 
 @inlined

@@ -35,7 +35,7 @@ from wsp_env.observer.doubts import (
     others,
     stands,
 )
-from wsp_env.observer.estimator import approach
+from wsp_env.observer.estimate import approach
 from wsp_env.observer.observation import Observer, constants_of, memory_of
 from wsp_env.observer.overrule import TIMER_REST_S, TIMER_S, overrule
 from wsp_env.parameters.vehicle import Vehicle

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wsp_env.compiled import inlined, loop, plain, rebuilder
-from wsp_env.observer import estimator, rail
-from wsp_env.observer.estimator import EstimatorConstants, VehicleEstimate
+from wsp_env.observer import estimate, estimator, rail
+from wsp_env.observer.estimate import EstimatorConstants, VehicleEstimate
 from wsp_env.observer.rail import RailEstimate, RailEstimateConstants
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.parameters.vehicle import Vehicle
@@ -72,7 +72,7 @@ class Observer:
     demanded brake            adhesion that it requires, / 0.1 (one value)
     ========================  ==================================================================================
 
-    `wsp_env.observer.estimator` and `wsp_env.observer.rail` explain the estimates; the attributes `estimate` and `rail` hold
+    `wsp_env.observer.estimate` and `wsp_env.observer.rail` list the estimates; the attributes `estimate` and `rail` hold
     them. Pressures are expressed as the adhesion that they require of a wheelset under its nominal load, so that a policy
     trained with one brake also applies to a stronger one.
 
@@ -177,18 +177,18 @@ _CREEPAGE_FLOOR, _BOUND = Observer.CREEPAGE_FLOOR, Observer.BOUND
 
 def _constants_of(vehicle: Vehicle, interval: float, by_pressure: bool) -> ObserverConstants:
     return ObserverConstants(
-        estimator=estimator.constants(vehicle, interval, by_pressure),
+        estimator=estimate.constants(vehicle, interval, by_pressure),
         rail=rail.constants(vehicle, interval),
-        acceleration=estimator.approach(interval, Observer.ACCELERATION_FILTER_S),
-        recent=estimator.approach(interval, Observer.RECENT_S),
-        slow=estimator.approach(interval, Observer.SLOW_S),
+        acceleration=estimate.approach(interval, Observer.ACCELERATION_FILTER_S),
+        recent=estimate.approach(interval, Observer.RECENT_S),
+        slow=estimate.approach(interval, Observer.SLOW_S),
     )
 
 
 def _allocate(n: int, vehicle: Vehicle, interval: float) -> Memory:
     widths = {"contradiction": len(rail.RECOVERY_M_PER_J)}
     filtered = Filtered(*(np.zeros((n, widths.get(name, vehicle.axles))) for name in Filtered._fields))
-    return Memory(estimator.allocate(n, vehicle, interval), rail.allocate(n), filtered)
+    return Memory(estimate.allocate(n, vehicle, interval), rail.allocate(n), filtered)
 
 
 #: Kernels that rebuild `Memory` and `ObserverConstants` from `Observer.state` and `Observer.given`, for other compiled code.

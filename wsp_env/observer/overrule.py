@@ -8,16 +8,10 @@ import numpy as np
 from wsp_env.compiled import inlined, loop
 from wsp_env.observer import bounds
 from wsp_env.observer.doubts import Doubts, GuardConstants, doubts_of, guard_of
-from wsp_env.observer.estimator import (
-    MASS_RANGE,
-    ROLLING_ADHESION,
-    SLIDE_REMEMBERED_S,
-    SLOW_MPS,
-    EstimatorConstants,
-    VehicleEstimate,
-    surely_empty,
-)
+from wsp_env.observer.estimate import EstimatorConstants, VehicleEstimate
+from wsp_env.observer.estimator import ROLLING_ADHESION, SLIDE_REMEMBERED_S, SLOW_MPS, surely_empty
 from wsp_env.observer.observation import constants_of, memory_of
+from wsp_env.observer.running_speed import MASS_RANGE
 from wsp_env.plant.command import APPLIES, HOLDS, VENTS
 
 #: An unmonitored axle is braked fully if, for `CALM_S` [s], each monitored axle has been applied or has had `FULL_SHARE` of the
