@@ -73,14 +73,15 @@ def test_a_slide_too_small_to_be_seen_is_not_taken_for_the_vehicle_while_the_con
 
 
 def test_with_measured_pressures_the_rise_is_not_learnt():
-    """The forces do not depend on it."""
+    """The forces do not depend on it; a pressure above the full one is believed, too."""
     observer, n = Observer(WHEELSET, INTERVAL_S, pressure_sensors=True), 4
     speed = np.full((n, 1), 60.0)
     observer.reset(Measurement(np.zeros(n), speed, np.ones(n)))
     for tick in range(100):
-        pressure = np.full((n, 1), 0.03 * tick)
+        pressure = np.full((n, 1), 0.042 * tick)
         observer.observe(Measurement(np.full(n, tick * INTERVAL_S), speed - 0.02 * tick, np.ones(n), pressure), np.ones((n, 1)))
     assert (observer.estimate.rise == 0.0).all()
+    assert_allclose(observer.estimate.pressure, pressure / WHEELSET.brake.full_pressure_bar)
 
 
 @pytest.mark.parametrize("by_pressure", [False, True])

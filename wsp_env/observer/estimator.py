@@ -110,7 +110,7 @@ def update(
             empty = c.full_brake * e.pressure[i, k] < ROLLING_SHARE * e.rolling_adhesion[i, k]
             sure = (empty and bounds.is_shallow(e.speed[i] - seen, e.speed[i])) or surely_rolls(i, k, e, c)
             running_speed.correct(i, seen, ROLLING_DEVIATION_MPS, sure, e)
-    if e.since_slide[i] == math.inf and fastest >= 0.0 and _braked_as_demanded(i, e):
+    if e.since_slide[i] == math.inf and fastest >= 0.0 and _braked_as_demanded(i, e, c):
         creep = c.creep * min(c.full_brake * e.distributor[i], POOREST_RAIL)
         running_speed.correct(i, fastest * (1.0 + creep), BRAKED_DEVIATION_MPS, True, e)
     running_speed.raise_to_the_fastest(i, e, c)
@@ -196,15 +196,15 @@ def _bound(i: int, k: int, e: VehicleEstimate, c: EstimatorConstants) -> None:
 
 
 @inlined
-def _braked_as_demanded(i: int, e: VehicleEstimate) -> bool:
-    """Return whether no axle of vehicle i holds less brake than the distributor gives, but for the lag of filling.
+def _braked_as_demanded(i: int, e: VehicleEstimate, c: EstimatorConstants) -> bool:
+    """Return whether every command under way to the valves of vehicle i asks for all of the demanded brake.
 
-    A controller that holds less reacts to a slide, which may be smaller than what counts as one here.
+    A controller that asks for less reacts to a slide, which may be smaller than what counts as one here.
     """
-    braked = True
+    all_of_it, braked = 0.9 if c.by_pressure else 0.5, True  # wanted pressures: 95 % of the demanded one
     for k in range(e.wheel.shape[1]):
         for age in range(e.commands.shape[1]):
-            braked = braked and e.commands[i, age, k] > 0.5
+            braked = braked and e.commands[i, age, k] > all_of_it
     return braked
 
 

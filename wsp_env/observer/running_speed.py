@@ -3,7 +3,8 @@
 States: running speed v; q, nominal over true mass; r, logarithm of the distributor's rise time over the nominal one. The sum
 of the rail forces slows the vehicle: dv/dt = -q sum T / M. While the distributor's pressure rises, a slower rise and a larger
 mass slow the vehicle alike. The rise is less certain (practice: 3 to 5 s), so that it takes most of what is found then. The
-estimated pressures are corrected with r by their derivatives; once the distributor has reached the demand, r no longer counts.
+estimated pressures are corrected with r by their derivatives. r no longer counts once the distributor has reached the demand
+and no cylinder holds a pressure from before.
 """
 
 import math
@@ -130,6 +131,8 @@ def _learn_rise(i: int, by: float, e: VehicleEstimate) -> None:
     before = e.rise[i]
     e.rise[i] = min(max(before + by, -math.log(bounds.RISES_FASTER)), math.log(bounds.RISES_FASTER))
     by = e.rise[i] - before
+    if by == 0.0:
+        return
     e.distributor[i] = min(max(e.distributor[i] + by * e.distributor_by_rise[i], 0.0), 1.0)
     for k in range(e.wheel.shape[1]):
         e.pressure[i, k] = min(max(e.pressure[i, k] + by * e.pressure_by_rise[i, k], 0.0), 1.0)
