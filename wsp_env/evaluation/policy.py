@@ -69,9 +69,7 @@ class Contract:
     pressure_sensors: bool
     measurement: list[dict[str, str]]  # name, unit, shape, meaning
     observation: list[dict[str, str]]  # one entry per number, in order
-    observer: dict[
-        str, float
-    ]  # constants of `wsp_env.observer`: `observation`, `estimate`, `estimator`, `running_speed`, `rail`
+    observer: dict[str, float]  # constants of `Observer` and its estimates, see `observer_constants`
     output: dict[str, str]
     limits: dict[str, Any]  # what the policy was trained for: ranges of the conditions, adhesion that full brake asks for
     training: dict[str, Any]  # arguments, decisions, score on the watched stops, version of torch
