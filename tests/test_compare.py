@@ -6,13 +6,12 @@ import math
 import pytest
 
 from wsp_env import cli
-from wsp_env.evaluation.compare import compare
-from wsp_env.evaluation.controller import load
+from wsp_env.evaluation.compare import StopOptions, compare
 from wsp_env.parameters.uic_z1 import BOGIE
 
 
 def test_recovery_shortens_a_sliding_stop_and_leaves_a_rolling_one():
-    result = compare(load("none"), BOGIE, (0.03, 0.2), (1e-5, 4e-4), 30.0)
+    result = compare("none", BOGIE, (0.03, 0.2), (1e-5, 4e-4), StopOptions(30.0, draws=1))
     pairs = {(pair.mu_cd, pair.tau): pair for pair in result.pairs}
     assert pairs[0.03, 4e-4].gained_m > pairs[0.03, 1e-5].gained_m > 0.0
     assert pairs[0.03, 4e-4].parted_mps > pairs[0.03, 1e-5].parted_mps  # the stronger recovery shows earlier
@@ -36,3 +35,15 @@ def test_the_command_compares(tmp_path, capsys):
     assert "parted" in printed
     assert "\\" not in printed
     assert cli.main(["compare", "--tau", "0"]) == 2
+
+
+def test_a_controller_that_ends_its_process_is_named(tmp_path, capsys):
+    file = tmp_path / "dies.py"
+    file.write_text(
+        "import os\n\n\nclass Dies:\n    def reset(self, n, vehicle):\n        os._exit(3)\n\n"
+        "    def act(self, seen):\n        raise NotImplementedError\n"
+    )
+    page = tmp_path / "compare.html"
+    assert cli.main(["compare", "--controller", f"{file}:Dies", "--vehicle", "wheelset", "--out", str(page)]) == 2
+    assert "ended the process it ran in, twice" in capsys.readouterr().err
+    assert not page.exists()

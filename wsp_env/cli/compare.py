@@ -1,6 +1,5 @@
 """`wsp compare`: the same stop with and without recovery of adhesion."""
 
-import dataclasses
 import json
 import math
 from pathlib import Path
@@ -11,43 +10,16 @@ from rich.console import Console
 
 from wsp_env.cli.pages import Pages
 from wsp_env.cli.plant_options import PhysicsOptions
-from wsp_env.evaluation.compare import PARTED_MPS, Comparison, compare
+from wsp_env.evaluation.compare import PARTED_MPS, Comparison, StopOptions, compare
 from wsp_env.evaluation.controller import load as load_controller
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.runner import ControllerFailure
+from wsp_env.executor import Processes
 from wsp_env.output import OutputError, ready
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle_file import find_vehicle
-from wsp_env.parameters.velim import TAU_M_PER_J, TEST_SPEEDS_MPS
+from wsp_env.parameters.velim import TAU_M_PER_J
 from wsp_env.report import COLOURS, Origin, PageOptions, Section, Table, axes, plotly, terminal_table, write_page
-
-
-@dataclasses.dataclass(frozen=True)
-class StopOptions:
-    """The stop.
-
-    Parameters
-    ----------
-    speed
-        Initial speed [m/s].
-    demand
-        Share of full brake pressure.
-    load
-        Share of the payload.
-    draws
-        Times that each is braked, with drawn noise of the sensors; 1: once without.
-
-    """
-
-    speed: float = TEST_SPEEDS_MPS["A1"]
-    demand: float = 1.0
-    load: float = 0.0
-    draws: int = 5
-
-    def __post_init__(self) -> None:
-        """Refuse less than one draw."""
-        if self.draws < 1:
-            raise ParameterError(f"draws = {self.draws}: at least 1")
 
 
 def main(
@@ -94,11 +66,15 @@ def main(
     plant.check(braked)
     if not mu_cd or not tau or min(tau) <= 0.0:
         raise ParameterError("give at least one --mu-cd and one --tau, each tau above 0: the classic law is run anyway")
-    chosen = load_controller(controller, read_settings((controller,), set)[controller])
+    parameters = read_settings((controller,), set)[controller]
+    load_controller(controller, parameters)  # what is wrong with its name is said here
     ready(*page.files(out))
     try:
         conduct = plant.conduct()
-        result = compare(chosen, braked, mu_cd, tau, stop.speed, stop.demand, stop.load, conduct=conduct, draws=stop.draws)
+        with Console(stderr=True).status(f"{controller} brakes"):
+            result = compare(
+                controller, braked, mu_cd, tau, stop, conduct=conduct, parameters=parameters, executor=Processes(1)
+            )
     except ControllerFailure as failure:
         raise ParameterError(str(failure)) from None
     title = f"{controller} on the {braked.name} from {stop.speed:g} m/s, demand {stop.demand:g}"

@@ -6,16 +6,20 @@ with the noise of the sensors each has a scatter: a closed loop of valves takes 
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from wsp_env.evaluation.controller import Controller
+from wsp_env.evaluation.braking import Braked, Braking, read, work
+from wsp_env.evaluation.carried import carry
 from wsp_env.evaluation.programme import TRACK_LENGTH_M
-from wsp_env.evaluation.runner import Conduct, StopRecords, run
+from wsp_env.evaluation.runner import Conduct, ControllerFailure
 from wsp_env.evaluation.summary import interval
+from wsp_env.executor import Executor, ThisProcess
+from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.parameters.velim import TEST_SPEEDS_MPS
 from wsp_env.plant.port import TRACK_STEP_M, Stop
 from wsp_env.scenario import Scenario, draw
 
@@ -25,7 +29,7 @@ PARTED_MPS = 0.5
 #: Noise of the wheel-speed sensors of drawn stops [rad/s], from none to this (assumption: as in the test programme).
 DRAWN_NOISE = 0.1
 
-_CONDUCT = Conduct()
+_CONDUCT, _HERE, _AS_MADE = Conduct(), ThisProcess(), dict[str, Any]()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,30 +65,61 @@ class Comparison:
     recovering: dict[tuple[float, float], np.ndarray]  # mu_cd, tau -> speed
 
 
+@dataclasses.dataclass(frozen=True)
+class StopOptions:
+    """The stop.
+
+    Parameters
+    ----------
+    speed
+        Initial speed [m/s].
+    demand
+        Share of full brake pressure.
+    load
+        Share of the payload.
+    draws
+        Times that each is braked, with drawn noise of the sensors; 1: once without.
+
+    """
+
+    speed: float = TEST_SPEEDS_MPS["A1"]
+    demand: float = 1.0
+    load: float = 0.0
+    draws: int = 5
+
+    def __post_init__(self) -> None:
+        """Refuse less than one draw."""
+        if self.draws < 1:
+            raise ParameterError(f"draws = {self.draws}: at least 1")
+
+
 def compare(
-    controller: Controller,
+    controller: str,
     vehicle: Vehicle,
     mu_cd: Sequence[float],
     tau: Sequence[float],
-    initial_speed_mps: float,
-    demand: float = 1.0,
-    load: float = 0.0,
-    seed: int = 0,
+    stop: StopOptions,
     conduct: Conduct = _CONDUCT,
-    draws: int = 1,
+    parameters: Mapping[str, Any] = _AS_MADE,
+    executor: Executor = _HERE,
 ) -> Comparison:
-    """Brake the same stop under both laws over the grid of mu_cd [-] and tau [m/J]; more than one of `draws` have noise.
+    """Brake the same stop under both laws over the grid of mu_cd [-] and tau [m/J]; more than one draw have noise.
 
-    Raises `ParameterError` for conditions that cannot be and `ControllerFailure` for a controller that fails.
+    `controller` and `parameters` are as for `wsp_env.evaluation.controller.load`. A controller that ends its process ends this
+    one, unless the executor has others. Raises `ParameterError` for conditions that cannot be and `ControllerFailure` for a
+    controller that fails.
     """
     grid = [(friction, rate) for friction in mu_cd for rate in (0.0, *tau)]
-    noises = [0.0] if draws == 1 else np.random.default_rng([seed, 1]).uniform(0.0, DRAWN_NOISE, draws).tolist()
+    draws = stop.draws
+    noises = [0.0] if draws == 1 else np.random.default_rng([0, 1]).uniform(0.0, DRAWN_NOISE, draws).tolist()
     stops = [
-        _stop(vehicle, friction, rate, initial_speed_mps, demand, load, seed + number, noise)
-        for friction, rate in grid
-        for number, noise in enumerate(noises)
+        _stop(vehicle, friction, rate, stop, number, noise) for friction, rate in grid for number, noise in enumerate(noises)
     ]
-    result = run(controller, vehicle, stops, conduct)
+    task = Braking(controller, carry(controller, executor.far), parameters, vehicle, tuple(stops), conduct)
+    (done,) = executor.run(work, [task])
+    if done.failure:
+        raise ControllerFailure(f"{controller} {done.failure}")
+    result = read(done.result)
     row = {point: i * draws for i, point in enumerate(grid)}
     pairs = [
         _mean([_pair(result, friction, rate, row[friction, 0.0] + i, row[friction, rate] + i) for i in range(draws)])
@@ -117,16 +152,16 @@ def _mean(pairs: Sequence[ComparedStops]) -> ComparedStops:
 
 
 def _stop(
-    vehicle: Vehicle, mu_cd: float, tau: float, speed: float, demand: float, load: float, seed: int, noise: float
+    vehicle: Vehicle, mu_cd: float, tau: float, stop: StopOptions, seed: int, noise: float
 ) -> Stop:  # fmt: skip
     pins: dict[str, Any] = {
-        "mu_cd": mu_cd, "tau": tau, "initial_speed": speed, "demand": demand, "load": load, "gradient": 0.0,
+        "mu_cd": mu_cd, "tau": tau, "initial_speed": stop.speed, "demand": stop.demand, "load": stop.load, "gradient": 0.0,
         "sensor_noise": noise, "track": "constant",
     }  # fmt: skip
     return draw(Scenario(), vehicle, np.random.default_rng(seed), int(TRACK_LENGTH_M / TRACK_STEP_M) + 1, pins)
 
 
-def _pair(result: StopRecords, mu_cd: float, tau: float, classic: int, recovering: int) -> ComparedStops:
+def _pair(result: Braked, mu_cd: float, tau: float, classic: int, recovering: int) -> ComparedStops:
     gap = np.abs(result.speed[:, classic].astype(np.float64) - result.speed[:, recovering])
     apart = np.flatnonzero(gap > PARTED_MPS)
     reached = np.where(result.stopped, result.distance, np.inf)
@@ -147,5 +182,5 @@ def _pair(result: StopRecords, mu_cd: float, tau: float, classic: int, recoverin
     )
 
 
-def _mean_slip(result: StopRecords, row: int) -> float:
+def _mean_slip(result: Braked, row: int) -> float:
     return float(result.slip[1 : result.steps[row] + 1, row].mean())

@@ -1,9 +1,8 @@
 """How would a controller have done in that test: controllers brake under the conditions of recorded stops."""
 
 import dataclasses
-import io
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -11,11 +10,12 @@ from wsp_env.envs.model import TunedModel
 from wsp_env.envs.step import LOCKED_RUNNING_MPS, LOCKED_WHEEL_MPS
 from wsp_env.envs.task import Task
 from wsp_env.evaluation.bound import SlideLimit
-from wsp_env.evaluation.carried import Carried, carry
+from wsp_env.evaluation.braking import Braking, read, work
+from wsp_env.evaluation.carried import carry
 from wsp_env.evaluation.controller import load
 from wsp_env.evaluation.policy import Policy
-from wsp_env.evaluation.runner import Conduct, ControllerFailure, run
-from wsp_env.executor import Executor, TaskFailedError, ThisProcess
+from wsp_env.evaluation.runner import Conduct
+from wsp_env.executor import Executor, ThisProcess
 from wsp_env.parameters.campaign_vehicle import plant_vehicle
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.vehicle import Vehicle
@@ -128,10 +128,10 @@ def replay(
         if failure:
             failures[task.name] = failure
             continue
-        braked_by[task.name] = _read(content)
+        braked_by[task.name] = read(content)
         done(task.name)
     for name in (name for name in controllers if name in braked_by):
-        time, whole_speed, whole_position, whole_slip = braked_by[name]
+        time, whole_speed, whole_position, whole_slip, *_ = braked_by[name]
         for index, stop in enumerate(names):
             part = slice(0, int(np.argmax(whole_speed[:, index] <= last[stop])) + 1 or None)
             position = whole_position[part, index]
@@ -139,38 +139,6 @@ def replay(
             courses.append(_course(stop, name, time[part], speed, slip, float(position[-1])))
     order = list(tuning.runs)
     return Replay(campaign.name, tuning.tau_m_per_J, tuple(sorted(courses, key=lambda c: order.index(c.stop))), failures)
-
-
-class Braking(NamedTuple):
-    """One controller on all stops, as a task."""
-
-    name: str
-    controller: Carried
-    parameters: Mapping[str, Any]
-    vehicle: Vehicle
-    stops: tuple[Stop, ...]
-    conduct: Conduct
-
-    def __str__(self) -> str:
-        """Return what a line may call it."""
-        return self.name
-
-
-def work(task: Braking) -> bytes:
-    """Return time, speed, position and slip of all stops; `TaskFailedError` says what went wrong with the controller."""
-    try:
-        with task.controller.here() as name:
-            result = run(load(name, task.parameters), task.vehicle, task.stops, task.conduct)
-    except ControllerFailure as failure:
-        raise TaskFailedError(str(failure)) from None
-    file = io.BytesIO()
-    np.savez(file, time=result.time, speed=result.speed, position=result.position, slip=result.slip)
-    return file.getvalue()
-
-
-def _read(content: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    with np.load(io.BytesIO(content), allow_pickle=False) as file:
-        return file["time"], file["speed"], file["position"], file["slip"]
 
 
 def braked(campaign: Campaign, replayed: Mapping[str, Any]) -> tuple[Vehicle, list[Stop], list[str]]:
