@@ -118,7 +118,7 @@ def compare(
     task = Braking(controller, carry(controller, executor.far), parameters, vehicle, tuple(stops), conduct)
     (done,) = executor.run(work, [task])
     if done.failure:
-        raise ControllerFailure(f"{controller} {done.failure}")
+        raise ControllerFailure(f"{controller}: {done.failure}")
     result = read(done.result)
     row = {point: i * draws for i, point in enumerate(grid)}
     pairs = [
