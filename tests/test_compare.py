@@ -37,13 +37,20 @@ def test_the_command_compares(tmp_path, capsys):
     assert cli.main(["compare", "--tau", "0"]) == 2
 
 
-def test_a_controller_that_ends_its_process_is_named(tmp_path, capsys):
-    file = tmp_path / "dies.py"
-    file.write_text(
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import os\n\nos._exit(3)\n",
         "import os\n\n\nclass Dies:\n    def reset(self, n, vehicle):\n        os._exit(3)\n\n"
-        "    def act(self, seen):\n        raise NotImplementedError\n"
-    )
+        "    def act(self, seen):\n        pass\n",
+    ],
+    ids=["loaded", "begun"],
+)
+def test_a_controller_that_ends_its_process_is_named(code, tmp_path, capsys):
+    file = tmp_path / "[" / "bold].py"  # no markup
+    file.parent.mkdir()
+    file.write_text(code)
     page = tmp_path / "compare.html"
     assert cli.main(["compare", "--controller", f"{file}:Dies", "--vehicle", "wheelset", "--out", str(page)]) == 2
-    assert "ended the process it ran in, twice" in capsys.readouterr().err
+    assert f"{file}:Dies: ended the process it ran in, twice" in capsys.readouterr().err
     assert not page.exists()

@@ -7,11 +7,11 @@ from typing import Annotated
 
 import tyro
 from rich.console import Console
+from rich.markup import escape
 
 from wsp_env.cli.pages import Pages
 from wsp_env.cli.plant_options import PhysicsOptions
 from wsp_env.evaluation.compare import PARTED_MPS, Comparison, StopOptions, compare
-from wsp_env.evaluation.controller import load as load_controller
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.runner import ControllerFailure
 from wsp_env.executor import Processes
@@ -67,11 +67,10 @@ def main(
     if not mu_cd or not tau or min(tau) <= 0.0:
         raise ParameterError("give at least one --mu-cd and one --tau, each tau above 0: the classic law is run anyway")
     parameters = read_settings((controller,), set)[controller]
-    load_controller(controller, parameters)  # what is wrong with its name is said here
     ready(*page.files(out))
     try:
         conduct = plant.conduct()
-        with Console(stderr=True).status(f"{controller} brakes"):
+        with Console(stderr=True).status(f"{escape(controller)} brakes"):
             result = compare(
                 controller, braked, mu_cd, tau, stop, conduct=conduct, parameters=parameters, executor=Processes(1)
             )

@@ -103,7 +103,7 @@ def compare(
     parameters: Mapping[str, Any] = _AS_MADE,
     executor: Executor = _HERE,
 ) -> Comparison:
-    """Brake the same stop under both laws over the grid of mu_cd [-] and tau [m/J]; more than one draw have noise.
+    """Brake the same stop under both laws over the grid of mu_cd [-] and tau [m/J]; several draws have noise.
 
     `controller` and `parameters` are as for `wsp_env.evaluation.controller.load`. A controller that ends its process ends this
     one, unless the executor has others. Raises `ParameterError` for conditions that cannot be and `ControllerFailure` for a
