@@ -260,72 +260,6 @@ def test_an_earlier_name_gives_way_to_a_rival_that_explains_more_beside_a_later_
     assert (GAIN.name in fitted.model.choice, drag.name in fitted.model.choice) == (gives_way, not gives_way)
 
 
-# --- which trial holds
-
-
-def held(evidence):
-    """Return what a trial is about a replica of its own: its evidence there is given by name."""
-    return lambda one, suspended=None: decide.Retested(dataclasses.replace(one, evidence=evidence[one.listed.title]), None)
-
-
-EVIDENCE = {"brake_gain_imbalance": 40.0, "track_gradient": 50.0, "brake torque by braking": 60.0}
-THREE = [trial(variant, EVIDENCE[variant.title]) for variant in (GAIN, GRADIENT, TERM)]
-
-
-def test_what_is_refused_is_told_and_the_next_best_is_taken():
-    best, rejected = decide._best(THREE, lambda one: one.evidence > 45.0, held(EVIDENCE), lambda one: SURE)
-    assert best.trial.listed == GAIN
-    assert list(rejected) == ["track_gradient"]  # a term is asked after the names
-    best, rejected = decide._best(THREE, lambda one: True, held(EVIDENCE), lambda one: SURE)
-    assert best is None
-    assert rejected.keys() == EVIDENCE.keys()
-    assert rejected["track_gradient"] == log_odds(GRADIENT, 50.0)
-
-
-def test_a_trial_counts_as_it_stands_about_a_replica_of_its_own():
-    """A name that falls behind the next one there is passed by it; one of which nothing is left is refused."""
-    behind = decide._best(THREE, lambda one: False, held(EVIDENCE | {"track_gradient": 35.0}), lambda one: SURE)
-    assert behind[0].trial.listed == GAIN
-    assert behind[1] == {}
-    nothing = decide._best(THREE, lambda one: False, held(EVIDENCE | {"track_gradient": 1.0}), lambda one: SURE)
-    assert nothing[0].trial.listed == GAIN
-    assert nothing[1] == {"track_gradient": log_odds(GRADIENT, 1.0)}  # as it stands: less likely than not
-
-
-def test_what_need_not_be_asked_is_not():
-    asked = []
-
-    def retest_trial(one, suspended):
-        asked.append(one.listed)
-        return decide.Retested(one, None)
-
-    best, _ = decide._best(THREE, lambda one: False, retest_trial, lambda one: SURE)
-    assert best.trial.listed == GRADIENT
-    assert asked == [GRADIENT]
-
-
-@pytest.mark.parametrize(
-    ("holds", "again", "expected", "left"),
-    [(True, True, GAIN, [GRADIENT]), (False, True, GRADIENT, [GAIN]), (False, False, None, [GRADIENT, GAIN, TERM])],
-)
-def test_suspended_trials_are_tested_again_only_if_nothing_else_holds(holds, again, expected, left):
-    """The gradient and the term are suspended; the gain holds or does not. With own variances the gradient has 55."""
-    asked = []
-
-    def retest_trial(one, suspended):
-        asked.append((one.listed, suspended))
-        if one.listed == GAIN:
-            return decide.Retested(one, None) if holds else None
-        evidence = {GRADIENT.title: 55.0, TERM.title: 20.0}[one.listed.title] if suspended else 1.0
-        return decide.Retested(dataclasses.replace(one, evidence=evidence), None, None if suspended else "fit")
-
-    best, rejected = decide._best(THREE, lambda one: False, retest_trial, lambda one: SURE, again)
-    assert (best and best.trial.listed) == expected
-    second = [listed for listed, suspended in asked if suspended]
-    assert second == ([GRADIENT, TERM] if expected == GRADIENT else [])
-    assert rejected.keys() == {one.title for one in left}
-
-
 @pytest.mark.parametrize("loss", [2.0, 200.0])
 def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, loss):
     """A fit without the first of two costs so much more."""
@@ -397,7 +331,7 @@ def test_curves_are_tried_once_and_only_where_what_is_left_matters(unexplained, 
     monkeypatch.setattr(decide, "FormErrorThreshold", lambda *said: lambda one: SURE)
     monkeypatch.setattr(decide, "trials_of", lambda *said: rejected)
     monkeypatch.setattr(decide, "_is_rejected", lambda *said: True)
-    replica = SimpleNamespace(baseline=Model(2e-4, (0.06,)))
+    replica = SimpleNamespace(baseline=Model(2e-4, (0.06,)), rows=[])
     outcome = decide.select(replica, [GRADIENT], None)
     with_curves = [["track_gradient", "a curve"]] if unexplained or holds_not else []
     assert searched == [["track_gradient", TERM.family], *with_curves]
@@ -419,8 +353,8 @@ def test_what_the_runs_leave_no_evidence_of_was_not_seen(left, monkeypatch):
     monkeypatch.setattr(decide, "FormErrorThreshold", lambda *_: lambda _: SURE)
     monkeypatch.setattr(decide, "trials_of", lambda *_: [one])
     monkeypatch.setattr(decide, "_is_rejected", lambda *_: False)
-    monkeypatch.setattr(decide, "retest", lambda *_: held({"track_gradient": left})(one))
-    outcome = decide.select(SimpleNamespace(baseline=Model(2e-4, (0.06,))), [GRADIENT], None)
+    monkeypatch.setattr(decide, "retest", lambda *_: decide.Retested(dataclasses.replace(one, evidence=left), None))
+    outcome = decide.select(SimpleNamespace(baseline=Model(2e-4, (0.06,)), rows=[]), [GRADIENT], None)
     assert outcome.rejected == ()
 
 

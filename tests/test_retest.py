@@ -11,7 +11,7 @@ from trial_cases import BENT, GAIN, GRADIENT, PLAIN, trial
 from wsp_env.diagnosis import retest
 from wsp_env.diagnosis.answer import Estimate
 from wsp_env.diagnosis.balances import Whitening
-from wsp_env.diagnosis.candidates import switched, values_in
+from wsp_env.diagnosis.candidates import Variant, switched, values_in
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights
 from wsp_env.diagnosis.gls import Projector
@@ -129,12 +129,12 @@ def test_what_was_suspended_must_explain_as_much_under_the_weights_of_its_own_re
     assert own(away, again=100.0 - no_less + 0.1).trial.evidence == lost  # the least is not asked
     assert own(np.inf, again=98.0) is None
     assert own(away, again=40.0, least=96.0, pulls=True).trial.evidence == lost
-    assert own(away, again=40.0, least=96.0, interval=(-0.001, 0.003)).trial.evidence == lost
+    assert own(away, again=40.0, least=96.0, interval=(-0.001, 0.003)).trial.evidence == -3.0  # its price
 
 
-@pytest.mark.parametrize(("most", "moves"), [(np.inf, [2.5, 1.25, 0.625]), (100.0, [2.5, 1.25, 0.625]), (99.0, [2.5])])
+@pytest.mark.parametrize(("most", "moves"), [(np.inf, [2.5, 1.25, 0.625]), (100.0, [2.5, 1.25, 0.625]), (99.0, [2.5, 1.25])])
 def test_a_reweighted_fit_converges_under_the_weights_of_every_replica(monkeypatch, most, moves):
-    """Each fit goes half of the way that is left; one that moves less than a deviation, or costs more, is the last."""
+    """Each fit goes half of what is left; one that moves less than a deviation, or a second that costs more, ends it."""
     deviation = 0.008
     begin = Fitted(Model(2e-4, (0.06,)), (GRADIENT,), (np.array([0.0]),), (np.eye(1) * deviation**2,), 100.0)
     monkeypatch.setattr(retest, "replica_of", lambda recorded, model, weights: ("about", model))
@@ -159,7 +159,7 @@ def test_a_reweighted_fit_converges_under_the_weights_of_every_replica(monkeypat
 
 @pytest.mark.parametrize(("interval", "holds"), [((1e-6, 0.004), True), ((-1e-6, 0.004), False), ((-0.004, -1e-6), True)])
 def test_a_name_whose_own_interval_leaves_it_open_does_not_hold(own, interval, holds):
-    assert (own(60.0, interval=interval) is not None) == holds
+    assert own(60.0, interval=interval).trial.evidence == (17.0 if holds else -3.0)  # its price
 
 
 def test_what_pulls_nuisances_or_is_not_alike_in_the_runs_does_not_hold(own):
@@ -184,3 +184,27 @@ def test_what_pulls_a_nuisance_is_no_finding(cancels, expected):
     on = switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.002]))
     beside, before = (retest._nuisance_chi_square(Replica(), one, weights) for one in (on, Model(2e-4, (0.06,))))
     assert (beside - before > retest.NUISANCE_SHIFT**2) == expected
+
+
+def test_evidence_on_equal_terms_has_variances_of_each_model_s_own_residuals(monkeypatch):
+    """With the gradient the deviance is 40 where its own weights say so; without it, the least is 96. A price of 3."""
+    on = switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.002]))
+    one = dataclasses.replace(trial(GRADIENT, 30.0), fitted=Fitted(on, (GRADIENT,), (), (), 100.0), penalty=3.0)
+    noise = SimpleNamespace(weights=lambda: PLAIN)
+    settled = dataclasses.replace(one.fitted, cost=40.0)
+    monkeypatch.setattr(retest, "converge_reweighted", lambda *_: ("own", settled, noise))
+    asked = []
+    monkeypatch.setattr(retest, "accepted_deviance", lambda _, __, accepted, ___: asked.append(accepted) or 96.0)
+    monkeypatch.setattr(retest, "refit", lambda _, model, variants, weights: (variants, weights))
+    equal = retest.EqualTerms(REPLICA, SEEN, one.fitted, PLAIN)
+    late = dataclasses.replace(one, listed=Variant("brake_delay", ("lag_s",), {"axle": 0.0}))
+    assert equal.evidence(late) == 30.0  # as it was found
+    assert [equal.evidence(one), equal.evidence(one)] == [0.5 * (96.0 - 40.0) - 3.0] * 2
+    assert asked == [((GRADIENT,), PLAIN)]  # once
+
+
+def test_the_scatter_of_half_a_deviance_is_that_of_chi_square():
+    rows = np.random.default_rng(5).standard_normal((4000, 800))
+    half = 0.5 * (rows**2).sum(axis=1)
+    equal = retest.EqualTerms(SimpleNamespace(rows=range(800)), SEEN, None, PLAIN)
+    assert equal.scatter == pytest.approx(half.std(), rel=0.05)

@@ -21,6 +21,7 @@ from wsp_env.recordings.suspect import suspects
 from wsp_env.recordings.suspect.delays import _delay, _onset, _weighed, _Witnesses
 from wsp_env.recordings.suspect.factors import level
 from wsp_env.recordings.suspect.momentum import axle_gain
+from wsp_env.recordings.suspect.own_balance import _peak
 from wsp_env.recordings.suspect.search import Search
 
 WHEEL, TORQUE = "wheel_speed_radps", "brake_torque_nm"
@@ -418,3 +419,17 @@ def test_a_wheel_is_late_only_where_the_same_comparison_is_at_one(torques, told)
     """A brake that releases slowly looks like a late wheel, and like a torque that is late in one run and early in another."""
     runs = [{0: _Witnesses(np.nan, 0.0, -0.15, 0.04, torque, 0.1)} for torque in torques]
     assert _delay(runs, 0) == (("wheel_speed", pytest.approx(-0.15)) if told else None)
+
+
+@pytest.mark.parametrize(("height", "expected"), [(0.91, 0.0), (0.99, 0.45), (0.3, 0.0)])
+def test_a_peak_a_period_later_is_no_delay_unless_it_is_far_better(height, expected):
+    """A WSP that repeats itself every 0.45 s: the peak at no lag is 0.9 high and leaves 0.19; one that leaves half is taken."""
+    lags = np.arange(-120, 121)
+    heights = {-45: 0.5, 0: 0.9, 45: height}
+    correlation = sum(high * np.exp(-0.5 * ((lags - lag) / 5.0) ** 2) for lag, high in heights.items())
+    assert 0.01 * lags[_peak(lags, correlation)] == pytest.approx(expected)
+
+
+def test_a_correlation_without_a_peak_is_best_at_its_end():
+    lags = np.arange(-5, 6)
+    assert _peak(lags, np.linspace(0.1, 0.9, 11)) == 10

@@ -58,6 +58,25 @@ def test_a_refit_begins_where_the_way_to_the_linear_step_leaves_least(monkeypatc
     assert begun[1] == pytest.approx(best)
 
 
+def test_terms_that_differ_only_in_their_axles_do_not_keep_others_from_a_trial(monkeypatch):
+    """Six groups of axles with one feature have more than a gain and another term; the best of the six is tried."""
+
+    def term(axles, feature):
+        codes = {"slot_1": 0.0, "feature_1": feature, "axles_1": axles}
+        return Variant("discovered", ("coefficient_1",), codes, (100.0,), f"torque of {axles} by {feature}")
+
+    groups = [found(term(float(axles), 27.0), 200.0 + axles) for axles in range(6)]
+    others = [found(GAIN, 90.0), found(term(0.0, 11.0), 80.0), found(GRADIENT, 70.0)]
+    monkeypatch.setattr(trials, "refit", lambda _, model, variants, __: Fitted(model, tuple(variants), (), (), 100.0))
+    monkeypatch.setattr(trials, "cost", lambda *_: 0.0)
+    monkeypatch.setattr(trials, "net_effect", lambda *_: StopChange(0.02, 0.0))
+    screen = SimpleNamespace(found=[*groups, *others], second={}, whitening=None)
+    accepted = Fitted(Model(2e-4, (0.06,)), (GAIN,), (), (), 100.0)
+    with ThreadPoolExecutor(1) as pool:
+        tried = trials.trials_of(None, screen, accepted, None, pool)
+    assert {one.listed.title for one in tried} == {groups[5].name, *(one.name for one in others)}
+
+
 @pytest.mark.parametrize(("milliseconds", "deviation", "within"), [(5.0, 2.0, True), (9.0, 2.0, False), (-30.0, 1.0, False)])
 def test_a_time_below_a_sample_is_not_looked_at_further(milliseconds, deviation, within):
     clock = Variant("clock_offset", ("offset_s",), {})

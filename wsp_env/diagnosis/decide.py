@@ -13,6 +13,7 @@ from concurrent.futures import Executor
 import numpy as np
 
 from wsp_env.diagnosis.candidates import Variant, at_bound, switched, values_in, without
+from wsp_env.diagnosis.contest import best_of
 from wsp_env.diagnosis.convergence import converge, largest_change
 from wsp_env.diagnosis.discovered import curves, terms
 from wsp_env.diagnosis.evaluate import Model
@@ -20,7 +21,13 @@ from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.noise import NoiseParameters
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.retest import LARGE_CHANGE, Retested, converge_reweighted, retest
+from wsp_env.diagnosis.retest import (
+    LARGE_CHANGE,
+    EqualTerms,
+    Retested,
+    converge_reweighted,
+    retest,
+)
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
 from wsp_env.diagnosis.structure import structured
 from wsp_env.diagnosis.trials import (
@@ -114,11 +121,12 @@ def select(
         progress(f"refitting {len(accepted) + 1} of {MOST}")
         rejects = functools.partial(_is_rejected, replica, accepted, seen)
         retest_trial = functools.partial(retest, replica, seen, weights)
+        equal = EqualTerms(replica, seen, fitted, weights)
         threshold = FormErrorThreshold(
             replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen
         )
         trials = trials_of(replica, seen, fitted, weights, pool)
-        best, rejected = _best(trials, rejects, retest_trial, threshold, not accepted)
+        best, rejected = best_of(trials, rejects, retest_trial, equal, threshold, pool, not accepted)
         if best is None:
             left = left or [
                 one
@@ -249,50 +257,6 @@ def _backward_elimination(
         if log_odds(one.trial.listed, 0.5 * (reduced.cost - full.cost) - one.trial.penalty) <= SURE:
             accepted, fitted = [other for other in accepted if other is not one], reduced
     return accepted, fitted
-
-
-def _preferred(trials: Sequence[Trial]) -> list[Trial]:
-    """Sort trials, best first; a name precedes a term unless the term explains more than the name's form error allows."""
-    if not trials:
-        return []
-    least = (1.0 - FORM) ** 2 * max(one.evidence for one in trials)
-    return sorted(trials, key=lambda one: (bool(one.listed.family) or one.evidence < least, -one.evidence))
-
-
-def _best(
-    trials: Sequence[Trial], rejects: Callable[[Trial], bool], retest_trial: Callable[[Trial, Fitted | None], Retested | None],
-    threshold: Callable[[Trial], float], again: bool = True,
-) -> tuple[Retested | None, dict[str, float]]:  # fmt: skip
-    """Return the best trial that holds, and the titles of rejected trials with their log odds.
-
-    The log odds of a trial must exceed `threshold`, and `rejects` must be false: for the trial as found, and about its own
-    replica (`retest_trial`). If none holds with the variances as they are, suspended trials are tested with own
-    variances if `again`. Rejected titles are not listed as alternatives.
-    """
-    best: Retested | None = None
-    rejected: dict[str, float] = {}
-    suspended: dict[str, Fitted] = {}
-
-    def test(one: Trial) -> None:
-        nonlocal best
-        retested = None if rejects(one) else retest_trial(one, suspended.pop(one.listed.title, None))
-        last = one if retested is None else retested.trial
-        if retested is not None and retested.suspended is not None:
-            suspended[one.listed.title] = retested.suspended
-        elif retested is not None and log_odds(last.listed, last.evidence) > threshold(last) and not rejects(last):
-            rejected.pop(one.listed.title, None)
-            best = retested if best is None or _preferred([best.trial, last])[0] is last else best
-            return
-        rejected[one.listed.title] = log_odds(last.listed, last.evidence)
-
-    promising = _preferred([trial for trial in trials if log_odds(trial.listed, trial.evidence) > threshold(trial)])
-    for one in promising:
-        if best is None or _preferred([best.trial, one])[0] is one:
-            test(one)
-    if best is None and again:  # the evidence with which these were found is void: all are tested
-        for one in [one for one in promising if one.listed.title in suspended]:
-            test(one)
-    return best, rejected
 
 
 def _is_rejected(replica: Replica, accepted: Sequence[Accepted], seen: Screen, trial: Trial) -> bool:

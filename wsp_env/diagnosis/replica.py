@@ -7,8 +7,8 @@ regression with errors in variables). The replica keeps the estimated speed and,
 steep part of the creep curve, the measured slip is mostly noise. There the replica's slip is the one at which the baseline
 gives the recorded force. For the same reason the residual is linear in measured slip minus replica slip. Friction turns the
 wheel and the WSP reacts. Changes of the model are therefore evaluated at slip and torque predicted before each block of time
-(`wsp_env.diagnosis.loop`); the residuals of the recordings are evaluated at the actual slip. Changes of a delay show in the
-torque's own course and are evaluated under the recorded torque.
+(`wsp_env.diagnosis.loop`); the residuals of the recordings are evaluated at the actual slip. Changes of a delay, and of play in
+a brake, show in the torque's own course and are evaluated under the recorded torque.
 
 A replica of a mechanism also needs the mechanism's effect on the recordings at the actual slips and torques. That effect
 differs from the one at the predicted slips by an unpredicted part: what friction and WSP did within the block. The library's
@@ -43,10 +43,13 @@ from wsp_env.diagnosis.stops import (
 )
 from wsp_env.diagnosis.thinning import averaged
 from wsp_env.plant.mechanisms import ALL, discovered
+from wsp_env.plant.mechanisms.terms import Feature
 
 _NEWTON = 12
 _FLAT_S = 0.5  # averaging time of the curve's flatness [s], so that it does not follow noise
 OF_TIME = tuple(name for name, card in ALL.items() if any(one.unit == "s" and one.fitted for one in card.sizes))
+#: Features that follow the course of the torque, as delays do.
+OF_TORQUE = frozenset({float(Feature.TORQUE_MEMORY), float(Feature.TORQUE_PLAY)})
 _LEAST_ADHESION = 0.01  # lower bound of the adhesion with which a slip error is compared: hardly braked wheels roll
 
 
@@ -117,10 +120,8 @@ class Replica:
         return last[1]
 
     def _of_times(self, model: Model) -> list[Evaluation]:
-        """Evaluate a model; changes of delays, against those of the replica, are evaluated under the recorded torques."""
-        known = {**self.baseline.choice, **self._readings}
-        others = {name: values for name, values in model.choice.items() if name not in OF_TIME}
-        prompt = dataclasses.replace(model, choice=others | {name: known[name] for name in OF_TIME if name in known})
+        """Evaluate a model; changes of delays and play, against the replica's, are evaluated under the recorded torques."""
+        prompt = dataclasses.replace(model, choice=_prompt(model.choice, {**self.baseline.choice, **self._readings}))
         if prompt.choice == model.choice or self.timed is self._copy:
             return self._evaluated(self._copy, model)
         parts = self._evaluated(self._copy, prompt), self._evaluated(self.timed, model), self._evaluated(self.timed, prompt)
@@ -205,6 +206,19 @@ def without_sensors(model: Model) -> Model:
     """Return a model without mechanisms on sensors; the same object if it has none."""
     sensors = on_sensors(model)
     return _choosing(model, lambda name: name not in sensors)
+
+
+def _prompt(choice: Choice, known: Choice) -> Choice:
+    """Return a choice with delays, and terms that follow the course of the torque, as they are known."""
+    others = {name: values for name, values in choice.items() if name not in OF_TIME}
+    result = others | {name: known[name] for name in OF_TIME if name in known}
+    terms = choice.get(discovered.CARD.name, {})
+    held = known.get(discovered.CARD.name, {})
+    timed = [n for n in range(1, discovered.TERMS + 1) if terms.get(f"feature_{n}") in OF_TORQUE]
+    if timed:
+        before = {f"coefficient_{n}": held.get(f"coefficient_{n}", 0.0) for n in timed}
+        result[discovered.CARD.name] = {**terms, **before}
+    return result
 
 
 def _may_act_slower(name: str) -> bool:

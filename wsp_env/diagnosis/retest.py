@@ -1,10 +1,11 @@
 """Tests whether a tried mechanism holds on a replica of its own, on which its effect is not extrapolated linearly.
 
-First with the weights with which it was found; if it is suspended, with nuisance sizes estimated on its own replicas.
+First with the weights with which it was found; then, on equal terms, with nuisance sizes estimated on its own replicas.
 """
 
 import dataclasses
 import functools
+import threading
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -53,8 +54,8 @@ def retest(replica: Replica, seen: Screen, weights: Weights, trial: Trial, suspe
 
     Parameters
     ----------
-    suspended : of the trial's first test; now each model has variances of its own residuals. If it fails again, it is returned
-        with its evidence in the first test, so that it counts as not seen
+    suspended : a fit of the trial from which to begin; each model has variances of its own residuals then. What was suspended
+        and fails again is returned with its evidence in the first test, so that it counts as not seen
 
     """
     own_weights, reweighted, rejected = weights, False, None
@@ -82,8 +83,10 @@ def retest(replica: Replica, seen: Screen, weights: Weights, trial: Trial, suspe
         own_weights, null_replica = weights_with(), replica
     others = [one for one in fitted.variants if one is not trial.variant]
     null_fit = refit(null_replica, without(fitted.model, trial.variant), others, weights)
+    # Nuisances are counted in expected deviations: both models need the same ones.
+    same = weights if own_weights is weights else weights_of(own, seen)
     if (
-        _nuisance_chi_square(own, fitted.model, own_weights) - _nuisance_chi_square(null_replica, null_fit.model, weights)
+        _nuisance_chi_square(own, fitted.model, same) - _nuisance_chi_square(null_replica, null_fit.model, weights)
         > NUISANCE_SHIFT**2
     ):
         return rejected
@@ -114,10 +117,8 @@ def retest(replica: Replica, seen: Screen, weights: Weights, trial: Trial, suspe
         null_deviance = null_with_forms.deviance(refit(null_replica, null_fit.model, null_fit.variants, null_with_forms))
         reduction = min(reduction, null_deviance - with_forms.deviance(refit(own, fitted.model, fitted.variants, with_forms)))
     found = estimates(own, fitted, trial.variant, own_weights, reduction)
-    if intervals_contain_null(found, trial.variant):
-        return rejected
-    if within_a_sample(found, trial.variant, replica.sample_s):
-        reduction = 0.0  # a recording with these samples cannot distinguish it from zero
+    if intervals_contain_null(found, trial.variant) or within_a_sample(found, trial.variant, replica.sample_s):
+        reduction = 0.0  # these recordings cannot distinguish it from its absence: it is not seen
     evidence, size = 0.5 * reduction - trial.penalty, net_effect(own, fitted.model, trial.variant, seen.whitening)
     parts = agreement(own, fitted.model, trial.variant, own_weights, form_of(trial.listed))
     reduced_evidence = parts.student_evidence(evidence)
@@ -128,6 +129,43 @@ def retest(replica: Replica, seen: Screen, weights: Weights, trial: Trial, suspe
     )
 
 
+class EqualTerms:
+    """Compares trials if each model has variances of its own residuals.
+
+    Parameters
+    ----------
+    accepted : fit of the accepted mechanisms; it is fitted again with `weights`
+
+    """
+
+    def __init__(self, replica: Replica, seen: Screen, accepted: Fitted, weights: Weights) -> None:
+        self._replica, self._seen = replica, seen
+        self._accepted, self._weights = accepted, weights
+        self._lock, self._least = threading.Lock(), functools.cache(self._without)
+
+    @property
+    def scatter(self) -> float:
+        """Standard deviation of half the deviance of n independent rows [nats], half that of chi-square.
+
+        It bounds the scatter of the evidence: most of the residuals about two replicas are the same.
+        """
+        return 0.5 * float(np.sqrt(2.0 * len(self._replica.rows)))
+
+    def _without(self) -> float:
+        """Return the least deviance of the accepted model."""
+        start = refit(self._replica, self._accepted.model, self._accepted.variants, self._weights)
+        return accepted_deviance(self._replica, self._seen, start, self._weights)
+
+    def evidence(self, trial: Trial) -> float:
+        """Return the evidence of a trial."""
+        if corrects_recordings(trial.listed):
+            return trial.evidence  # it was found so
+        with self._lock:  # computed once, and not by two threads
+            least = self._least()
+        _, fitted, noise = converge_reweighted(self._replica, trial.fitted, self._seen)
+        return 0.5 * (least - noise.weights().deviance(fitted)) - trial.penalty
+
+
 def converge_reweighted(
     replica: Replica, fitted: Fitted, seen: Screen, most: float = np.inf
 ) -> tuple[Replica, Fitted, ReplicaNoise]:  # fmt: skip
@@ -136,12 +174,12 @@ def converge_reweighted(
     Return the last replica, the fit to it, and its noise.
     """
     own, again, weights = replica, fitted, weights_of(replica, seen)
-    for _ in range(_REWEIGHTED):
+    for repeated in range(_REWEIGHTED):
         before, own = again, replica_of(replica.recorded, again.model, weights)
         noise = ReplicaNoise(own, seen)
         weights = noise.weights()
         again = refit(own, before.model, before.variants, weights)
-        if largest_change(before, again) < LARGE_CHANGE or weights.deviance(again) > most:
+        if largest_change(before, again) < LARGE_CHANGE or (repeated and weights.deviance(again) > most):
             break
     return own, again, noise
 

@@ -84,10 +84,18 @@ def log_odds(variant: Variant, evidence: float) -> float:
     return evidence + (PRIOR_TERM if variant.family else PRIOR)
 
 
+def _kind(variant: Variant) -> tuple[str | float, ...]:
+    """Return what distinguishes candidates: the name of a mechanism; slot and features of a term."""
+    codes = [value for name, value in variant.fixed.items() if name.startswith(("slot", "feature"))]
+    return (variant.name, *codes) if variant.family else (variant.name,)
+
+
 def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor) -> list[Trial]:
     """Refit the most promising mechanisms; return the trials, best first."""
-    promising = sorted(seen.found, key=lambda one: -log_odds(one.candidate.variant, one.evidence))[:REFITTED]
-    promising = [one for one in promising if log_odds(one.candidate.variant, one.evidence) > 0.0]
+    kinds: dict[tuple[str | float, ...], Found] = {}  # of terms that differ only in their axles, the best is tried
+    for each in sorted(seen.found, key=lambda one: -log_odds(one.candidate.variant, one.evidence)):
+        kinds.setdefault(_kind(each.candidate.variant), each)
+    promising = [one for one in list(kinds.values())[:REFITTED] if log_odds(one.candidate.variant, one.evidence) > 0.0]
     if not promising:
         return []
     # Delays are the least linear effects, and the linear search may miss them: try them with whatever is found first. Late

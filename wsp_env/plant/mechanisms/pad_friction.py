@@ -2,8 +2,9 @@
 
 The torque is multiplied by 1 + a_v (v_w - v_0) + a_p (p - p_0) + a_t theta: organic pads lose friction with speed, pressure and
 heat (the permitted bands around 0.35 in UIC 541-3 have this size; sizes: assumption). v_w is the wheel's circumferential speed;
-that of the disc is proportional to it. theta is the rise of the discs' mean temperature. The discs take the braking power and
-cool with a time constant.
+that of the disc is proportional to it. v_0 is the speed at which the friction is the believed one: a gain of brakes is measured
+at some speed, or is a mean over a stop, and nobody says which. theta is the rise of the discs' mean temperature. The discs take
+the braking power and cool with a time constant.
 """
 
 import math
@@ -13,11 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, Parameter, Passage, Said, Signature, never, percent
+from wsp_env.plant.card import Card, Parameter, Passage, Recorded, Said, Signature, never, percent
 
-#: Reference speed [m/s] and pressure [bar], at which the friction is the believed one (assumption: middle of a full stop).
-REFERENCE_MPS = 20.0
+#: Pressure [bar] at which the friction is the believed one (assumption: middle of a full stop).
 REFERENCE_BAR = 2.0
+
+#: Speed [m/s] from which a fit of the reference speed begins (assumption: middle of a full stop).
+MIDDLE_MPS = 20.0
 
 #: Heat capacity of the discs of one axle [J/K] (assumption: two discs of 120 kg at 470 J/kgK).
 HEAT_CAPACITY_J_PER_K = 113_000.0
@@ -32,6 +35,7 @@ class Parameters(NamedTuple):
     per_speed_s_per_m: float
     per_pressure_1_per_bar: float
     per_temperature_1_per_k: float
+    reference_mps: float
 
 
 class Discs(NamedTuple):
@@ -50,7 +54,7 @@ def torque_factor(p: Parameters, discs: Discs, i: int, k: int, wheel_mps: float,
     """Brake torque over the believed one [-]; at least zero."""
     if p.per_speed_s_per_m == 0.0 and p.per_pressure_1_per_bar == 0.0 and p.per_temperature_1_per_k == 0.0:
         return 1.0
-    change = p.per_speed_s_per_m * (wheel_mps - REFERENCE_MPS) + p.per_pressure_1_per_bar * (pressure_bar - REFERENCE_BAR)
+    change = p.per_speed_s_per_m * (wheel_mps - p.reference_mps) + p.per_pressure_1_per_bar * (pressure_bar - REFERENCE_BAR)
     return max(1.0 + change + p.per_temperature_1_per_k * discs.warmer_k[i, k], 0.0)
 
 
@@ -62,6 +66,11 @@ def warm(p: Parameters, discs: Discs, i: int, k: int, passage: Passage) -> None:
         discs.warmer_k[i, k] = cooled + passage.braking_j / HEAT_CAPACITY_J_PER_K
 
 
+def middle(recorded: Recorded) -> list[dict[str, float]]:
+    """Return the only variant, with the reference speed that a refit begins with."""
+    return [{"reference_mps": MIDDLE_MPS}]
+
+
 CARD = Card(
     name="pad_friction",
     summary="pad friction depends on speed, pressure and temperature",
@@ -69,6 +78,9 @@ CARD = Card(
         Parameter("per_speed_s_per_m", "s/m", 0.0, -5e-3, -0.03, 0.03, "assumption: 10 % over 20 m/s, band of UIC 541-3"),
         Parameter("per_pressure_1_per_bar", "1/bar", 0.0, -0.03, -0.3, 0.3, "assumption: band of UIC 541-3", fitted=False),
         Parameter("per_temperature_1_per_k", "1/K", 0.0, -5e-4, -5e-3, 5e-3, "assumption: fading of organic pads"),
+        Parameter(
+            "reference_mps", "m/s", MIDDLE_MPS, MIDDLE_MPS, 0.0, 60.0, "assumption: middle of a stop", "shape", refit_step=2.0
+        ),
     ),
     record=Parameters,
     acts={"torque_factor": torque_factor, "after_passage": warm},
@@ -103,5 +115,6 @@ CARD = Card(
             ),
         ),
         over="speed",
+        variants=middle,
     ),
 )

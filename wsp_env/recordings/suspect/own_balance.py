@@ -16,6 +16,7 @@ _COARSE = 2  # samples between the delays that are tried first: a valve acts wit
 _THIN = 2  # every second sample
 _NODE_S = 1.0  # of what changes slowly
 _LEAST_S = 1.5  # of sliding
+_FAR_LESS = 2.0  # times what another peak must leave for the best one to be preferred: assumption
 _LIVELY = 0.005  # of the wheelset's load times radius: what J dw/dt must move by, some ten times its noise: assumption
 
 
@@ -66,7 +67,7 @@ def _own(campaign: Campaign, one: Traces, axle: int) -> OwnBalance | None:
         return None
     lags = np.arange(-furthest, furthest + 1, _COARSE)
     course = (lags * one.step, _correlation(x, quick(one.torque[index[:, None] + lags, axle])))
-    coarse = int(lags[np.argmax(course[1])])
+    coarse = int(lags[_peak(lags, course[1])])
     lags = np.clip(np.arange(coarse - _COARSE, coarse + _COARSE + 1), -furthest, furthest)
     shifted = quick(one.torque[index[:, None] + lags, axle])
     correlation = _correlation(x, shifted)
@@ -82,6 +83,21 @@ def _own(campaign: Campaign, one: Traces, axle: int) -> OwnBalance | None:
         samples=len(index),
         moved=spread,
     )
+
+
+def _peak(lags: np.ndarray, correlation: np.ndarray) -> int:
+    """Return the index of the lag: of the best correlation, or of the peak nearest to no lag if the best hardly leaves less.
+
+    A WSP that vents and fills in turn repeats itself, and so does the correlation: a period later it is nearly as good.
+    """
+    best = int(np.argmax(correlation))
+    inside = correlation[1:-1]
+    peaks = 1 + np.flatnonzero((inside >= correlation[:-2]) & (inside > correlation[2:]) & (inside > 0.0))
+    if not peaks.size:
+        return best
+    nearest = int(peaks[np.argmin(np.abs(lags[peaks]))])
+    left_by_best, left_by_nearest = (1.0 - correlation[i] ** 2 for i in (best, nearest))
+    return nearest if left_by_nearest < _FAR_LESS * left_by_best else best
 
 
 def _correlation(x: np.ndarray, columns: np.ndarray) -> np.ndarray:

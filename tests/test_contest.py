@@ -1,0 +1,145 @@
+"""Which of the tried mechanisms holds best."""
+
+import dataclasses
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+
+import pytest
+from trial_cases import GAIN, GRADIENT, TERM, trial
+
+from wsp_env.diagnosis.candidates import Variant
+from wsp_env.diagnosis.contest import NOT_SEEN, best_of
+from wsp_env.diagnosis.retest import Retested
+from wsp_env.diagnosis.trials import SURE, log_odds
+
+INLINE = ThreadPoolExecutor(1)
+SCATTER = 10.0
+DRAG = Variant("dragging_brake", ("torque_nm",), {"axle": 2.0, "from_start": 0.0})
+
+
+def equal_terms(evidence, scatter):
+    return SimpleNamespace(evidence=evidence, scatter=scatter)
+
+
+AS_IT_IS = equal_terms(lambda one: one.evidence, SCATTER)
+
+
+def held(evidence):
+    """Return what a trial is about a replica of its own: its evidence there is given by name."""
+    return lambda one, suspended=None: Retested(dataclasses.replace(one, evidence=evidence[one.listed.title]), None)
+
+
+EVIDENCE = {"brake_gain_imbalance": 40.0, "track_gradient": 50.0, "brake torque by braking": 60.0}
+THREE = [dataclasses.replace(trial(one, EVIDENCE[one.title]), fitted=f"fit of {one.title}") for one in (GAIN, GRADIENT, TERM)]
+
+
+def test_what_is_refused_is_told_and_the_next_best_is_taken():
+    best, rejected = best_of(THREE, lambda one: one.evidence > 45.0, held(EVIDENCE), AS_IT_IS, lambda one: SURE, INLINE)
+    assert best.trial.listed == GAIN
+    assert list(rejected) == ["track_gradient"]  # a term is asked after the names
+    best, rejected = best_of(THREE, lambda one: True, held(EVIDENCE), AS_IT_IS, lambda one: SURE, INLINE)
+    assert best is None
+    assert rejected.keys() == EVIDENCE.keys()
+    assert rejected["track_gradient"] == log_odds(GRADIENT, 50.0)
+
+
+def test_a_trial_counts_as_it_stands_about_a_replica_of_its_own():
+    """A name that falls behind the next one there is passed by it; one of which nothing is left is refused."""
+    behind = best_of(THREE, lambda one: False, held(EVIDENCE | {"track_gradient": 35.0}), AS_IT_IS, lambda one: SURE, INLINE)
+    assert behind[0].trial.listed == GAIN
+    assert behind[1] == {}
+    nothing = best_of(THREE, lambda one: False, held(EVIDENCE | {"track_gradient": 1.0}), AS_IT_IS, lambda one: SURE, INLINE)
+    assert nothing[0].trial.listed == GAIN
+    assert nothing[1] == {"track_gradient": log_odds(GRADIENT, 1.0)}  # as it stands: less likely than not
+
+
+def test_what_need_not_be_asked_is_not():
+    """Only the best with the given variances; on equal terms those that explain nearly as much in the same way."""
+    asked, compared = [], []
+
+    def retest_trial(one, suspended):
+        asked.append((one.listed, suspended))
+        return Retested(one, None)
+
+    def evidence(one):
+        compared.append(one.listed)
+        return one.evidence
+
+    trials = [*THREE, dataclasses.replace(THREE[0], evidence=31.0, listed=DRAG)]  # less than 0.64 of 50
+    best, _ = best_of(trials, lambda one: False, retest_trial, equal_terms(evidence, SCATTER), lambda one: SURE, INLINE)
+    assert best.trial.listed == GRADIENT
+    assert asked == [(GRADIENT, None)]
+    assert compared == [GRADIENT, GAIN, TERM]
+
+
+@pytest.mark.parametrize(
+    ("holds", "again", "expected", "left"),
+    [(True, True, GAIN, [GRADIENT]), (False, True, GRADIENT, [GAIN]), (False, False, None, [GRADIENT, GAIN, TERM])],
+)
+def test_suspended_trials_are_tested_again_only_if_nothing_else_holds(holds, again, expected, left):
+    """The gradient and the term are suspended; the gain holds or does not. With own variances the gradient has 55."""
+    asked = []
+
+    def retest_trial(one, suspended):
+        asked.append((one.listed, suspended))
+        if one.listed == GAIN:
+            return Retested(one, None) if holds else None
+        evidence = {GRADIENT.title: 55.0, TERM.title: 20.0}[one.listed.title] if suspended else 1.0
+        return Retested(dataclasses.replace(one, evidence=evidence), None, None if suspended else "fit")
+
+    best, rejected = best_of(THREE, lambda one: False, retest_trial, AS_IT_IS, lambda one: SURE, INLINE, again)
+    assert (best and best.trial.listed) == expected
+    second = [listed for listed, suspended in asked if suspended]
+    assert second == ([GRADIENT, TERM] if expected == GRADIENT else [])
+    assert rejected.keys() == {one.title for one in left}
+
+
+@pytest.mark.parametrize(
+    ("own", "expected"),
+    [
+        ({}, GRADIENT),
+        ({GRADIENT.title: 900.0, GAIN.title: 905.0}, GRADIENT),  # as good
+        ({GRADIENT.title: 900.0, GAIN.title: 1000.0}, GAIN),
+        ({GAIN.title: 50.0 + SCATTER}, GRADIENT),
+        ({GAIN.title: 51.0 + SCATTER}, GAIN),
+        ({GRADIENT.title: 900.0, TERM.title: 1100.0}, GRADIENT),  # a term must explain more than the name's form may lose
+        ({GRADIENT.title: 900.0, TERM.title: 1500.0}, TERM),
+        ({GRADIENT.title: 30.0, GAIN.title: 55.0}, GRADIENT),  # hardly more than the best had with the given variances
+        ({GRADIENT.title: 0.65 * 50.0 - SCATTER}, GRADIENT),  # hardly as low as scatter and form allow
+        ({GRADIENT.title: 0.63 * 50.0 - SCATTER}, GAIN),  # it fails; the next one is asked
+        ({GRADIENT.title: -900.0, GAIN.title: -900.0}, TERM),
+        ({GRADIENT.title: -900.0, GAIN.title: -900.0, TERM.title: -900.0}, None),
+    ],
+)
+def test_trials_are_compared_on_equal_terms(own, expected):
+    """Evidence with variances of its own residuals, where it differs."""
+
+    def evidence(one):
+        return own.get(one.listed.title, one.evidence)
+
+    def retest_trial(one, suspended):
+        return Retested(one if suspended is None else dataclasses.replace(one, evidence=evidence(one)), None)
+
+    best, rejected = best_of(THREE, lambda one: False, retest_trial, equal_terms(evidence, SCATTER), lambda one: SURE, INLINE)
+    assert (best and best.trial.listed) == expected
+    assert set(rejected.values()) <= {NOT_SEEN}
+
+
+@pytest.mark.parametrize(("holds", "expected"), [(True, GAIN), (False, GRADIENT)])
+def test_a_rival_must_hold_itself(holds, expected):
+    def retest_trial(one, suspended):
+        return Retested(one, None) if suspended is None or holds else None
+
+    equal = equal_terms(lambda one: {GAIN.title: 1000.0}.get(one.listed.title, one.evidence), SCATTER)
+    best, _ = best_of(THREE, lambda one: False, retest_trial, equal, lambda one: SURE, INLINE)
+    assert best.trial.listed == expected
+
+
+def test_a_delay_is_compared_with_all_others():
+    """It was found in another way: about its own replica, with own variances."""
+    late = dataclasses.replace(THREE[0], listed=Variant("brake_delay", ("lag_s",), {"axle": 0.0}), evidence=900.0)
+    equal = equal_terms(lambda one: {GAIN.title: 3000.0}.get(one.listed.title, one.evidence), SCATTER)
+    best, _ = best_of(
+        [*THREE, late], lambda one: False, held(EVIDENCE | {"brake_delay": 900.0}), equal, lambda one: SURE, INLINE
+    )
+    assert best.trial.listed == GAIN

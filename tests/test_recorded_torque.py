@@ -1,0 +1,74 @@
+"""What shows in the course of the torque is evaluated under the recorded torques, everything else under the expected ones."""
+
+import pytest
+from numpy.testing import assert_allclose
+from synthetic_stops import stops, write_campaign
+
+from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.stops import prepare
+from wsp_env.plant.mechanisms.terms import Feature, Slot
+from wsp_env.recordings import read_campaign
+
+LAW = Model(2e-4, (0.06, 0.07))
+
+
+def term(number, feature, coefficient, scale):
+    """Return the parameters of a term in the brake torque of all axles."""
+    of = {"coefficient": coefficient, "slot": Slot.BRAKE_TORQUE, "axles": 0.0, "feature": feature, "scale": scale}
+    return {f"{name}_{number}": float(value) for name, value in of.items()}
+
+
+PLAY = term(1, Feature.TORQUE_PLAY, 800.0, 0.09)
+FADING = term(2, Feature.TORQUE_SETTLING, -500.0, 8.0)
+DELAY = {"lag_s": 0.1, "axle": 0.0}
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("torque") / "c"
+    a, b = stops(LAW.tau, LAW.mu_cd, seeds=(1, 2), noise=1.0)
+    write_campaign(folder, {"A1": a, "B1": b}, ["A1"], ["B1"])
+    campaign = read_campaign(folder)
+    return Balances(campaign, prepare(campaign)[0])
+
+
+def with_terms(**terms):
+    return Model(LAW.tau, LAW.mu_cd, terms)
+
+
+def change(balances, model, less):
+    """Return the change of the forces (T, A) in the first stop."""
+    return balances.evaluate(model)[0].force - balances.evaluate(less)[0].force
+
+
+@pytest.mark.parametrize(
+    ("model", "recorded"),
+    [
+        (with_terms(discovered=PLAY), True),
+        (with_terms(brake_delay=DELAY), True),
+        (with_terms(discovered=FADING), False),
+    ],
+)
+def test_play_and_delays_follow_the_recorded_torque(sound, model, recorded):
+    replica = Replica(sound, LAW)
+    expected = change(replica.timed if recorded else replica._copy, model, LAW)
+    assert_allclose(change(replica, model, LAW), expected, atol=1e-6 * abs(expected).max())
+    other = change(replica._copy if recorded else replica.timed, model, LAW)
+    assert abs(other - expected).max() > 1e-3 * abs(expected).max()
+
+
+def test_only_the_term_that_follows_the_torque_does_so(sound):
+    both, replica = with_terms(discovered=PLAY | FADING), Replica(sound, LAW)
+    faded = with_terms(discovered=PLAY | FADING | {"coefficient_1": 0.0})
+    expected = change(replica.timed, both, faded) + change(replica._copy, faded, LAW)
+    assert_allclose(change(replica, both, LAW), expected, atol=1e-6 * abs(expected).max())
+
+
+def test_a_replica_about_play_changes_by_the_difference_only(sound):
+    about = with_terms(discovered=PLAY)
+    replica, more = Replica(sound, about), with_terms(discovered=PLAY | {"coefficient_1": 900.0})
+    assert_allclose(replica.evaluate(about)[0].force, replica._copy.evaluate(about)[0].force, rtol=1e-12)
+    expected = change(replica.timed, more, about)
+    assert_allclose(change(replica, more, about), expected, atol=1e-6 * abs(expected).max())
