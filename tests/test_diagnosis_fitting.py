@@ -12,9 +12,9 @@ from wsp_env.diagnosis.candidates import Variant, columns, parameter_of, switche
 from wsp_env.diagnosis.covariance import Evidence
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import free_parameters, refit, weigh
+from wsp_env.diagnosis.form_errors import forms
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.stops import prepare
-from wsp_env.diagnosis.trials import forms
 from wsp_env.diagnosis.variation import MU_CD, ONSET, Group, Net, law_columns, nuisances, segment_columns
 from wsp_env.recordings import read_campaign
 

@@ -6,14 +6,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from trial_cases import GAIN, GRADIENT, TERM, found
+from trial_cases import GAIN, GRADIENT, TERM, found, trial
 
-from wsp_env.diagnosis import convergence, trials
+from wsp_env.diagnosis import convergence, form_errors, trials
 from wsp_env.diagnosis.candidates import Variant, switched, values_in
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.trials import FORM
+from wsp_env.plant.mechanisms.terms import Feature
 
 
 @pytest.mark.parametrize(("own", "expected"), [(0.0, 0.0), (12.0, 12.0)])
@@ -75,6 +76,21 @@ def test_terms_that_differ_only_in_their_axles_do_not_keep_others_from_a_trial(m
     with ThreadPoolExecutor(1) as pool:
         tried = trials.trials_of(None, screen, accepted, None, pool)
     assert {one.listed.title for one in tried} == {groups[5].name, *(one.name for one in others)}
+
+
+@pytest.mark.parametrize(("late", "expected"), [(-30.0, 90.0), (40.0, 50.0), (120.0, -30.0)])
+def test_of_a_term_that_follows_the_torque_only_what_no_late_brake_explains_counts(late, expected):
+    play = Variant("discovered", ("coefficient_1",), {"slot_1": 0.0, "feature_1": float(Feature.TORQUE_PLAY)}, (100.0,), "play")
+    fading = Variant(
+        "discovered", ("coefficient_1",), {"slot_1": 0.0, "feature_1": float(Feature.TORQUE_SETTLING)}, (100.0,), "f"
+    )
+    delay = Variant("brake_delay", ("lag_s",), {"axle": 0.0})
+    lag = Variant("wheel_speed_lag", ("lag_s",), {})  # of a sensor: that is no late brake
+    tried = [trial(play, 90.0), trial(fading, 80.0), trial(delay, late), trial(lag, 500.0)]
+    found = {one.listed.title: one for one in trials._beyond_delays(tried)}
+    assert found["play"].evidence == expected
+    assert found["play"].evidence + found["play"].penalty == 90.0
+    assert [found[name].evidence for name in ("f", "brake_delay", "wheel_speed_lag")] == [80.0, late, 500.0]
 
 
 @pytest.mark.parametrize(("milliseconds", "deviation", "within"), [(5.0, 2.0, True), (9.0, 2.0, False), (-30.0, 1.0, False)])
@@ -190,20 +206,20 @@ def test_the_form_of_what_was_accepted_lends_evidence_to_what_looks_like_it(monk
     bend, further, law, weak = np.linalg.qr(np.column_stack([bend, further, law, weak]))[0].T
     another = alike * bend + np.sqrt(1.0 - alike**2) * further + 5.0 * law  # mu_cd takes the last part
     rows = {"off": another, "on": np.zeros(300), "accepted": np.zeros(300), "without": effect}
-    monkeypatch.setattr(trials, "law_columns", lambda *_: law[:, None])
-    monkeypatch.setattr(trials, "segment_columns", lambda *_: np.zeros((300, 0)))
-    monkeypatch.setattr(trials, "shapes", lambda _: np.column_stack([7.0 * bend + 0.5, 0.007 * weak]))
-    monkeypatch.setattr(trials, "without", lambda model, _: "off" if model == "on" else "without")
+    monkeypatch.setattr(form_errors, "law_columns", lambda *_: law[:, None])
+    monkeypatch.setattr(form_errors, "segment_columns", lambda *_: np.zeros((300, 0)))
+    monkeypatch.setattr(form_errors, "shapes", lambda _: np.column_stack([7.0 * bend + 0.5, 0.007 * weak]))
+    monkeypatch.setattr(form_errors, "without", lambda model, _: "off" if model == "on" else "without")
     replica = SimpleNamespace(raw=rows.get)
     screen = SimpleNamespace(whitening=lambda columns: columns)
     trial = SimpleNamespace(fitted=SimpleNamespace(model="on"), variant=GRADIENT, reduction=1e4)
-    least = trials.FormErrorThreshold(replica, "accepted", [(GAIN, 1000.0)], screen)
+    least = form_errors.FormErrorThreshold(replica, "accepted", [(GAIN, 1000.0)], screen)
     assert least(trial) == pytest.approx(max(trials.SURE, (1.645 * FORM) ** 2 * 1000.0 * alike**2), rel=1e-6)
     trial.reduction = 80.0  # of its own it can take no more than what looks like the form
     assert least(trial) == pytest.approx(max(trials.SURE, 40.0 * alike**2), rel=1e-6)
     rows["off"] = weak  # where the form hardly acts it leaves little
     assert least(trial) == trials.SURE
-    assert trials.FormErrorThreshold(replica, "accepted", [], screen)(trial) == trials.SURE
+    assert form_errors.FormErrorThreshold(replica, "accepted", [], screen)(trial) == trials.SURE
 
 
 @pytest.mark.parametrize(("shrinks", "rests"), [(0.2, True), (0.7, True), (0.95, False), (1.0, False)])

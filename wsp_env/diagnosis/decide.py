@@ -18,6 +18,7 @@ from wsp_env.diagnosis.convergence import converge, largest_change
 from wsp_env.diagnosis.discovered import curves, terms
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
+from wsp_env.diagnosis.form_errors import FormErrorThreshold
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.noise import NoiseParameters
 from wsp_env.diagnosis.replica import Replica
@@ -33,7 +34,6 @@ from wsp_env.diagnosis.structure import structured
 from wsp_env.diagnosis.trials import (
     FORM,
     SURE,
-    FormErrorThreshold,
     ReplicaNoise,
     Trial,
     corrects_recordings,

@@ -17,6 +17,7 @@ from wsp_env.diagnosis.convergence import converge, largest_change
 from wsp_env.diagnosis.estimates import estimates, intervals_contain_null, within_a_sample
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit, replica_of
+from wsp_env.diagnosis.form_errors import forms
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Screen, net_effect
 from wsp_env.diagnosis.trials import (
@@ -26,7 +27,6 @@ from wsp_env.diagnosis.trials import (
     accepted_deviance,
     corrects_recordings,
     form_of,
-    forms,
     log_odds,
     weights_of,
 )

@@ -8,9 +8,7 @@ from concurrent.futures import Executor
 from typing import NamedTuple
 
 import numpy as np
-from scipy import linalg
 
-from wsp_env.diagnosis.balances import Whitening
 from wsp_env.diagnosis.candidates import Variant, at_bound, near, parameter_of, refined, switched, without
 from wsp_env.diagnosis.colour import slide_whitening
 from wsp_env.diagnosis.convergence import converge, converge_rescaled, diverges
@@ -20,9 +18,9 @@ from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, replica_of, 
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.noise import EM_UPDATES, NoiseParameters, noise_of
 from wsp_env.diagnosis.readings import on_sensors
-from wsp_env.diagnosis.replica import OF_TIME, Replica
+from wsp_env.diagnosis.replica import OF_TIME, OF_TORQUE, Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect
-from wsp_env.diagnosis.variation import Group, Net, law_columns, nuisances, segment_columns, shapes
+from wsp_env.diagnosis.variation import Group, nuisances
 from wsp_env.plant.mechanisms import ALL
 
 #: Number of mechanisms that are refitted in each round.
@@ -41,8 +39,6 @@ SURE = float(np.log(19.0))
 FORM = 0.2
 #: Form error of a term without a name, which is one of few forms tried (assumption).
 FORM_TERM = 0.4
-#: One-sided 95 % quantile of the normal distribution.
-_Z95 = 1.645
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,7 +96,7 @@ def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, 
         return []
     # Delays are the least linear effects, and the linear search may miss them: try them with whatever is found first. Late
     # wheel speeds are also equivalent to a late brake with an early clock.
-    if not fitted.variants or any(one.name in OF_TIME for one in promising):
+    if not fitted.variants or any(one.name in OF_TIME or _follows_torque(one.candidate.variant) for one in promising):
         promising += [one for one in seen.found if one.name in OF_TIME and one not in promising]
     # A refit moves the location of a mechanism only locally; the second-best place or band may be the better start.
     seconds = [seen.second[one.name] for one in promising if one.name in seen.second]
@@ -125,9 +121,32 @@ def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, 
         )  # fmt: skip
 
     best: dict[str, Trial] = {}
-    for one in sorted(pool.map(trial, promising), key=lambda one: -log_odds(one.listed, one.evidence)):
+    tried = _beyond_delays(list(pool.map(trial, promising)))
+    for one in sorted(tried, key=lambda one: -log_odds(one.listed, one.evidence)):
         best.setdefault(one.listed.title, one)
     return list(best.values())
+
+
+def _beyond_delays(trials: Sequence[Trial]) -> list[Trial]:
+    """Return trials; of a term that follows the course of the torque, only what no delay of brakes explains counts.
+
+    Brakes that are late by less than a sample are normal, and are no finding.
+    """
+    late = max((one.evidence for one in trials if one.listed.name in OF_TIME and not on_a_sensor(one.listed)), default=0.0)
+    less = max(late, 0.0)
+    return [
+        dataclasses.replace(one, evidence=one.evidence - less, penalty=one.penalty + less)
+        if _follows_torque(one.listed)
+        else one
+        for one in trials
+    ]
+
+
+def _follows_torque(variant: Variant) -> bool:
+    """Whether a candidate is a term that follows the course of the torque."""
+    return bool(variant.family) and any(
+        name.startswith("feature") and value in OF_TORQUE for name, value in variant.fixed.items()
+    )
 
 
 class _BestFit(NamedTuple):
@@ -246,67 +265,3 @@ class ReplicaNoise:
         """Return the weights of the residuals, with form errors `forms`."""
         sizes = Sizes(np.concatenate([self._sizes.groups, np.ones(len(forms))]), self._sizes.noise)
         return weigh(self._replica, self._noise.whitening, [*self._groups, *forms], sizes)
-
-
-def forms(replica: Replica, model: Model, variants: Sequence[Variant], whitening: Whitening) -> list[Group]:
-    """Return for each mechanism that is on the columns of its form error.
-
-    They are its effect, weighted over measured quantities, minus their part along the effect itself, whose size is fitted (M.
-    Plumlee, Journal of the American Statistical Association 112, 2017, on calibration with a discrepancy).
-    """
-    base, bent, net = replica.raw(model), shapes(replica), _law_projection(replica, model, whitening)
-    effects = [(one, replica.raw(without(model, one)) - base) for one in variants if form_of(one) > 0.0]
-    return [
-        Group(f"form of {one.title}", _orthogonal(net, whitening, effect, bent), form_of(one), True) for one, effect in effects
-    ]
-
-
-def _law_projection(replica: Replica, model: Model, whitening: Whitening) -> Net:
-    """Return the projection off the law's parameters."""
-    return Net(whitening, np.column_stack([segment_columns(replica), law_columns(replica, model, replica.raw(model))]))
-
-
-def _orthogonal(net: Net, whitening: Whitening, effect: np.ndarray, bent: np.ndarray) -> np.ndarray:
-    """Return an effect (n,) times weights (n, k), minus the projection on the effect itself."""
-    columns = effect[:, None] * bent
-    seen = whitening(net(np.column_stack([columns, effect]))[0])
-    shares = seen[:, -1] @ seen[:, :-1] / max(float(seen[:, -1] @ seen[:, -1]), np.finfo(float).tiny)
-    result: np.ndarray = columns - effect[:, None] * shares
-    return result
-
-
-class FormErrorThreshold:
-    """Least log odds of a further mechanism: 95 %, or more if form errors of accepted ones may produce its effect.
-
-    The true form of an accepted mechanism may differ by a share s of its effect (`form_of`). At 95 %, this error produces
-    (1.645 s)^2 of its evidence, in an effect of the same form. A further mechanism needs this evidence times the squared cosine
-    between its effect and the form error, after refitting the law. Directions of the form error count by their strength. The
-    need is limited to that share of its own evidence. Example: a drag that grows with speed does not resemble an oscillating
-    coupler.
-
-    Parameters
-    ----------
-    accepted : each accepted mechanism, as it is on in the model, with its evidence
-
-    """
-
-    def __init__(self, replica: Replica, model: Model, accepted: Sequence[tuple[Variant, float]], seen: Screen) -> None:
-        self._replica, self._whitening = replica, seen.whitening
-        self._law_projection = _law_projection(replica, model, seen.whitening)
-        self._form_errors: list[tuple[np.ndarray, float]] = []
-        for variant, evidence in accepted:
-            for form in forms(replica, model, [variant], seen.whitening):
-                vectors, values = linalg.svd(self._seen(form.columns), full_matrices=False)[:2]
-                strength = values / max(float(values.max(initial=0.0)), np.finfo(float).tiny)
-                self._form_errors.append((vectors * strength, (_Z95 * form.expected) ** 2 * evidence))
-
-    def _seen(self, columns: np.ndarray) -> np.ndarray:
-        return self._whitening(self._law_projection(columns)[0])
-
-    def __call__(self, trial: Trial) -> float:
-        """Return the log odds that a trial must exceed."""
-        on, off = trial.fitted.model, without(trial.fitted.model, trial.variant)
-        effect = self._seen((self._replica.raw(off) - self._replica.raw(on))[:, None])[:, 0]
-        square = max(float(effect @ effect), np.finfo(float).tiny)
-        alike = [(float(np.sum((basis.T @ effect) ** 2)) / square, limit) for basis, limit in self._form_errors]
-        return max(SURE, sum(share * min(limit, 0.5 * max(trial.reduction, 0.0)) for share, limit in alike))
