@@ -125,6 +125,16 @@ def test_trials_are_compared_on_equal_terms(own, expected):
     assert set(rejected.values()) <= {NOT_SEEN}
 
 
+@pytest.mark.parametrize(("evidence", "holds"), [(7.0 + SCATTER, True), (6.8 + SCATTER, False)])
+def test_what_was_suspended_must_exceed_the_scatter(evidence, holds):
+    def retest_trial(one, suspended):
+        return Retested(dataclasses.replace(one, evidence=evidence if suspended else 1.0), None, None if suspended else "fit")
+
+    best, rejected = best_of(THREE[1:2], lambda one: False, retest_trial, AS_IT_IS, lambda one: SURE, INLINE)
+    assert (best is not None) == holds
+    assert holds or rejected[GRADIENT.title] < SURE
+
+
 @pytest.mark.parametrize(("holds", "expected"), [(True, GAIN), (False, GRADIENT)])
 def test_a_rival_must_hold_itself(holds, expected):
     def retest_trial(one, suspended):

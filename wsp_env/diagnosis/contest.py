@@ -42,15 +42,15 @@ def best_of(
         retested = retest_trial(one, one.fitted)
         return retested if retested is not None and holds(retested.trial) else None
 
-    def test(one: Trial) -> None:
+    def test(one: Trial, scatter: float = 0.0) -> None:
         nonlocal best
         retested = None if rejects(one) else retest_trial(one, suspended.pop(one.listed.title, None))
-        last = one if retested is None else retested.trial
+        last = one if retested is None else dataclasses.replace(retested.trial, evidence=retested.trial.evidence - scatter)
         if retested is not None and retested.suspended is not None:
             suspended[one.listed.title] = retested.suspended
         elif retested is not None and holds(last):
             rejected.pop(one.listed.title, None)
-            best = retested if best is None or preferred([best.trial, last])[0] is last else best
+            best = retested if best is None or preferred([best.trial, retested.trial])[0] is retested.trial else best
             return
         rejected[one.listed.title] = log_odds(last.listed, last.evidence)
 
@@ -70,9 +70,9 @@ def best_of(
             return winner, rejected
         rejected[title] = NOT_SEEN
     best = None
-    if again:  # the evidence with which these were found is void: all are tested
+    if again:  # the evidence with which these were found is void: all are tested, and must exceed the scatter
         for one in [one for one in promising if one.listed.title in suspended]:
-            test(one)
+            test(one, equal.scatter)
     return best, rejected
 
 
