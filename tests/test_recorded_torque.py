@@ -2,16 +2,11 @@
 
 import pytest
 from numpy.testing import assert_allclose
-from synthetic_stops import stops, write_campaign
+from replica_cases import LAW, sound_balances
 
-from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.stops import prepare
 from wsp_env.plant.mechanisms.terms import Feature, Slot
-from wsp_env.recordings import read_campaign
-
-LAW = Model(2e-4, (0.06, 0.07))
 
 
 def term(number, feature, coefficient, scale):
@@ -27,11 +22,7 @@ DELAY = {"lag_s": 0.1, "axle": 0.0}
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("torque") / "c"
-    a, b = stops(LAW.tau, LAW.mu_cd, seeds=(1, 2), noise=1.0)
-    write_campaign(folder, {"A1": a, "B1": b}, ["A1"], ["B1"])
-    campaign = read_campaign(folder)
-    return Balances(campaign, prepare(campaign)[0])
+    return sound_balances(tmp_path_factory.mktemp("torque") / "c")
 
 
 def with_terms(**terms):

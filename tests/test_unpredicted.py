@@ -5,28 +5,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from synthetic_stops import stops, write_campaign
+from replica_cases import LAW, sound_balances
 
 from wsp_env.diagnosis import fitting
-from wsp_env.diagnosis.balances import ADHESION, Balances
+from wsp_env.diagnosis.balances import ADHESION
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.stops import prepare
-from wsp_env.recordings import read_campaign
 
-LAW = Model(2e-4, (0.06, 0.07))
 TRANSFER = {"load_transfer": {"body_height_m": 0.5, "pivot_height_m": 0.6}}
 LATE = {"wheel_speed_lag": {"lag_s": 0.05}}
 
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("unpredicted") / "c"
-    a, b = stops(LAW.tau, LAW.mu_cd, seeds=(1, 2), noise=1.0)
-    write_campaign(folder, {"A1": a, "B1": b}, ["A1"], ["B1"])
-    campaign = read_campaign(folder)
-    return Balances(campaign, prepare(campaign)[0])
+    return sound_balances(tmp_path_factory.mktemp("unpredicted") / "c")
 
 
 def sliding(balances):

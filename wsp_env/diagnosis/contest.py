@@ -28,8 +28,8 @@ def best_of(
 
     The log odds of a trial must exceed `threshold`, and `rejects` must be false: for the trial as found, and about its own
     replica (`retest_trial`). If none holds with the variances as they are, suspended trials are tested with own
-    variances if `again`. What holds must hold with own variances, too, and is compared with its rivals there. Rejected titles
-    are not listed as alternatives.
+    variances if `again`. What holds must not lose its evidence with own variances, and is compared with its rivals there.
+    Rejected titles are not listed as alternatives.
     """
     best: Retested | None = None
     rejected: dict[str, float] = {}
