@@ -353,7 +353,7 @@ def test_what_the_runs_leave_no_evidence_of_was_not_seen(left, monkeypatch):
     monkeypatch.setattr(decide, "FormErrorThreshold", lambda *_: lambda _: SURE)
     monkeypatch.setattr(decide, "trials_of", lambda *_: [one])
     monkeypatch.setattr(decide, "_is_rejected", lambda *_: False)
-    monkeypatch.setattr(decide, "retest", lambda *_: decide.Retested(dataclasses.replace(one, evidence=left), None))
+    monkeypatch.setattr(decide, "retest", lambda *_, equal: decide.Retested(dataclasses.replace(one, evidence=left), None))
     outcome = decide.select(SimpleNamespace(baseline=Model(2e-4, (0.06,)), rows=[]), [GRADIENT], None)
     assert outcome.rejected == ()
 

@@ -201,6 +201,8 @@ def test_evidence_on_equal_terms_has_variances_of_each_model_s_own_residuals(mon
     assert equal.evidence(late) == 30.0  # as it was found
     assert [equal.evidence(one), equal.evidence(one)] == [0.5 * (96.0 - 40.0) - 3.0] * 2
     assert asked == [((GRADIENT,), PLAIN)]  # once
+    assert equal.converged(one.fitted) == ("own", settled, noise)  # for its retest
+    assert equal.converged(settled) is None
 
 
 def test_the_scatter_of_half_a_deviance_is_that_of_chi_square():

@@ -35,7 +35,7 @@ def test_what_those_before_explain_better_is_no_merit_of_the_next(monkeypatch, o
     screen = SimpleNamespace(found=[seen], second={}, whitening=None)
     before = Fitted(switched(Model(2e-4, (0.06,)), GAIN, np.array([0.05])), (GAIN,), (), (), 0.0)
     with ThreadPoolExecutor(1) as pool:
-        (one,) = trials.trials_of(None, screen, before, None, pool)
+        (one,) = trials.trials_of(None, screen, before, None, pool, None)
     assert one.reduction == pytest.approx(2.0 * expected)
     assert one.evidence == pytest.approx(5.0 + expected - 5.0)
 
@@ -55,7 +55,7 @@ def test_a_refit_begins_where_the_way_to_the_linear_step_leaves_least(monkeypatc
     monkeypatch.setattr(trials, "net_effect", lambda *_: StopChange(0.02, 0.0))
     screen = SimpleNamespace(found=[found(GRADIENT, 5.0)], second={}, whitening=None)
     with ThreadPoolExecutor(1) as pool:
-        trials.trials_of(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None, pool)
+        trials.trials_of(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None, pool, None)
     assert begun[1] == pytest.approx(best)
 
 
@@ -74,7 +74,7 @@ def test_terms_that_differ_only_in_their_axles_do_not_keep_others_from_a_trial(m
     screen = SimpleNamespace(found=[*groups, *others], second={}, whitening=None)
     accepted = Fitted(Model(2e-4, (0.06,)), (GAIN,), (), (), 100.0)
     with ThreadPoolExecutor(1) as pool:
-        tried = trials.trials_of(None, screen, accepted, None, pool)
+        tried = trials.trials_of(None, screen, accepted, None, pool, None)
     assert {one.listed.title for one in tried} == {groups[5].name, *(one.name for one in others)}
 
 

@@ -120,12 +120,12 @@ def select(
             break
         progress(f"refitting {len(accepted) + 1} of {MOST}")
         rejects = functools.partial(_is_rejected, replica, accepted, seen)
-        retest_trial = functools.partial(retest, replica, seen, weights)
         equal = EqualTerms(replica, seen, fitted, weights)
+        retest_trial = functools.partial(retest, replica, seen, weights, equal=equal)
         threshold = FormErrorThreshold(
             replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen
         )
-        trials = trials_of(replica, seen, fitted, weights, pool)
+        trials = trials_of(replica, seen, fitted, weights, pool, equal.deviance)
         best, rejected = best_of(trials, rejects, retest_trial, equal, threshold, pool, not accepted)
         if best is None:
             left = left or [

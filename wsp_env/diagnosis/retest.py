@@ -47,7 +47,10 @@ class Retested(NamedTuple):
     suspended: Fitted | None = None  # fit of a trial that is no longer sure there, with variances estimated without it
 
 
-def retest(replica: Replica, seen: Screen, weights: Weights, trial: Trial, suspended: Fitted | None = None) -> Retested | None:
+def retest(
+    replica: Replica, seen: Screen, weights: Weights, trial: Trial, suspended: Fitted | None = None,
+    equal: "EqualTerms | None" = None,
+) -> Retested | None:  # fmt: skip
     """Return a trial with its size and evidence on a replica of its own; None if it does not hold.
 
     If the parts of the recordings disagree so that it is no longer sure, the evidence is the reduced one.
@@ -56,6 +59,7 @@ def retest(replica: Replica, seen: Screen, weights: Weights, trial: Trial, suspe
     ----------
     suspended : a fit of the trial from which to begin; each model has variances of its own residuals then. What was suspended
         and fails again is returned with its evidence in the first test, so that it counts as not seen
+    equal : the comparison that may already have fitted it with such variances
 
     """
     own_weights, reweighted, rejected = weights, False, None
@@ -78,7 +82,8 @@ def retest(replica: Replica, seen: Screen, weights: Weights, trial: Trial, suspe
             if not reweighted:
                 return rejected
     if reweighted:
-        own, fitted, noise = converge_reweighted(replica, fitted, seen, weights.deviance(without_it))
+        known = equal.converged(fitted) if equal else None
+        own, fitted, noise = known or converge_reweighted(replica, fitted, seen, weights.deviance(without_it))
         weights_with = noise.weights
         own_weights, null_replica = weights_with(), replica
     others = [one for one in fitted.variants if one is not trial.variant]
@@ -142,6 +147,7 @@ class EqualTerms:
         self._replica, self._seen = replica, seen
         self._accepted, self._weights = accepted, weights
         self._lock, self._least = threading.Lock(), functools.cache(self._without)
+        self._converged: list[tuple[Fitted, tuple[Replica, Fitted, ReplicaNoise]]] = []
 
     @property
     def scatter(self) -> float:
@@ -151,8 +157,12 @@ class EqualTerms:
         """
         return 0.5 * float(np.sqrt(2.0 * len(self._replica.rows)))
 
-    def _without(self) -> float:
+    def deviance(self) -> float:
         """Return the least deviance of the accepted model."""
+        with self._lock:  # computed once, and not by two threads
+            return self._least()
+
+    def _without(self) -> float:
         start = refit(self._replica, self._accepted.model, self._accepted.variants, self._weights)
         return accepted_deviance(self._replica, self._seen, start, self._weights)
 
@@ -160,10 +170,14 @@ class EqualTerms:
         """Return the evidence of a trial."""
         if corrects_recordings(trial.listed):
             return trial.evidence  # it was found so
-        with self._lock:  # computed once, and not by two threads
-            least = self._least()
-        _, fitted, noise = converge_reweighted(self._replica, trial.fitted, self._seen)
+        least, found = self.deviance(), converge_reweighted(self._replica, trial.fitted, self._seen)
+        self._converged.append((trial.fitted, found))
+        _, fitted, noise = found
         return 0.5 * (least - noise.weights().deviance(fitted)) - trial.penalty
+
+    def converged(self, begin: Fitted) -> tuple[Replica, Fitted, ReplicaNoise] | None:
+        """Return the replica, the fit and the noise to which a trial's fit has led; None if it was not compared."""
+        return next((found for fitted, found in self._converged if fitted is begin), None)
 
 
 def converge_reweighted(

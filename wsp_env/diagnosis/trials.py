@@ -1,8 +1,6 @@
 """Tries mechanisms: each is refitted together with the accepted ones, and its evidence is computed again."""
 
 import dataclasses
-import functools
-import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from typing import NamedTuple
@@ -86,8 +84,16 @@ def _kind(variant: Variant) -> tuple[str | float, ...]:
     return (variant.name, *codes) if variant.family else (variant.name,)
 
 
-def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor) -> list[Trial]:
-    """Refit the most promising mechanisms; return the trials, best first."""
+def trials_of(
+    replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor, without_it: Callable[[], float]
+) -> list[Trial]:  # fmt: skip
+    """Refit the most promising mechanisms; return the trials, best first.
+
+    Parameters
+    ----------
+    without_it : returns the least deviance of the accepted model, also with nuisance sizes of its own
+
+    """
     kinds: dict[tuple[str | float, ...], Found] = {}  # of terms that differ only in their axles, the best is tried
     for each in sorted(seen.found, key=lambda one: -log_odds(one.candidate.variant, one.evidence)):
         kinds.setdefault(_kind(each.candidate.variant), each)
@@ -102,11 +108,6 @@ def trials_of(replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, 
     seconds = [seen.second[one.name] for one in promising if one.name in seen.second]
     promising += [one for one in seconds if len(refined(one.candidate.variant).sizes) > len(one.candidate.variant.sizes)]
     start = refit(replica, fitted.model, fitted.variants, weights)
-    least, lock = functools.cache(lambda: accepted_deviance(replica, seen, start, weights)), threading.Lock()
-
-    def without_it() -> float:
-        with lock:  # two threads that ask at the same time would both compute it
-            return least()
 
     def trial(one: Found) -> Trial:
         if corrects_recordings(one.candidate.variant):
