@@ -1,6 +1,7 @@
 """The decision's parts: evidence, sizes of discrepancies, the speed's noise, what compensates and what is normal."""
 
 import dataclasses
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,14 +16,14 @@ from wsp_env.diagnosis.balances import NOISES, Whitening
 from wsp_env.diagnosis.candidates import Variant, parameter_of, refined, switched, values_in, without
 from wsp_env.diagnosis.convergence import largest_change
 from wsp_env.diagnosis.covariance import Evidence, Sizes
-from wsp_env.diagnosis.decide import MATTERS, posterior
+from wsp_env.diagnosis.decide import posterior
 from wsp_env.diagnosis.diagnose import _evidence
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.search import LARGE, SEEN, SMALL, _freed, _one, _posterior, is_possible
 from wsp_env.diagnosis.speed import SpeedNoise, estimate, estimate_noise
-from wsp_env.diagnosis.trials import FORM, PRIOR, PRIOR_TERM, SURE, log_odds
+from wsp_env.diagnosis.trials import FORM, MATTERS, PRIOR, PRIOR_TERM, SURE, log_odds
 from wsp_env.diagnosis.variation import Group, contrasts
 
 
@@ -329,10 +330,10 @@ def test_curves_are_tried_once_and_only_where_what_is_left_matters(unexplained, 
     monkeypatch.setattr(decide, "structured", lambda replica, seen, weights: SimpleNamespace(unexplained=unexplained))
     monkeypatch.setattr(decide, "weights_of", lambda replica, seen: None)
     monkeypatch.setattr(decide, "FormErrorThreshold", lambda *said: lambda one: SURE)
-    monkeypatch.setattr(decide, "trials_of", lambda *said: rejected)
+    monkeypatch.setattr(decide, "trials_of", lambda *said: [rejected])
     monkeypatch.setattr(decide, "_is_rejected", lambda *said: True)
     replica = SimpleNamespace(baseline=Model(2e-4, (0.06,)), rows=[])
-    outcome = decide.select(replica, [GRADIENT], None)
+    outcome = decide.select(replica, [GRADIENT], ThreadPoolExecutor(1))
     with_curves = [["track_gradient", "a curve"]] if unexplained or holds_not else []
     assert searched == [["track_gradient", TERM.family], *with_curves]
     assert not outcome.accepted
@@ -351,10 +352,10 @@ def test_what_the_runs_leave_no_evidence_of_was_not_seen(left, monkeypatch):
     monkeypatch.setattr(decide, "structured", lambda *_: SimpleNamespace(unexplained=False))
     monkeypatch.setattr(decide, "weights_of", lambda *_: None)
     monkeypatch.setattr(decide, "FormErrorThreshold", lambda *_: lambda _: SURE)
-    monkeypatch.setattr(decide, "trials_of", lambda *_: [one])
+    monkeypatch.setattr(decide, "trials_of", lambda *_: [[one]])
     monkeypatch.setattr(decide, "_is_rejected", lambda *_: False)
     monkeypatch.setattr(decide, "retest", lambda *_, equal: decide.Retested(dataclasses.replace(one, evidence=left), None))
-    outcome = decide.select(SimpleNamespace(baseline=Model(2e-4, (0.06,)), rows=[]), [GRADIENT], None)
+    outcome = decide.select(SimpleNamespace(baseline=Model(2e-4, (0.06,)), rows=[]), [GRADIENT], ThreadPoolExecutor(1))
     assert outcome.rejected == ()
 
 

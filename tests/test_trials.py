@@ -35,7 +35,7 @@ def test_what_those_before_explain_better_is_no_merit_of_the_next(monkeypatch, o
     screen = SimpleNamespace(found=[seen], second={}, whitening=None)
     before = Fitted(switched(Model(2e-4, (0.06,)), GAIN, np.array([0.05])), (GAIN,), (), (), 0.0)
     with ThreadPoolExecutor(1) as pool:
-        (one,) = trials.trials_of(None, screen, before, None, pool, None)
+        ((one,),) = trials.trials_of(None, screen, before, None, pool, None)
     assert one.reduction == pytest.approx(2.0 * expected)
     assert one.evidence == pytest.approx(5.0 + expected - 5.0)
 
@@ -55,8 +55,33 @@ def test_a_refit_begins_where_the_way_to_the_linear_step_leaves_least(monkeypatc
     monkeypatch.setattr(trials, "net_effect", lambda *_: StopChange(0.02, 0.0))
     screen = SimpleNamespace(found=[found(GRADIENT, 5.0)], second={}, whitening=None)
     with ThreadPoolExecutor(1) as pool:
-        trials.trials_of(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None, pool, None)
+        list(trials.trials_of(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None, pool, None))
     assert begun[1] == pytest.approx(best)
+
+
+def test_the_next_are_refitted_only_when_they_are_asked_for(monkeypatch):
+    """Delays take no place of another; they are tried with the first."""
+    names = ["sanding", "vehicle_mass", "wheelset_inertia", "pad_friction", "flash_temperature", "falling_friction"]
+    few = [found(Variant(name, GRADIENT.sizes, {}), 60.0 - i) for i, name in enumerate(names)]
+    delays = [
+        found(Variant(name, ("lag_s",), {}), evidence) for name, evidence in (("brake_delay", 70.0), ("wheel_speed_lag", -9.0))
+    ]
+    refitted = []
+    monkeypatch.setattr(trials, "refit", lambda _, model, variants, __: Fitted(model, tuple(variants), (), (), 100.0))
+    best_fit = SimpleNamespace(
+        about=None, fitted=SimpleNamespace(model=None), variant=None, null_model=None, reduction=9.0, weights=None
+    )
+    for name in ("_fit_on_replica", "_fit_on_own_replica"):
+        monkeypatch.setattr(trials, name, lambda *said: refitted.append(said[-1].name) or best_fit)
+    monkeypatch.setattr(trials, "net_effect", lambda *_: StopChange(0.02, 0.0))
+    monkeypatch.setattr(trials, "refined", lambda variant: variant)
+    screen = SimpleNamespace(found=[*few, *delays], second={}, whitening=None)
+    with ThreadPoolExecutor(1) as pool:
+        some = trials.trials_of(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None, pool, None)
+        assert {one.listed.name for one in next(some)} == {*names[:4], "brake_delay", "wheel_speed_lag"}
+        assert len(refitted) == 6
+        assert {one.listed.name for one in next(some)} == set(names[4:])
+        assert next(some, None) is None
 
 
 def test_terms_that_differ_only_in_their_axles_do_not_keep_others_from_a_trial(monkeypatch):
@@ -74,7 +99,7 @@ def test_terms_that_differ_only_in_their_axles_do_not_keep_others_from_a_trial(m
     screen = SimpleNamespace(found=[*groups, *others], second={}, whitening=None)
     accepted = Fitted(Model(2e-4, (0.06,)), (GAIN,), (), (), 100.0)
     with ThreadPoolExecutor(1) as pool:
-        tried = trials.trials_of(None, screen, accepted, None, pool, None)
+        (tried,) = trials.trials_of(None, screen, accepted, None, pool, None)
     assert {one.listed.title for one in tried} == {groups[5].name, *(one.name for one in others)}
 
 

@@ -1,15 +1,25 @@
 """Which of the tried mechanisms holds, and is the best: as found, about a replica of its own, and beside its rivals."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import norm
 
 from wsp_env.diagnosis.fitting import Fitted
 from wsp_env.diagnosis.retest import EqualTerms, Retested
-from wsp_env.diagnosis.trials import FORM, Trial, corrects_recordings, form_of, log_odds
+from wsp_env.diagnosis.trials import FORM, MATTERS, Trial, corrects_recordings, form_of, log_odds
 
-#: Log odds of what explains nothing with variances of its own residuals.
+#: Log odds of what explains nothing with variances of its own residuals, or may be too small to matter there.
 NOT_SEEN = -float("inf")
+
+
+def at_least(trial: Trial) -> float:
+    """Return the lower limit of a trial's size (95 %) in smallest effects of interest."""
+    deviations = np.sqrt(max(trial.reduction, np.finfo(float).tiny))  # from zero, as for a single size
+    return trial.size.multiple * (1.0 - float(norm.ppf(0.95)) / float(deviations))
 
 
 def preferred(trials: Sequence[Trial]) -> list[Trial]:
@@ -20,85 +30,105 @@ def preferred(trials: Sequence[Trial]) -> list[Trial]:
     return sorted(trials, key=lambda one: (bool(one.listed.family) or one.evidence < least, -one.evidence))
 
 
-def best_of(
-    trials: Sequence[Trial], rejects: Callable[[Trial], bool], retest_trial: Callable[[Trial, Fitted | None], Retested | None],
-    equal: EqualTerms, threshold: Callable[[Trial], float], pool: Executor, again: bool = True,
-) -> tuple[Retested | None, dict[str, float]]:  # fmt: skip
-    """Return the best trial that holds, and the titles of rejected trials with their log odds.
+class Contest(NamedTuple):
+    """The best trial that holds, and all trials."""
 
-    The log odds of a trial must exceed `threshold`, and `rejects` must be false: for the trial as found, and about its own
-    replica (`retest_trial`). If none holds with the variances as they are, suspended trials are tested with own
-    variances if `again`. What holds must not lose its evidence with own variances, and is compared with its rivals there.
-    Rejected titles are not listed as alternatives.
+    best: Retested | None
+    rejected: dict[str, float]  # titles of trials that do not hold, with their log odds; they are no alternatives
+    trials: list[Trial]
+
+
+def best_of(
+    batches: Iterable[Sequence[Trial]], rejects: Callable[[Trial], bool],
+    retest_trial: Callable[[Trial, Fitted | None], Retested | None], equal: EqualTerms, threshold: Callable[[Trial], float],
+    pool: Executor, again: bool = True,
+) -> Contest:  # fmt: skip
+    """Return the best trial of the first batch in which one holds.
+
+    All promising trials are tested about replicas of their own (`retest_trial`), where they may change places: what explains
+    hardly anything linearly may explain most. There, the log odds must exceed `threshold`, and `rejects` must be false. What
+    holds must not lose its evidence with variances of its own residuals, and is compared with its rivals there. If none holds
+    and `again`, suspended trials are tested with own variances, and must surely matter.
     """
-    best: Retested | None = None
     rejected: dict[str, float] = {}
-    suspended: dict[str, Fitted] = {}
+    suspended: list[tuple[Trial, Fitted]] = []
+    trials: list[Trial] = []
 
     def holds(one: Trial) -> bool:
         return log_odds(one.listed, one.evidence) > threshold(one) and not rejects(one)
 
-    def retest_on_own(one: Trial) -> Retested | None:
-        retested = retest_trial(one, one.fitted)
-        return retested if retested is not None and holds(retested.trial) else None
+    def test(one: Trial, begin: Fitted | None = None) -> Retested | None:
+        return None if rejects(one) else retest_trial(one, begin)
 
-    def test(one: Trial, scatter: float = 0.0) -> None:
-        nonlocal best
-        retested = None if rejects(one) else retest_trial(one, suspended.pop(one.listed.title, None))
-        last = one if retested is None else dataclasses.replace(retested.trial, evidence=retested.trial.evidence - scatter)
-        if retested is not None and retested.suspended is not None:
-            suspended[one.listed.title] = retested.suspended
-        elif retested is not None and holds(last):
-            rejected.pop(one.listed.title, None)
-            best = retested if best is None or preferred([best.trial, retested.trial])[0] is retested.trial else best
-            return
-        rejected[one.listed.title] = log_odds(last.listed, last.evidence)
+    for some in batches:
+        trials += some
+        held: list[Retested] = []
+        promising = [one for one in some if _is_promising(one, threshold)]
+        for one, retested in zip(promising, pool.map(test, promising), strict=True):
+            last = one if retested is None else retested.trial
+            if retested is not None and retested.suspended is None and holds(last):
+                held.append(retested)
+                continue
+            rejected[one.listed.title] = log_odds(last.listed, last.evidence)
+            if retested is not None and retested.suspended is not None:
+                suspended.append((one, retested.suspended))
+        while held:
+            best, *held = _preferred(held)
+            winner = _on_equal_terms(best, held, equal, lambda one: _if(holds, retest_trial(one, one.fitted)), pool)
+            if winner is not None:
+                return Contest(winner, rejected, trials)
+            rejected[best.trial.listed.title] = NOT_SEEN
+    held = []
+    for one, begin in suspended if again else []:  # the evidence with which these were found is void: all are tested
+        found = _if(holds, test(one, begin))
+        if found is not None and at_least(found.trial) >= MATTERS:
+            held.append(found)
+            del rejected[one.listed.title]
+        else:
+            rejected[one.listed.title] = NOT_SEEN
+    return Contest(next(iter(_preferred(held)), None), rejected, trials)
 
-    promising = preferred([trial for trial in trials if log_odds(trial.listed, trial.evidence) > threshold(trial)])
-    while left := [one for one in promising if one.listed.title not in rejected]:
-        best = None
-        for one in left:
-            if best is None or preferred([best.trial, one])[0] is one:
-                test(one)
-        if best is None:
-            break
-        title = best.trial.listed.title
-        others = [one for one in left if one.listed.title not in {title, *rejected} and not rejects(one)]
-        found = next(one for one in left if one.listed.title == title)
-        winner = _on_equal_terms(best, found, others, equal, retest_on_own, pool)
-        if winner is not None:
-            return winner, rejected
-        rejected[title] = NOT_SEEN
-    best = None
-    if again:  # the evidence with which these were found is void: all are tested, and must exceed the scatter
-        for one in [one for one in promising if one.listed.title in suspended]:
-            test(one, equal.scatter)
-    return best, rejected
+
+def _is_promising(one: Trial, threshold: Callable[[Trial], float]) -> bool:
+    """Whether a trial may hold about a replica of its own; those that correct the recordings have one already."""
+    if log_odds(one.listed, one.evidence) > threshold(one):
+        return True
+    return not corrects_recordings(one.listed) and log_odds(one.listed, one.found.evidence) > 0.0
+
+
+def _if(holds: Callable[[Trial], bool], retested: Retested | None) -> Retested | None:
+    """Return what was tested, if it holds."""
+    return retested if retested is not None and retested.suspended is None and holds(retested.trial) else None
+
+
+def _preferred(retested: Sequence[Retested]) -> list[Retested]:
+    """Sort what was tested, best first."""
+    order = preferred([one.trial for one in retested])
+    return sorted(retested, key=lambda one: next(i for i, trial in enumerate(order) if trial is one.trial))
 
 
 def _on_equal_terms(
-    best: Retested, found: Trial, others: Sequence[Trial], equal: EqualTerms,
-    retest_on_own: Callable[[Trial], Retested | None], pool: Executor,
+    best: Retested, others: Sequence[Retested], equal: EqualTerms, retest_on_own: Callable[[Trial], Retested | None],
+    pool: Executor,
 ) -> Retested | None:  # fmt: skip
-    """Return the best trial, or another that explains far more, if each has variances of its own residuals; None if it fails.
+    """Return the best of what holds, or a rival that explains far more, if each has variances of its own residuals.
 
-    Variances estimated without a mechanism are too large if it is missing. They may hide how much more the true one explains,
-    and that a false one explains nothing that smaller variances would not leave.
+    Return None if the best one fails. Variances estimated without a mechanism are too large if it is missing. They may hide how
+    much more the true one explains, and that a false one explains nothing that smaller variances would not leave.
 
     Parameters
     ----------
-    found : the best trial as it was found; others that explain far less in the same way are no rivals
     retest_on_own : retest of a trial with variances of its own residuals; None if it does not hold
 
     """
 
     def is_rival(one: Trial) -> bool:
-        alike = corrects_recordings(one.listed) == corrects_recordings(found.listed)
-        return not alike or one.evidence >= (1.0 - FORM) ** 2 * found.evidence
+        alike = corrects_recordings(one.listed) == corrects_recordings(best.trial.listed)
+        return not alike or one.evidence >= (1.0 - FORM) ** 2 * best.trial.evidence
 
-    rivals = [one for one in others if is_rival(one)]
+    rivals = [one.trial for one in others if is_rival(one.trial)]
     own, *theirs = pool.map(equal.evidence, [best.trial, *rivals])
-    if own < (1.0 - form_of(found.listed)) ** 2 * best.trial.evidence - equal.scatter:
+    if own < (1.0 - form_of(best.trial.listed)) ** 2 * best.trial.evidence - equal.scatter:
         return None
     least = equal.scatter + max(best.trial.evidence, own)
     better = [(one, evidence) for one, evidence in zip(rivals, theirs, strict=True) if evidence > least]

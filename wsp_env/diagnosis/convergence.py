@@ -90,7 +90,7 @@ def converge(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Repl
         if last is not None and diverges(one.fitted, least):
             if largest_change(last.about, fitted) < _CONVERGED:
                 break
-            fitted = _midpoint(last.about, fitted)
+            fitted = midpoint(last.about, fitted)
             continue
         last, fitted, least = one, one.fitted, min(least, one.fitted.cost)
         changes.append(largest_change(one.about, fitted))
@@ -103,7 +103,7 @@ def converge(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Repl
     return last.replica, fitted if contracts else dataclasses.replace(fitted, cost=np.inf)
 
 
-def _midpoint(near: Fitted, far: Fitted) -> Fitted:
+def midpoint(near: Fitted, far: Fitted) -> Fitted:
     """Return the midpoint of two fits, from which the next replica is made."""
     tau, mu_cd = 0.5 * (near.model.tau + far.model.tau), 0.5 * (np.array(near.model.mu_cd) + np.array(far.model.mu_cd))
     model = dataclasses.replace(far.model, tau=tau, mu_cd=tuple(mu_cd.tolist()))
@@ -127,12 +127,17 @@ def diverges(fitted: Fitted, before: float) -> bool:
     return fitted.cost > before + _DIVERGED * float(np.sqrt(2.0 * before))
 
 
+def moves(before: Fitted, after: Fitted) -> np.ndarray:
+    """Return the changes (k,) of all mechanisms' parameters between two fits, in standard deviations."""
+    return np.concatenate([
+        (new - old) / np.sqrt(np.maximum(np.diag(spread), 1e-300))
+        for new, old, spread in zip(after.values, before.values, after.covariance, strict=True)
+    ])  # fmt: skip
+
+
 def largest_change(before: Fitted, after: Fitted) -> float:
     """Return the largest change of a mechanism's parameters between two fits, in standard deviations."""
-    return max(
-        float(np.max(np.abs(new - old) / np.sqrt(np.maximum(np.diag(spread), 1e-300))))
-        for new, old, spread in zip(after.values, before.values, after.covariance, strict=True)
-    )
+    return float(np.abs(moves(before, after)).max())
 
 
 def converge_rescaled(recorded: Balances, fitted: Fitted, variant: Variant, weights: Weights) -> tuple[Replica, Fitted]:

@@ -33,6 +33,7 @@ from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
 from wsp_env.diagnosis.structure import structured
 from wsp_env.diagnosis.trials import (
     FORM,
+    MATTERS,
     SURE,
     ReplicaNoise,
     Trial,
@@ -44,9 +45,6 @@ from wsp_env.diagnosis.trials import (
 
 #: Largest number of accepted mechanisms.
 MOST = 3
-#: Size, in smallest effects of interest, from which on a mechanism matters: one less the form error at 95 %, 1 / (1 + 1.645
-#: FORM), rounded.
-MATTERS = 0.75
 #: Largest difference of evidence at which another name is as good: a factor of e^10. The form error sets a further limit.
 INDISTINCT = 10.0
 #: Largest factor by which an earlier mechanism may grow with a new one: twice its form error, at 90 % (assumption).
@@ -125,8 +123,8 @@ def select(
         threshold = FormErrorThreshold(
             replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen
         )
-        trials = trials_of(replica, seen, fitted, weights, pool, equal.deviance)
-        best, rejected = best_of(trials, rejects, retest_trial, equal, threshold, pool, not accepted)
+        batches = trials_of(replica, seen, fitted, weights, pool, equal.deviance)
+        best, rejected, trials = best_of(batches, rejects, retest_trial, equal, threshold, pool, not accepted)
         if best is None:
             left = left or [
                 one

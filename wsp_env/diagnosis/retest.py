@@ -13,7 +13,7 @@ import numpy as np
 
 from wsp_env.diagnosis.agreement import agreement
 from wsp_env.diagnosis.candidates import without
-from wsp_env.diagnosis.convergence import converge, largest_change
+from wsp_env.diagnosis.convergence import converge, midpoint, moves
 from wsp_env.diagnosis.estimates import estimates, intervals_contain_null, within_a_sample
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit, replica_of
@@ -185,16 +185,18 @@ def converge_reweighted(
 ) -> tuple[Replica, Fitted, ReplicaNoise]:  # fmt: skip
     """Iterate replicas with nuisance sizes estimated on each one, while the deviance does not exceed `most`.
 
-    Return the last replica, the fit to it, and its noise.
+    Return the last replica, the fit to it, and its noise. A step that turns back is halved.
     """
-    own, again, weights = replica, fitted, weights_of(replica, seen)
+    begin, weights, last = fitted, weights_of(replica, seen), np.zeros(1)
     for repeated in range(_REWEIGHTED):
-        before, own = again, replica_of(replica.recorded, again.model, weights)
+        own = replica_of(replica.recorded, begin.model, weights)
         noise = ReplicaNoise(own, seen)
         weights = noise.weights()
-        again = refit(own, before.model, before.variants, weights)
-        if largest_change(before, again) < LARGE_CHANGE or (repeated and weights.deviance(again) > most):
+        again = refit(own, begin.model, begin.variants, weights)
+        step = moves(begin, again)
+        if np.abs(step).max() < LARGE_CHANGE or (repeated and weights.deviance(again) > most):
             break
+        begin, last = midpoint(begin, again) if (step * last).sum() < 0.0 else again, step
     return own, again, noise
 
 

@@ -1,7 +1,7 @@
 """Tries mechanisms: each is refitted together with the accepted ones, and its evidence is computed again."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ from wsp_env.diagnosis.search import Found, Screen, net_effect
 from wsp_env.diagnosis.variation import Group, nuisances
 from wsp_env.plant.mechanisms import ALL
 
-#: Number of mechanisms that are refitted in each round.
+#: Number of mechanisms that are refitted at a time, apart from delays; the next ones follow only if none of these holds.
 REFITTED = 4
 #: Shares of the linear step that are tried as start of a refit.
 _SHARES = (2.0, 1.0, 0.5, 0.25, 0.1)
@@ -35,6 +35,9 @@ SURE = float(np.log(19.0))
 #: Form error: share of a mechanism's effect by which the true form may differ, over slip, speed, work, axles and runs
 #: (assumption, one standard deviation).
 FORM = 0.2
+#: Size, in smallest effects of interest, from which on a mechanism matters: one less the form error at 95 %, 1 / (1 + 1.645
+#: FORM), rounded.
+MATTERS = 0.75
 #: Form error of a term without a name, which is one of few forms tried (assumption).
 FORM_TERM = 0.4
 
@@ -86,8 +89,8 @@ def _kind(variant: Variant) -> tuple[str | float, ...]:
 
 def trials_of(
     replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor, without_it: Callable[[], float]
-) -> list[Trial]:  # fmt: skip
-    """Refit the most promising mechanisms; return the trials, best first.
+) -> Iterator[list[Trial]]:  # fmt: skip
+    """Refit the promising mechanisms, a few at a time; yield the trials, best first.
 
     Parameters
     ----------
@@ -97,17 +100,9 @@ def trials_of(
     kinds: dict[tuple[str | float, ...], Found] = {}  # of terms that differ only in their axles, the best is tried
     for each in sorted(seen.found, key=lambda one: -log_odds(one.candidate.variant, one.evidence)):
         kinds.setdefault(_kind(each.candidate.variant), each)
-    promising = [one for one in list(kinds.values())[:REFITTED] if log_odds(one.candidate.variant, one.evidence) > 0.0]
-    if not promising:
-        return []
-    # Delays are the least linear effects, and the linear search may miss them: try them with whatever is found first. Late
-    # wheel speeds are also equivalent to a late brake with an early clock.
-    if not fitted.variants or any(one.name in OF_TIME or _follows_torque(one.candidate.variant) for one in promising):
-        promising += [one for one in seen.found if one.name in OF_TIME and one not in promising]
-    # A refit moves the location of a mechanism only locally; the second-best place or band may be the better start.
-    seconds = [seen.second[one.name] for one in promising if one.name in seen.second]
-    promising += [one for one in seconds if len(refined(one.candidate.variant).sizes) > len(one.candidate.variant.sizes)]
-    start = refit(replica, fitted.model, fitted.variants, weights)
+    left = [one for one in kinds.values() if log_odds(one.candidate.variant, one.evidence) > 0.0]
+    start = refit(replica, fitted.model, fitted.variants, weights) if left else fitted
+    delays = [one for one in seen.found if one.name in OF_TIME]
 
     def trial(one: Found) -> Trial:
         if corrects_recordings(one.candidate.variant):
@@ -121,11 +116,23 @@ def trials_of(
             tried.reduction, size, penalty, tried.weights, tried.about,
         )  # fmt: skip
 
-    best: dict[str, Trial] = {}
-    tried = _beyond_delays(list(pool.map(trial, promising)))
-    for one in sorted(tried, key=lambda one: -log_odds(one.listed, one.evidence)):
-        best.setdefault(one.listed.title, one)
-    return list(best.values())
+    while left:
+        promising = left[:REFITTED]
+        # Delays are the least linear effects, and the linear search may miss them: try them with whatever is found first. Late
+        # wheel speeds are also equivalent to a late brake with an early clock.
+        in_time = any(one.name in OF_TIME or _follows_torque(one.candidate.variant) for one in promising)
+        if delays and (in_time or not fitted.variants):
+            promising = [*[one for one in left if one.name not in OF_TIME][:REFITTED], *delays]
+            delays = []
+        left = [one for one in left if one not in promising]
+        # A refit moves the location of a mechanism only locally; the second-best place or band may be the better start.
+        seconds = [seen.second[one.name] for one in promising if one.name in seen.second]
+        promising += [one for one in seconds if len(refined(one.candidate.variant).sizes) > len(one.candidate.variant.sizes)]
+        best: dict[str, Trial] = {}
+        tried = _beyond_delays(list(pool.map(trial, promising)))
+        for one in sorted(tried, key=lambda one: -log_odds(one.listed, one.evidence)):
+            best.setdefault(one.listed.title, one)
+        yield list(best.values())
 
 
 def _beyond_delays(trials: Sequence[Trial]) -> list[Trial]:
