@@ -133,19 +133,20 @@ def test_what_was_suspended_must_explain_as_much_under_the_weights_of_its_own_re
 
 
 @pytest.mark.parametrize(
-    ("most", "slope", "reached"),
+    ("most", "enough", "slope", "reached"),
     [
-        (np.inf, 0.5, [0.0, 0.002, 0.003, 0.0035]),
-        (100.0, 0.5, [0.0, 0.002, 0.003, 0.0035]),
-        (99.0, 0.5, [0.0, 0.002, 0.003]),
-        (np.inf, -1.1, [0.0, 0.0084, 0.00378, 0.004242]),
+        (np.inf, 99.0, 0.5, [0.0, 0.002, 0.003, 0.0035]),
+        (100.0, 99.0, 0.5, [0.0, 0.002, 0.003, 0.0035]),
+        (99.0, 99.0, 0.5, [0.0, 0.002, 0.003]),
+        (np.inf, 100.0, 0.5, [0.0, 0.002]),
+        (np.inf, 99.0, -1.1, [0.0, 0.0084, 0.00378, 0.004242]),
     ],
 )
-def test_a_reweighted_fit_converges_under_the_weights_of_every_replica(monkeypatch, most, slope, reached):
+def test_a_reweighted_fit_converges_under_the_weights_of_every_replica(monkeypatch, most, enough, slope, reached):
     """Each fit leaves a share of its distance from 0.004.
 
-    One that moves less than a deviation, or a second that costs more, ends it. Fits that jump over 0.004 and back would never
-    end; the step back is halved.
+    One that moves less than a deviation, costs little enough, or a second that costs more, ends it. Fits that jump over 0.004
+    and back would never end; the step back is halved.
     """
     deviation = 0.0008
     begin = Fitted(Model(2e-4, (0.06,)), (GRADIENT,), (np.array([0.0]),), (np.eye(1) * deviation**2,), 100.0)
@@ -163,7 +164,7 @@ def test_a_reweighted_fit_converges_under_the_weights_of_every_replica(monkeypat
         return dataclasses.replace(begin, model=switched(model, GRADIENT, value), values=(value,))
 
     monkeypatch.setattr(retest, "refit", refit)
-    own, fitted, noise = retest.converge_reweighted(REPLICA, begin, SEEN, most)
+    own, fitted, noise = retest.converge_reweighted(REPLICA, begin, SEEN, most, enough)
     assert fitted.values[0] == pytest.approx(reached[-1])
     assert values_in(own[1], GRADIENT) == pytest.approx(reached[-2])
     assert noise.weights().of == own
@@ -204,7 +205,8 @@ def test_evidence_on_equal_terms_has_variances_of_each_model_s_own_residuals(mon
     one = dataclasses.replace(trial(GRADIENT, 30.0), fitted=Fitted(on, (GRADIENT,), (), (), 100.0), penalty=3.0)
     noise = SimpleNamespace(weights=lambda: PLAIN)
     settled = dataclasses.replace(one.fitted, cost=40.0)
-    monkeypatch.setattr(retest, "converge_reweighted", lambda *_: ("own", settled, noise))
+    limits = []
+    monkeypatch.setattr(retest, "converge_reweighted", lambda *_, enough: limits.append(enough) or ("own", settled, noise))
     asked = []
     monkeypatch.setattr(retest, "accepted_deviance", lambda _, __, accepted, ___: asked.append(accepted) or 96.0)
     monkeypatch.setattr(retest, "refit", lambda _, model, variants, weights: (variants, weights))
@@ -213,6 +215,8 @@ def test_evidence_on_equal_terms_has_variances_of_each_model_s_own_residuals(mon
     assert equal.evidence(late) == 30.0  # as it was found
     assert [equal.evidence(one), equal.evidence(one)] == [0.5 * (96.0 - 40.0) - 3.0] * 2
     assert asked == [((GRADIENT,), PLAIN)]  # once
+    equal.evidence(one, 20.0)
+    assert limits == [-np.inf, -np.inf, 96.0 - 2.0 * (20.0 + 3.0)]
     assert equal.converged(one.fitted) == ("own", settled, noise)  # for its retest
     assert equal.converged(settled) is None
 

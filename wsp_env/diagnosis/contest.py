@@ -127,8 +127,11 @@ def _on_equal_terms(
         return not alike or one.evidence >= (1.0 - FORM) ** 2 * best.trial.evidence
 
     rivals = [one.trial for one in others if is_rival(one.trial)]
+    needed = (1.0 - form_of(best.trial.listed)) ** 2 * best.trial.evidence - equal.scatter
+    if not rivals:
+        return best if equal.evidence(best.trial, needed) >= needed else None
     own, *theirs = pool.map(equal.evidence, [best.trial, *rivals])
-    if own < (1.0 - form_of(best.trial.listed)) ** 2 * best.trial.evidence - equal.scatter:
+    if own < needed:
         return None
     least = equal.scatter + max(best.trial.evidence, own)
     better = [(one, evidence) for one, evidence in zip(rivals, theirs, strict=True) if evidence > least]

@@ -166,11 +166,12 @@ class EqualTerms:
         start = refit(self._replica, self._accepted.model, self._accepted.variants, self._weights)
         return accepted_deviance(self._replica, self._seen, start, self._weights)
 
-    def evidence(self, trial: Trial) -> float:
-        """Return the evidence of a trial."""
+    def evidence(self, trial: Trial, enough: float = np.inf) -> float:
+        """Return the evidence of a trial, or a lower limit of it that is `enough`."""
         if corrects_recordings(trial.listed):
             return trial.evidence  # it was found so
-        least, found = self.deviance(), converge_reweighted(self._replica, trial.fitted, self._seen)
+        least = self.deviance()
+        found = converge_reweighted(self._replica, trial.fitted, self._seen, enough=least - 2.0 * (enough + trial.penalty))
         self._converged.append((trial.fitted, found))
         _, fitted, noise = found
         return 0.5 * (least - noise.weights().deviance(fitted)) - trial.penalty
@@ -181,11 +182,11 @@ class EqualTerms:
 
 
 def converge_reweighted(
-    replica: Replica, fitted: Fitted, seen: Screen, most: float = np.inf
+    replica: Replica, fitted: Fitted, seen: Screen, most: float = np.inf, enough: float = -np.inf
 ) -> tuple[Replica, Fitted, ReplicaNoise]:  # fmt: skip
-    """Iterate replicas with nuisance sizes estimated on each one, while the deviance does not exceed `most`.
+    """Iterate replicas with nuisance sizes estimated on each one; a step that turns back is halved.
 
-    Return the last replica, the fit to it, and its noise. A step that turns back is halved.
+    Return the last replica, the fit to it, and its noise. If its deviance exceeds `most` or is `enough`, there is no other.
     """
     begin, weights, last = fitted, weights_of(replica, seen), np.zeros(1)
     for repeated in range(_REWEIGHTED):
@@ -193,8 +194,8 @@ def converge_reweighted(
         noise = ReplicaNoise(own, seen)
         weights = noise.weights()
         again = refit(own, begin.model, begin.variants, weights)
-        step = moves(begin, again)
-        if np.abs(step).max() < LARGE_CHANGE or (repeated and weights.deviance(again) > most):
+        step, deviance = moves(begin, again), weights.deviance(again)
+        if np.abs(step).max() < LARGE_CHANGE or deviance <= enough or (repeated and deviance > most):
             break
         begin, last = midpoint(begin, again) if (step * last).sum() < 0.0 else again, step
     return own, again, noise
