@@ -113,6 +113,9 @@ def test_suspended_trials_wait_for_all_batches():
     assert found.trials == [THREE[1], THREE[0]]
     assert asked == [(GRADIENT, None), (GAIN, None)]
     assert list(batches) == [[THREE[2]]]  # need not be made
+    batches = iter([[THREE[1]], [THREE[0]]])
+    assert best_of(batches, lambda one: False, retest_trial, AS_IT_IS, lambda one: SURE, INLINE, False).best is None
+    assert list(batches) == [[THREE[0]]]
 
 
 @pytest.mark.parametrize(

@@ -41,14 +41,15 @@ class Contest(NamedTuple):
 def best_of(
     batches: Iterable[Sequence[Trial]], rejects: Callable[[Trial], bool],
     retest_trial: Callable[[Trial, Fitted | None], Retested | None], equal: EqualTerms, threshold: Callable[[Trial], float],
-    pool: Executor, again: bool = True,
+    pool: Executor, first_round: bool = True,
 ) -> Contest:  # fmt: skip
-    """Return the best trial of the first batch in which one holds.
+    """Return the best trial of the first batch; in the first round, of the first batch in which one holds.
 
     All promising trials are tested about replicas of their own (`retest_trial`), where they may change places: what explains
     hardly anything linearly may explain most. There, the log odds must exceed `threshold`, and `rejects` must be false. What
     holds must not lose its evidence with variances of its own residuals, and is compared with its rivals there. If none holds
-    and `again`, suspended trials are tested with own variances, and must surely matter.
+    in the first round, suspended trials are tested with own variances, and must surely matter. Later, what is suspended or
+    comes after the best may take a part of what is missing.
     """
     rejected: dict[str, float] = {}
     suspended: list[tuple[Trial, Fitted]] = []
@@ -78,8 +79,10 @@ def best_of(
             if winner is not None:
                 return Contest(winner, rejected, trials)
             rejected[best.trial.listed.title] = NOT_SEEN
+        if not first_round:
+            return Contest(None, rejected, trials)
     held = []
-    for one, begin in suspended if again else []:  # the evidence with which these were found is void: all are tested
+    for one, begin in suspended:  # the evidence with which these were found is void: all are tested
         found = _if(holds, test(one, begin))
         if found is not None and at_least(found.trial) >= MATTERS:
             held.append(found)
