@@ -152,19 +152,39 @@ def test_trials_are_compared_on_equal_terms(own, expected):
 
 
 @pytest.mark.parametrize(
-    ("multiple", "evidence", "holds"), [(0.9, 50.0, True), (0.9, 40.0, False), (2.0, 8.0, True), (0.7, 1e4, False)]
+    ("multiple", "lost", "evidence", "holds"),
+    [
+        (0.9, 1.0, 50.0, True),
+        (0.9, 1.0, 40.0, False),
+        (2.0, 1.0, 8.0, True),
+        (0.7, 1.0, 1e4, False),
+        (2.0, -10.0, 17.0, True),
+        (2.0, -10.0, 16.0, False),
+    ],
 )
-def test_what_was_suspended_must_surely_matter(multiple, evidence, holds):
-    """0.9 interests with 50 nats are ten deviations from zero: 0.752 at least. 0.75 matters."""
+def test_what_was_suspended_must_surely_matter_and_explain_more_than_it_lost(multiple, lost, evidence, holds):
+    """0.9 interests with 50 nats are ten deviations from zero: 0.752 at least. 0.75 matters; 6.9 nats are sure."""
 
     def retest_trial(one, suspended):
         if suspended is None:
-            return Retested(dataclasses.replace(one, evidence=1.0), None, "fit")
+            return Retested(dataclasses.replace(one, evidence=lost), None, "fit")
         return Retested(trial(GRADIENT, evidence, multiple), None)
 
     best, rejected, _ = best_of([THREE[1:2]], lambda one: False, retest_trial, AS_IT_IS, lambda one: SURE, INLINE)
     assert (best is not None) == holds
     assert rejected == ({} if holds else {GRADIENT.title: NOT_SEEN})
+
+
+def test_what_was_refused_may_be_a_rival_on_equal_terms():
+    """It pulls nuisances whose variances are too large without it."""
+
+    def retest_trial(one, suspended):
+        return None if one.listed == GAIN and suspended is None else Retested(one, None)
+
+    equal = equal_terms(lambda one: {GAIN.title: 1000.0}.get(one.listed.title, one.evidence), SCATTER)
+    best, rejected, _ = best_of([THREE], lambda one: False, retest_trial, equal, lambda one: SURE, INLINE)
+    assert best.trial.listed == GAIN
+    assert rejected == {}
 
 
 @pytest.mark.parametrize(("holds", "expected"), [(True, GAIN), (False, GRADIENT)])

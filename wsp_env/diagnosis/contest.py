@@ -48,11 +48,11 @@ def best_of(
     All promising trials are tested about replicas of their own (`retest_trial`), where they may change places: what explains
     hardly anything linearly may explain most. There, the log odds must exceed `threshold`, and `rejects` must be false. What
     holds must not lose its evidence with variances of its own residuals, and is compared with its rivals there. If none holds
-    in the first round, suspended trials are tested with own variances, and must surely matter. Later, what is suspended or
-    comes after the best may take a part of what is missing.
+    in the first round, suspended trials are tested with own variances. There they must explain more than they lost before, and
+    surely matter. Later, what is suspended or comes after the best may take a part of what is missing.
     """
     rejected: dict[str, float] = {}
-    suspended: list[tuple[Trial, Fitted]] = []
+    suspended: list[tuple[Trial, Retested]] = []
     trials: list[Trial] = []
 
     def holds(one: Trial) -> bool:
@@ -64,6 +64,7 @@ def best_of(
     for some in batches:
         trials += some
         held: list[Retested] = []
+        refused: list[Trial] = []  # for what they do to nuisances whose variances may be too large
         promising = [one for one in some if _is_promising(one, threshold)]
         for one, retested in zip(promising, pool.map(test, promising), strict=True):
             last = one if retested is None else retested.trial
@@ -71,25 +72,35 @@ def best_of(
                 held.append(retested)
                 continue
             rejected[one.listed.title] = log_odds(last.listed, last.evidence)
-            if retested is not None and retested.suspended is not None:
-                suspended.append((one, retested.suspended))
+            if retested is None and not rejects(one):
+                refused.append(one)
+            elif retested is not None and retested.suspended is not None:
+                suspended.append((one, retested))
         while held:
             best, *held = _preferred(held)
-            winner = _on_equal_terms(best, held, equal, lambda one: _if(holds, retest_trial(one, one.fitted)), pool)
+            others = [*(one.trial for one in held), *refused]
+            winner = _on_equal_terms(best, others, equal, lambda one: _if(holds, retest_trial(one, one.fitted)), pool)
             if winner is not None:
+                rejected.pop(winner.trial.listed.title, None)
                 return Contest(winner, rejected, trials)
             rejected[best.trial.listed.title] = NOT_SEEN
         if not first_round:
             return Contest(None, rejected, trials)
     held = []
-    for one, begin in suspended:  # the evidence with which these were found is void: all are tested
-        found = _if(holds, test(one, begin))
-        if found is not None and at_least(found.trial) >= MATTERS:
+    for one, before in suspended:  # the evidence with which these were found is void: all are tested
+        found = _if(holds, test(one, before.suspended))
+        lost = min(before.trial.evidence, 0.0)
+        if found is not None and _pays(found.trial, lost, threshold):
             held.append(found)
             del rejected[one.listed.title]
         else:
             rejected[one.listed.title] = NOT_SEEN
     return Contest(next(iter(_preferred(held)), None), rejected, trials)
+
+
+def _pays(one: Trial, lost: float, threshold: Callable[[Trial], float]) -> bool:
+    """Whether a trial is sure beyond the evidence that it lost with the given variances, and surely matters."""
+    return log_odds(one.listed, one.evidence + lost) > threshold(one) and at_least(one) >= MATTERS
 
 
 def _is_promising(one: Trial, threshold: Callable[[Trial], float]) -> bool:
@@ -111,10 +122,10 @@ def _preferred(retested: Sequence[Retested]) -> list[Retested]:
 
 
 def _on_equal_terms(
-    best: Retested, others: Sequence[Retested], equal: EqualTerms, retest_on_own: Callable[[Trial], Retested | None],
+    best: Retested, others: Sequence[Trial], equal: EqualTerms, retest_on_own: Callable[[Trial], Retested | None],
     pool: Executor,
 ) -> Retested | None:  # fmt: skip
-    """Return the best of what holds, or a rival that explains far more, if each has variances of its own residuals.
+    """Return the best of what holds, or another that explains far more, if each has variances of its own residuals.
 
     Return None if the best one fails. Variances estimated without a mechanism are too large if it is missing. They may hide how
     much more the true one explains, and that a false one explains nothing that smaller variances would not leave.
@@ -129,7 +140,7 @@ def _on_equal_terms(
         alike = corrects_recordings(one.listed) == corrects_recordings(best.trial.listed)
         return not alike or one.evidence >= (1.0 - FORM) ** 2 * best.trial.evidence
 
-    rivals = [one.trial for one in others if is_rival(one.trial)]
+    rivals = [one for one in others if is_rival(one)]
     needed = (1.0 - form_of(best.trial.listed)) ** 2 * best.trial.evidence - equal.scatter
     if not rivals:
         return best if equal.evidence(best.trial, needed) >= needed else None
