@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wsp_env.diagnosis.arrow import Arrow, Eliminated, Order, combined
+from wsp_env.diagnosis.arrow import Arrow, ByRun, Eliminated, Order, combined
 from wsp_env.diagnosis.gls import Projector
 
 NUISANCES, SIDES = 9, 3
@@ -38,9 +38,20 @@ def dense(order: Order, arrow: Arrow) -> np.ndarray:
 @settings(deadline=None, max_examples=30)
 def test_blocks_hold_all_inner_products(seed):
     columns, run = columns_of(seed)
-    order = Order.of(columns, run, SIDES)
+    by_run = ByRun.of(columns[:, :-1], run).beside(columns[:, -1:])
+    order = by_run.order(SIDES)
     assert [len(mine) for mine in order.own] == [2, 2, 2]
-    assert dense(order, Arrow.of(columns, run, np.unique(run), order)) == pytest.approx(columns.T @ columns)
+    assert dense(order, Arrow.of(by_run.parts(order), len(order.common))) == pytest.approx(columns.T @ columns)
+    assert by_run.squares() == pytest.approx((columns**2).sum(axis=0))
+
+
+def test_rows_and_runs_may_be_left_out():
+    columns, run = columns_of(2)
+    keep = (np.arange(len(run)) % 3 > 0) & (run != 1)
+    kept, expected = ByRun.of(columns, run).kept(keep), ByRun.of(columns[keep], run[keep])
+    order, same = kept.order(SIDES), expected.order(SIDES)
+    few = Arrow.of(kept.parts(order), len(order.common))
+    assert dense(order, few) == pytest.approx(dense(same, Arrow.of(expected.parts(same), len(same.common))))
 
 
 @given(st.integers(0, 10_000))
@@ -60,7 +71,7 @@ def test_a_projector_is_that_of_the_whole_matrix_with_priors_and_without(seed):
 def test_the_last_columns_stay_whole_even_if_they_concern_one_run():
     columns, run = columns_of(1)
     columns[run != 0, -SIDES:] = 0.0
-    order = Order.of(columns, run, SIDES)
+    order = ByRun.of(columns, run).order(SIDES)
     assert set(range(NUISANCES, NUISANCES + SIDES)) <= set(order.common)
 
 
@@ -68,10 +79,12 @@ def test_the_last_columns_stay_whole_even_if_they_concern_one_run():
 @settings(deadline=None, max_examples=30)
 def test_solution_inverse_and_rest_are_those_of_the_whole_matrix(seed):
     columns, run = columns_of(seed)
-    order = Order.of(columns, run, SIDES)
+    by_run = ByRun.of(columns, run)
+    order = by_run.order(SIDES)
     own = [np.full(len(mine), 0.5 + i) for i, mine in enumerate(order.own)]
     common = np.append(np.full(len(order.common) - SIDES, 1.7), np.ones(SIDES))
-    half = Arrow.of(columns[::2], run[::2], np.unique(run), order), Arrow.of(columns[1::2], run[1::2], np.unique(run), order)
+    every_second = np.arange(len(run)) % 2 == 0
+    half = [Arrow.of(by_run.parts(order), len(order.common), keep) for keep in (every_second, ~every_second)]
     arrow = combined(half, np.array([2.0, 0.25])).scaled(own, common)
     whole = dense(order, arrow)
     solved = Eliminated(arrow, len(order.common) - SIDES)
@@ -103,7 +116,7 @@ def test_solution_inverse_and_rest_are_those_of_the_whole_matrix(seed):
 @settings(deadline=None, max_examples=20)
 def test_inner_is_the_sum_over_all_entries(seed):
     columns, run = columns_of(seed)
-    order = Order.of(columns, run, SIDES)
-    one = Arrow.of(columns, run, np.unique(run), order)
-    other = Arrow.of(columns[::-1] ** 3, run[::-1], np.unique(run), order)
+    by_run = ByRun.of(columns, run)
+    order = by_run.order(SIDES)
+    one, other = (Arrow.of(every.parts(order), len(order.common)) for every in (by_run, ByRun.of(columns**3, run)))
     assert one.inner(other) == pytest.approx(np.sum(dense(order, one) * dense(order, other)))

@@ -17,19 +17,80 @@ def rows_of(run: np.ndarray) -> list[slice | np.ndarray]:
     return found
 
 
+class ByRun(NamedTuple):
+    """Columns (n, p) stored run by run, each without the columns that are zero in it: most columns belong to one run only."""
+
+    width: int  # p
+    rows: tuple[slice | np.ndarray, ...]  # (m,) of each run
+    used: tuple[np.ndarray, ...]  # (u,) indices of the columns in each run
+    blocks: tuple[np.ndarray, ...]  # (m, u) of each run
+
+    @classmethod
+    def of(cls, columns: np.ndarray, run: np.ndarray) -> "ByRun":
+        """Store columns (n, p) whose rows belong to runs (n,)."""
+        rows = tuple(rows_of(run))
+        used = tuple(np.flatnonzero(columns[one].any(axis=0)) for one in rows)
+        blocks = tuple(columns[one][:, mine] for one, mine in zip(rows, used, strict=True))
+        return cls(columns.shape[1], rows, used, blocks)
+
+    def beside(self, columns: np.ndarray) -> "ByRun":
+        """Return these columns and further ones (n, k), which count as used in all runs."""
+        further = np.arange(self.width, self.width + columns.shape[1])
+        used = tuple(np.append(mine, further) for mine in self.used)
+        blocks = tuple(np.column_stack([block, columns[rows]]) for block, rows in zip(self.blocks, self.rows, strict=True))
+        return ByRun(self.width + columns.shape[1], self.rows, used, blocks)
+
+    def kept(self, keep: np.ndarray) -> "ByRun":
+        """Return the columns in the rows `keep` (n,) bool, without runs of which none is kept."""
+        number = np.cumsum(keep) - 1
+        runs = [(np.arange(len(keep))[rows], mine, block) for rows, mine, block in zip(*self[1:], strict=True)]
+        left = [(number[rows[keep[rows]]], mine, block[keep[rows]]) for rows, mine, block in runs if keep[rows].any()]
+        return ByRun(self.width, *(tuple(each) for each in zip(*left, strict=True)))
+
+    def squares(self) -> np.ndarray:
+        """Return the sum of squares (p,) of each column."""
+        total = np.zeros(self.width)
+        for mine, block in zip(self.used, self.blocks, strict=True):
+            total[mine] += np.einsum("mu,mu->u", block, block)
+        return total
+
+    def scaled(self, factors: np.ndarray) -> "ByRun":
+        """Return the columns times factors (p,)."""
+        return self._replace(blocks=tuple(block * factors[mine] for mine, block in zip(self.used, self.blocks, strict=True)))
+
+    def order(self, whole: int) -> "Order":
+        """Sort the columns by the runs of their rows; the last `whole` columns always count as common."""
+        concerned = np.zeros((len(self.rows), self.width), dtype=bool)
+        for i, mine in enumerate(self.used):
+            concerned[i, mine] = True
+        alone = (concerned.sum(axis=0) == 1) & (np.arange(self.width) < self.width - whole)
+        return Order(tuple(np.flatnonzero(mine & alone) for mine in concerned), np.flatnonzero(~alone))
+
+    def parts(self, order: "Order") -> list["Part"]:
+        """Split the columns of each run into its own and the common ones."""
+        place = np.full(self.width, -1)
+        place[order.common] = np.arange(len(order.common))
+        found = []
+        for rows, mine, block in zip(*self[1:], strict=True):
+            shared = place[mine] >= 0
+            found.append(Part(rows, block[:, ~shared], place[mine[shared]], block[:, shared]))
+        return found
+
+
 class Order(NamedTuple):
     """Order of the columns: those of one run only, and the common ones."""
 
     own: tuple[np.ndarray, ...]  # column indices of each run
     common: np.ndarray
 
-    @classmethod
-    def of(cls, columns: np.ndarray, run: np.ndarray, whole: int) -> "Order":
-        """Sort columns (n, k) by the runs (n,) of their rows; the last `whole` columns always count as common."""
-        parts = rows_of(run)
-        concerned = np.array([columns[rows].any(axis=0) for rows in parts]).reshape(len(parts), -1)
-        alone = (concerned.sum(axis=0) == 1) & (np.arange(columns.shape[1]) < columns.shape[1] - whole)
-        return cls(tuple(np.flatnonzero(mine & alone) for mine in concerned), np.flatnonzero(~alone))
+
+class Part(NamedTuple):
+    """The columns in the rows of one run."""
+
+    rows: slice | np.ndarray  # (m,) indices
+    own: np.ndarray  # (m, k) columns of this run only
+    used: np.ndarray  # (u,) indices into the common columns that are not zero here
+    shared: np.ndarray  # (m, u)
 
 
 class Arrow(NamedTuple):
@@ -40,18 +101,23 @@ class Arrow(NamedTuple):
     common: np.ndarray  # (c, c)
 
     @classmethod
-    def of(cls, columns: np.ndarray, run: np.ndarray, runs: np.ndarray, order: Order) -> "Arrow":
-        """Return the Gram matrix of columns (n, p) whose rows belong to runs (n,); `runs`: all runs, in the order's order."""
-        own, cross, common = [], [], np.zeros((len(order.common),) * 2)
-        for one, mine in zip(runs, order.own, strict=True):
-            rows = columns[run == one]
-            part, shared = rows[:, mine], rows[:, order.common]
-            used = np.flatnonzero(shared.any(axis=0))  # skip columns of zeros
-            shared = shared[:, used]
-            own.append(part.T @ part)
-            cross.append(np.zeros((len(mine), len(order.common))))
-            cross[-1][:, used] = part.T @ shared
-            common[np.ix_(used, used)] += shared.T @ shared
+    def of(cls, parts: Sequence[Part], count: int, keep: np.ndarray | None = None) -> "Arrow":
+        """Return the Gram matrix of columns of which `count` are common, over the rows `keep` (n,) bool."""
+        own, cross, common = [], [], np.zeros((count, count))
+        for part in parts:
+            mine, used, shared = part.own, part.used, part.shared
+            if keep is not None:
+                inside = keep[part.rows]
+                shared = shared[inside]
+                touched = shared.any(axis=0)
+                mine, used, shared = mine[inside], used[touched], shared[:, touched]
+            own.append(mine.T @ mine)
+            cross.append(np.zeros((mine.shape[1], count)))
+            cross[-1][:, used] = mine.T @ shared
+            if len(used) == count:
+                common += shared.T @ shared
+            else:
+                common[np.ix_(used, used)] += shared.T @ shared
         return cls(tuple(own), tuple(cross), common)
 
     def first(self, columns: np.ndarray) -> "Arrow":

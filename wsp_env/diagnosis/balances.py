@@ -94,6 +94,13 @@ class Whitening:
             white = self.colour @ white
         return white
 
+    def of(self, rows: slice | np.ndarray) -> "Whitening":
+        """Return the whitening of the rows (m,) of one run alone."""
+        number = np.full(len(self.deviation), -1)
+        number[rows] = np.arange(len(self.deviation[rows]))
+        roots = tuple((number[mine], root) for mine, root in self.roots if number[mine[0]] >= 0)
+        return Whitening(self.deviation[rows], roots, None if self.colour is None else self.colour[rows][:, rows])
+
     def plain(self, white: np.ndarray) -> np.ndarray:
         """Return whitened rows (n,) before the removal of autocorrelation; unit: standard deviations of the channels' noise."""
         if self.colour is None:

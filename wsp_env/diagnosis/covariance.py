@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from wsp_env.diagnosis.arrow import Arrow, Eliminated, Order, combined
+from wsp_env.diagnosis.arrow import Arrow, Eliminated, combined
 from wsp_env.diagnosis.balances import NOISES, Balances, Whitening
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import Group, whitened
@@ -62,16 +62,15 @@ class Evidence:
         self.adds = of_mean * ratio**2 / len(balances.stops)
         counts = [group.columns.shape[1] for group in groups]
         self.group = np.repeat(np.arange(len(groups)), counts)  # (p,)
-        white = whitened(groups, whitening)
-        every = np.column_stack([white, whitening(columns), whitening(base)])
-        kind, run = balances.rows.noise, balances.rows.run
-        self.nuisances = white.shape[1]
-        self.order = Order.of(every, run, 1 + columns.shape[1] + counts[-1])
+        white = whitened(groups, whitening, balances.rows.run)
+        every = white.beside(np.column_stack([whitening(columns), whitening(base)]))
+        self.nuisances = white.width
+        self.order = every.order(1 + columns.shape[1] + counts[-1])
         self.common = self.order.common[self.order.common < self.nuisances]  # nuisances of more than one run
-        self.used = [k for k in range(len(NOISES)) if (kind == k).any()]
-        self.rows = np.bincount(kind, minlength=len(NOISES)).astype(float)
-        self.products = [Arrow.of(every[kind == k], run[kind == k], np.unique(run), self.order) for k in self.used]
-        self._every, self._kind, self._run = every, kind, run
+        self._kind, self._parts = balances.rows.noise, every.parts(self.order)
+        self.used = [k for k in range(len(NOISES)) if (self._kind == k).any()]
+        self.rows = np.bincount(self._kind, minlength=len(NOISES)).astype(float)
+        self.products = [Arrow.of(self._parts, len(self.order.common), self._kind == k) for k in self.used]
 
     def solve(self, iterations: int = _ITERATIONS, start: Sizes | None = None) -> Sizes:
         """Estimate the sizes by EM iterations, from `start` or the expected sizes; candidate columns are ignored."""
@@ -114,11 +113,14 @@ class Evidence:
         solved = self.eliminated(sizes)
         own, common = self._deviations(sizes.groups)
         units, unit = solved.solution(len(self.order.common) - 1)
-        for i, run in enumerate(np.unique(self._run)):
-            rows = np.flatnonzero(self._run == run)
-            every = self._every[rows] / sizes.noise[self._kind[rows], None]
-            part, shared = every[:, self.order.own[i]] * own[i], every[:, self.common] * common
-            yield rows, every[:, -1] - part @ units[i] - shared @ unit, solved.spread(i, part, shared)
+        numbers = np.arange(len(self._kind))
+        for i, part in enumerate(self._parts):
+            rows, noise = numbers[part.rows], sizes.noise[self._kind[part.rows], None]
+            mine, shared = part.own / noise * own[i], np.zeros((len(rows), len(self.common)))
+            nuisance = part.used < len(self.common)
+            shared[:, part.used[nuisance]] = part.shared[:, nuisance] / noise * common[part.used[nuisance]]
+            base = part.shared[:, -1] / noise[:, 0]  # the last column
+            yield rows, base - mine @ units[i] - shared @ unit, solved.spread(i, mine, shared)
 
     def amplitudes(self, sizes: Sizes) -> np.ndarray:
         """Return the posterior means (p,) of the nuisances' amplitudes, relative to their expected standard deviations."""

@@ -69,15 +69,15 @@ class Weighing:
     def __init__(
         self, balances: Balances | Replica, whitening: Whitening, groups: Sequence[Group], sizes: Sizes | None = None
     ) -> None:  # fmt: skip
-        self._whitening, self._run = whitening, balances.rows.run
+        self._whitening = whitening
         self._noise = np.ones(len(balances.rows)) if sizes is None else sizes.noise[balances.rows.noise]
         groups = [_left_to_the_weights(balances, group) for group in groups]
-        self._matrix = whitened(groups, whitening, self._noise, None if sizes is None else sizes.groups)
+        self._columns = whitened(groups, whitening, balances.rows.run, self._noise, None if sizes is None else sizes.groups)
 
     def __call__(self, keep: np.ndarray | None) -> Weights:
         """Return the weights of the rows `keep` (n,) bool; None: all."""
-        matrix, run = (self._matrix, self._run) if keep is None else (self._matrix[keep], self._run[keep])
-        projector = Projector(matrix, np.ones(matrix.shape[1], dtype=bool), run)
+        columns = self._columns if keep is None else self._columns.kept(keep)
+        projector = Projector(columns, np.ones(columns.width, dtype=bool))
         scale = self._noise if self._whitening.colour is None else self._noise / self._whitening.colour.diagonal()
         constant = 2.0 * float(np.log(scale if keep is None else scale[keep]).sum()) + projector.logdet
         return Weights(self._whitening, self._noise, projector, constant)

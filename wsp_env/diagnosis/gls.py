@@ -6,11 +6,10 @@ reduction of chi-square is the decrease of the sum of squares, in the prior's me
 """
 
 import dataclasses
-from typing import NamedTuple
 
 import numpy as np
 
-from wsp_env.diagnosis.arrow import Arrow, Eliminated, Order, rows_of
+from wsp_env.diagnosis.arrow import Arrow, ByRun, Eliminated
 
 _NOTHING = 1e-11  # share of a nuisance column's largest square below which a direction carries no information
 
@@ -22,32 +21,21 @@ class Projector:
     ----------
     columns : (n, p) whitened; those with a prior are scaled by its standard deviation
     prior : (p,) bool, columns with a prior
-    run : (n,) int, the run of each row; used if many columns concern one run only
+    run : (n,) int, the run of each row; used if many columns concern one run only; not needed if stored by run
 
     """
 
-    def __init__(self, columns: np.ndarray, prior: np.ndarray, run: np.ndarray | None = None) -> None:
-        self._columns, self._prior = columns, prior
-        run = np.zeros(len(columns), dtype=int) if run is None else run
+    def __init__(self, columns: np.ndarray | ByRun, prior: np.ndarray, run: np.ndarray | None = None) -> None:
+        if not isinstance(columns, ByRun):
+            columns = ByRun.of(columns, np.zeros(len(columns), dtype=int) if run is None else run)
         self._unit = np.ones(len(prior))
         if not prior.all():  # a free direction gets a prior so wide that it carries almost no information
-            least = _NOTHING * max(float(np.einsum("np,np->p", columns, columns).max(initial=0.0)), 1.0)
-            self._unit[~prior] = least**-0.5
-        self._order = Order.of(columns, run, 0)
-        scaled = columns if prior.all() else columns * self._unit
-        parts = zip(rows_of(run), self._order.own, strict=True)
-        self._parts = [Part.of(scaled, rows, mine, self._order) for rows, mine in parts]
+            self._unit[~prior] = (_NOTHING * max(float(columns.squares().max(initial=0.0)), 1.0)) ** -0.5
+            columns = columns.scaled(self._unit)
+        self._order = columns.order(0)
+        self._parts = columns.parts(self._order)
         common = len(self._order.common)
-        own, cross, across = [], [], np.zeros((common, common))
-        for part in self._parts:
-            own.append(part.own.T @ part.own)
-            cross.append(np.zeros((part.own.shape[1], common)))
-            cross[-1][:, part.used] = part.own.T @ part.shared
-            if len(part.used) == common:
-                across += part.shared.T @ part.shared
-            else:
-                across[np.ix_(part.used, part.used)] += part.shared.T @ part.shared
-        self._solved = Eliminated(Arrow(tuple(own), tuple(cross), across), common)
+        self._solved = Eliminated(Arrow.of(self._parts, common), common)
 
     @property
     def logdet(self) -> float:
@@ -72,33 +60,19 @@ class Projector:
 
     def rest(self, y: np.ndarray) -> np.ndarray:
         """Residuals of rows (n,) or (n, k) after subtraction of the best-fitting nuisances."""
-        result: np.ndarray = y - self._columns @ self.amplitudes(y)
-        return result
+        result = np.array(y, dtype=float).reshape(len(y), -1)
+        own, common = self._solved.back(*self._half(result))
+        for part, mine in zip(self._parts, own, strict=True):
+            result[part.rows] -= part.own @ mine + part.shared @ common[part.used]
+        return result.reshape(y.shape)
 
     def amplitudes(self, y: np.ndarray) -> np.ndarray:
         """Best amplitudes (p,) or (p, k) of the nuisances; with a prior, in units of its standard deviation."""
         own, common = self._solved.back(*self._half(y.reshape(len(y), -1)))
-        result = np.empty((len(self._prior), common.shape[1]))
+        result = np.empty((len(self._unit), common.shape[1]))
         for mine, one in zip((*self._order.own, self._order.common), (*own, common), strict=True):
             result[mine] = one * self._unit[mine, None]
         return result.reshape(-1, *y.shape[1:])
-
-
-class Part(NamedTuple):
-    """The columns in the rows of one run."""
-
-    rows: slice | np.ndarray  # (m,) indices
-    own: np.ndarray  # (m, k) columns of this run only
-    used: np.ndarray  # (u,) indices into the common columns that are not zero here
-    shared: np.ndarray  # (m, u)
-
-    @classmethod
-    def of(cls, columns: np.ndarray, rows: slice | np.ndarray, own: np.ndarray, order: Order) -> "Part":
-        """Extract a run's part from columns (n, p): its `own` columns and the common ones."""
-        mine = columns[rows]
-        shared = mine[:, order.common]
-        used = np.flatnonzero(shared.any(axis=0))
-        return cls(rows, mine[:, own], used, shared if len(used) == shared.shape[1] else shared[:, used])
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wsp_env.diagnosis.arrow import ByRun, rows_of
 from wsp_env.diagnosis.balances import ACTUATOR, Balances, Rows, Whitening
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.forces import Forces
@@ -64,28 +65,35 @@ class Group(NamedTuple):
 
 
 def whitened(
-    groups: Sequence[Group], whitening: Whitening, noise: np.ndarray | None = None, sizes: np.ndarray | None = None
-) -> np.ndarray:  # fmt: skip
+    groups: Sequence[Group], whitening: Whitening, run: np.ndarray, noise: np.ndarray | None = None,
+    sizes: np.ndarray | None = None,
+) -> ByRun:  # fmt: skip
     """Return the columns (n, p) of all groups, whitened and scaled by their standard deviations; `_FREE` for free ones.
 
     Parameters
     ----------
+    run : (n,) the run of each row
     noise : (n,) factor on each row's standard deviation; None: 1
     sizes : (G,) of the groups over the expected sizes; None: 1
 
     """
-    white = whitening(np.column_stack([group.columns for group in groups]))
-    if noise is not None:
-        white /= noise[:, None]
-    scales, first = [np.zeros(0)], 0
-    for i, group in enumerate(groups):
-        mine = white[:, first : first + group.columns.shape[1]]
-        first += mine.shape[1]
-        size = group.expected * (1.0 if sizes is None else float(sizes[i]))
-        free = np.isinf(group.expected)
-        scales.append(_FREE / np.maximum(np.linalg.norm(mine, axis=0), 1e-12) if free else np.full(mine.shape[1], size))
-    white *= np.concatenate(scales)
-    return white
+    counts = [group.columns.shape[1] for group in groups]
+    used, blocks, runs = [], [], rows_of(run)
+    for rows in runs:
+        parts = [group.columns[rows] for group in groups]
+        touched = [part.any(axis=0) for part in parts]
+        raw = np.column_stack([part[:, mine] for part, mine in zip(parts, touched, strict=True)])
+        white = whitening.of(rows)(raw)
+        blocks.append(white if noise is None else white / noise[rows, None])
+        used.append(np.flatnonzero(np.concatenate(touched)))
+    every = ByRun(sum(counts), tuple(runs), tuple(used), tuple(blocks))
+    scales = np.repeat([group.expected for group in groups], counts)
+    free = np.isinf(scales)
+    if free.any():
+        scales[free] = _FREE / np.maximum(np.sqrt(every.squares()[free]), 1e-12)
+    if sizes is not None:
+        scales *= np.where(free, 1.0, np.repeat(sizes, counts))
+    return every.scaled(scales)
 
 
 def law_columns(balances: Balances | Replica, model: Model, base: np.ndarray) -> np.ndarray:
