@@ -112,7 +112,9 @@ def test_of_a_term_that_follows_the_torque_only_what_no_late_brake_explains_coun
     delay = Variant("brake_delay", ("lag_s",), {"axle": 0.0})
     lag = Variant("wheel_speed_lag", ("lag_s",), {})  # of a sensor: that is no late brake
     tried = [trial(play, 90.0), trial(fading, 80.0), trial(delay, late), trial(lag, 500.0)]
-    found = {one.listed.title: one for one in trials._beyond_delays(tried)}
+    explained = trials._evidence_of_late_brakes(tried, 0.0)
+    assert trials._evidence_of_late_brakes(tried, 200.0) == 200.0  # of an earlier batch
+    found = {one.listed.title: one for one in trials._beyond_delays(tried, explained)}
     assert found["play"].evidence == expected
     assert found["play"].evidence + found["play"].penalty == 90.0
     assert [found[name].evidence for name in ("f", "brake_delay", "wheel_speed_lag")] == [80.0, late, 500.0]

@@ -102,7 +102,7 @@ def trials_of(
         kinds.setdefault(_kind(each.candidate.variant), each)
     left = [one for one in kinds.values() if log_odds(one.candidate.variant, one.evidence) > 0.0]
     start = refit(replica, fitted.model, fitted.variants, weights) if left else fitted
-    delays = [one for one in seen.found if one.name in OF_TIME]
+    delays, late = [one for one in seen.found if one.name in OF_TIME], 0.0
 
     def trial(one: Found) -> Trial:
         if corrects_recordings(one.candidate.variant):
@@ -129,19 +129,23 @@ def trials_of(
         seconds = [seen.second[one.name] for one in promising if one.name in seen.second]
         promising += [one for one in seconds if len(refined(one.candidate.variant).sizes) > len(one.candidate.variant.sizes)]
         best: dict[str, Trial] = {}
-        tried = _beyond_delays(list(pool.map(trial, promising)))
-        for one in sorted(tried, key=lambda one: -log_odds(one.listed, one.evidence)):
+        tried = list(pool.map(trial, promising))
+        late = _evidence_of_late_brakes(tried, late)
+        for one in sorted(_beyond_delays(tried, late), key=lambda one: -log_odds(one.listed, one.evidence)):
             best.setdefault(one.listed.title, one)
         yield list(best.values())
 
 
-def _beyond_delays(trials: Sequence[Trial]) -> list[Trial]:
+def _evidence_of_late_brakes(trials: Sequence[Trial], least: float) -> float:
+    """Return the evidence of late brakes, if it is more than `least`."""
+    return max([least, *(one.evidence for one in trials if one.listed.name in OF_TIME and not on_a_sensor(one.listed))])
+
+
+def _beyond_delays(trials: Sequence[Trial], less: float) -> list[Trial]:
     """Return trials; of a term that follows the course of the torque, only what no delay of brakes explains counts.
 
     Brakes that are late by less than a sample are normal, and are no finding.
     """
-    late = max((one.evidence for one in trials if one.listed.name in OF_TIME and not on_a_sensor(one.listed)), default=0.0)
-    less = max(late, 0.0)
     return [
         dataclasses.replace(one, evidence=one.evidence - less, penalty=one.penalty + less)
         if _follows_torque(one.listed)
