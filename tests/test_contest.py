@@ -175,6 +175,20 @@ def test_what_was_suspended_must_surely_matter_and_explain_more_than_it_lost(mul
     assert rejected == ({} if holds else {GRADIENT.title: NOT_SEEN})
 
 
+@pytest.mark.parametrize(("own", "expected"), [(14.0, GRADIENT), (27.0 + SCATTER, TERM)])
+def test_a_name_that_explains_less_about_its_own_replica_is_compared_with_a_term_on_equal_terms(own, expected):
+    """It had 79 nats, and has 15 about its own replica; a term has 21 and 26. It must explain more by the scatter."""
+    name, term = dataclasses.replace(THREE[1], evidence=79.0), dataclasses.replace(THREE[2], evidence=21.0)
+    there = held({GRADIENT.title: 15.0, TERM.title: 26.0})
+
+    def retest_trial(one, suspended):
+        return there(one) if suspended is None else Retested(one, None)
+
+    equal = equal_terms(lambda one: own if one.listed == TERM else one.evidence, SCATTER)
+    best, _, _ = best_of([[name, term]], lambda one: False, retest_trial, equal, lambda one: SURE, INLINE)
+    assert best.trial.listed == expected
+
+
 def test_what_was_refused_may_be_a_rival_on_equal_terms():
     """It pulls nuisances whose variances are too large without it."""
 

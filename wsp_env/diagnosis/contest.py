@@ -63,22 +63,23 @@ def best_of(
 
     for some in batches:
         trials += some
-        held: list[Retested] = []
+        held: list[tuple[Trial, Retested]] = []
         refused: list[Trial] = []  # for what they do to nuisances whose variances may be too large
         promising = [one for one in some if _is_promising(one, threshold)]
         for one, retested in zip(promising, pool.map(test, promising), strict=True):
             last = one if retested is None else retested.trial
             if retested is not None and retested.suspended is None and holds(last):
-                held.append(retested)
+                held.append((one, retested))
                 continue
             rejected[one.listed.title] = log_odds(last.listed, last.evidence)
             if retested is None and not rejects(one):
                 refused.append(one)
             elif retested is not None and retested.suspended is not None:
                 suspended.append((one, retested))
-        while held:
-            best, *held = _preferred(held)
-            others = [*(one.trial for one in held), *refused]
+        order = _preferred(held)
+        while order:
+            best, *order = order
+            others = [*(one.trial for one in order), *refused]
             winner = _on_equal_terms(best, others, equal, lambda one: _if(holds, retest_trial(one, one.fitted)), pool)
             if winner is not None:
                 rejected.pop(winner.trial.listed.title, None)
@@ -91,7 +92,7 @@ def best_of(
         found = _if(holds, test(one, before.suspended))
         lost = min(before.trial.evidence, 0.0)
         if found is not None and _pays(found.trial, lost, threshold):
-            held.append(found)
+            held.append((found.trial, found))
             del rejected[one.listed.title]
         else:
             rejected[one.listed.title] = NOT_SEEN
@@ -115,10 +116,14 @@ def _if(holds: Callable[[Trial], bool], retested: Retested | None) -> Retested |
     return retested if retested is not None and retested.suspended is None and holds(retested.trial) else None
 
 
-def _preferred(retested: Sequence[Retested]) -> list[Retested]:
-    """Sort what was tested, best first."""
-    order = preferred([one.trial for one in retested])
-    return sorted(retested, key=lambda one: next(i for i, trial in enumerate(order) if trial is one.trial))
+def _preferred(held: Sequence[tuple[Trial, Retested]]) -> list[Retested]:
+    """Sort what holds, best first, by its evidence as it was found or about its own replica: the larger counts.
+
+    Both are uncertain, in different ways. On equal terms, a rival must exceed the best one by the scatter.
+    """
+    larger = [dataclasses.replace(one.trial, evidence=max(as_found.evidence, one.trial.evidence)) for as_found, one in held]
+    order = preferred(larger)
+    return [held[next(i for i, one in enumerate(larger) if one is trial)][1] for trial in order]
 
 
 def _on_equal_terms(
@@ -147,13 +152,14 @@ def _on_equal_terms(
     own, *theirs = pool.map(equal.evidence, [best.trial, *rivals])
     if own < needed:
         return None
-    least = equal.scatter + max(best.trial.evidence, own)
-    better = [(one, evidence) for one, evidence in zip(rivals, theirs, strict=True) if evidence > least]
-    compared = [dataclasses.replace(best.trial, evidence=own), *(dataclasses.replace(one, evidence=e) for one, e in better)]
+    if max(theirs) <= equal.scatter + max(best.trial.evidence, own):
+        return best
+    pairs = zip([best.trial, *rivals], [own, *theirs], strict=True)
+    compared = [dataclasses.replace(one, evidence=evidence) for one, evidence in pairs]
     for first in preferred(compared):
         if first is compared[0]:
             break
-        retested = retest_on_own(next(one for one, _ in better if one.listed is first.listed))
+        retested = retest_on_own(next(one for one in rivals if one.listed is first.listed))
         if retested is not None:
             return retested
     return best
