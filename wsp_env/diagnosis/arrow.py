@@ -41,11 +41,11 @@ class ByRun(NamedTuple):
         return ByRun(self.width + columns.shape[1], self.rows, used, blocks)
 
     def kept(self, keep: np.ndarray) -> "ByRun":
-        """Return the columns in the rows `keep` (n,) bool, without runs of which none is kept."""
-        number = np.cumsum(keep) - 1
-        runs = [(np.arange(len(keep))[rows], mine, block) for rows, mine, block in zip(*self[1:], strict=True)]
-        left = [(number[rows[keep[rows]]], mine, block[keep[rows]]) for rows, mine, block in runs if keep[rows].any()]
-        return ByRun(self.width, *(tuple(each) for each in zip(*left, strict=True)))
+        """Return the columns in the rows `keep` (n,) bool, numbered anew; runs of which none is kept have no rows."""
+        number, every = np.cumsum(keep) - 1, np.arange(len(keep))
+        rows = tuple(number[every[mine][keep[mine]]] for mine in self.rows)
+        blocks = tuple(block[keep[mine]] for mine, block in zip(self.rows, self.blocks, strict=True))
+        return self._replace(rows=rows, blocks=blocks)
 
     def squares(self) -> np.ndarray:
         """Return the sum of squares (p,) of each column."""
