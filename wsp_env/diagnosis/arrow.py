@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wsp_env.diagnosis.side_by_side import side_by_side
 from wsp_env.diagnosis.triangular import cholesky, inverse_of, solved
 
 
@@ -37,7 +38,7 @@ class ByRun(NamedTuple):
         """Return these columns and further ones (n, k), which count as used in all runs."""
         further = np.arange(self.width, self.width + columns.shape[1])
         used = tuple(np.append(mine, further) for mine in self.used)
-        blocks = tuple(np.column_stack([block, columns[rows]]) for block, rows in zip(self.blocks, self.rows, strict=True))
+        blocks = tuple(side_by_side(lambda block, rows: np.column_stack([block, columns[rows]]), self.blocks, self.rows))
         return ByRun(self.width + columns.shape[1], self.rows, used, blocks)
 
     def kept(self, keep: np.ndarray) -> "ByRun":
@@ -56,7 +57,7 @@ class ByRun(NamedTuple):
 
     def scaled(self, factors: np.ndarray) -> "ByRun":
         """Return the columns times factors (p,)."""
-        return self._replace(blocks=tuple(block * factors[mine] for mine, block in zip(self.used, self.blocks, strict=True)))
+        return self._replace(blocks=tuple(side_by_side(lambda mine, block: block * factors[mine], self.used, self.blocks)))
 
     def order(self, whole: int) -> "Order":
         """Sort the columns by the runs of their rows; the last `whole` columns always count as common."""
@@ -70,11 +71,12 @@ class ByRun(NamedTuple):
         """Split the columns of each run into its own and the common ones."""
         place = np.full(self.width, -1)
         place[order.common] = np.arange(len(order.common))
-        found = []
-        for rows, mine, block in zip(*self[1:], strict=True):
+
+        def part(rows: slice | np.ndarray, mine: np.ndarray, block: np.ndarray) -> Part:
             shared = place[mine] >= 0
-            found.append(Part(rows, block[:, ~shared], place[mine[shared]], block[:, shared]))
-        return found
+            return Part(rows, block[:, ~shared], place[mine[shared]], block[:, shared])
+
+        return side_by_side(part, *self[1:])
 
 
 class Order(NamedTuple):
@@ -103,22 +105,26 @@ class Arrow(NamedTuple):
     @classmethod
     def of(cls, parts: Sequence[Part], count: int, keep: np.ndarray | None = None) -> "Arrow":
         """Return the Gram matrix of columns of which `count` are common, over the rows `keep` (n,) bool."""
-        own, cross, common = [], [], np.zeros((count, count))
-        for part in parts:
+
+        def products(part: Part) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
             mine, used, shared = part.own, part.used, part.shared
             if keep is not None:
                 inside = keep[part.rows]
                 shared = shared[inside]
                 touched = shared.any(axis=0)
                 mine, used, shared = mine[inside], used[touched], shared[:, touched]
-            own.append(mine.T @ mine)
-            cross.append(np.zeros((mine.shape[1], count)))
-            cross[-1][:, used] = mine.T @ shared
+            cross = np.zeros((mine.shape[1], count))
+            cross[:, used] = mine.T @ shared
+            return mine.T @ mine, cross, used, shared.T @ shared
+
+        own, cross, touched, shared = zip(*side_by_side(products, parts), strict=True)
+        common = np.zeros((count, count))
+        for used, one in zip(touched, shared, strict=True):
             if len(used) == count:
-                common += shared.T @ shared
+                common += one
             else:
-                common[np.ix_(used, used)] += shared.T @ shared
-        return cls(tuple(own), tuple(cross), common)
+                common[np.ix_(used, used)] += one
+        return cls(own, cross, common)
 
     def first(self, columns: np.ndarray) -> "Arrow":
         """Return the matrix with only the common columns of the given indices."""
@@ -127,16 +133,19 @@ class Arrow(NamedTuple):
     def scaled(self, own: Sequence[np.ndarray], common: np.ndarray) -> "Arrow":
         """Return the matrix of scaled columns; factors (k,) for each run's own columns, (c,) for the common ones."""
         return Arrow(
-            tuple(one * np.outer(d, d) for one, d in zip(self.own, own, strict=True)),
-            tuple(one * np.outer(d, common) for one, d in zip(self.cross, own, strict=True)),
+            tuple(side_by_side(lambda one, d: one * np.outer(d, d), self.own, own)),
+            tuple(side_by_side(lambda one, d: one * np.outer(d, common), self.cross, own)),
             self.common * np.outer(common, common),
         )
 
     def inner(self, other: "Arrow") -> float:
         """Return the Frobenius inner product: the sum of the products of all entries."""
-        total = float(np.vdot(self.common, other.common))
-        total += sum(float(np.vdot(a, b)) for a, b in zip(self.own, other.own, strict=True))
-        return total + 2.0 * sum(float(np.vdot(a, b)) for a, b in zip(self.cross, other.cross, strict=True))
+        total = float(np.vdot(self.common, other.common)) + sum(side_by_side(_product, self.own, other.own))
+        return total + 2.0 * sum(side_by_side(_product, self.cross, other.cross))
+
+
+def _product(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.vdot(a, b))
 
 
 def combined(arrows: Sequence[Arrow], weights: np.ndarray) -> Arrow:
@@ -148,9 +157,9 @@ def combined(arrows: Sequence[Arrow], weights: np.ndarray) -> Arrow:
             result += weight * part
         return result
 
-    own = tuple(total(parts) for parts in zip(*(one.own for one in arrows), strict=True))
-    cross = tuple(total(parts) for parts in zip(*(one.cross for one in arrows), strict=True))
-    return Arrow(own, cross, total([one.common for one in arrows]))
+    own = side_by_side(total, list(zip(*(one.own for one in arrows), strict=True)))
+    cross = side_by_side(total, list(zip(*(one.cross for one in arrows), strict=True)))
+    return Arrow(tuple(own), tuple(cross), total([one.common for one in arrows]))
 
 
 class Eliminated:
@@ -163,10 +172,15 @@ class Eliminated:
     """
 
     def __init__(self, arrow: Arrow, nuisances: int) -> None:
+
+        def eliminated(own: np.ndarray, cross: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            root = cholesky(own + np.eye(len(own)))
+            half = solved(root, cross)
+            return root, half, half.T @ half
+
         self.nuisances = nuisances
-        self._roots = [cholesky(one + np.eye(len(one))) for one in arrow.own]
-        self._half = [solved(root, one) for root, one in zip(self._roots, arrow.cross, strict=True)]
-        self.rest = arrow.common - sum(one.T @ one for one in self._half)  # (c, c) Schur complement
+        self._roots, self._half, squares = zip(*side_by_side(eliminated, arrow.own, arrow.cross), strict=True)
+        self.rest = arrow.common - sum(squares)  # (c, c) Schur complement
         diagonal = np.arange(nuisances)
         self.rest[diagonal, diagonal] += 1.0
         self.factor = cholesky(self.rest[:nuisances, :nuisances])  # lower, of the common nuisances
@@ -208,9 +222,11 @@ class Eliminated:
     def inverse(self) -> Arrow:
         """Return those blocks of the inverse matrix that an arrow stores."""
         common = inverse_of(self.factor)
-        own, cross = [], []
-        for root, half in zip(self._roots, self._half, strict=True):
+
+        def blocks(root: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             back = solved(root, half[:, : self.nuisances], True)
-            cross.append(-back @ common)
-            own.append(inverse_of(root) - cross[-1] @ back.T)
-        return Arrow(tuple(own), tuple(cross), common)
+            cross = -back @ common
+            return inverse_of(root) - cross @ back.T, cross
+
+        own, cross = zip(*side_by_side(blocks, self._roots, self._half), strict=True)
+        return Arrow(own, cross, common)

@@ -23,6 +23,7 @@ from wsp_env.diagnosis.locate import locate, residual_map
 from wsp_env.diagnosis.quality import Quality, quality
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, detectable, net_change
+from wsp_env.diagnosis.side_by_side import on_threads
 from wsp_env.diagnosis.stops import PreparedStop, prepare
 from wsp_env.diagnosis.structure import Structure, structured
 from wsp_env.diagnosis.timing import aligned, times
@@ -58,7 +59,7 @@ def diagnose(campaign: Campaign, progress: Progress = lambda step: None, workers
 
     """
     # The matrices are small: BLAS threads would only compete with the workers.
-    with threadpool_limits(1, "blas"), ThreadPoolExecutor(workers) as pool:
+    with threadpool_limits(1, "blas"), ThreadPoolExecutor(workers) as pool, on_threads(pool):
         return _diagnose(campaign, progress, pool)
 
 

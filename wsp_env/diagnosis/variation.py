@@ -17,6 +17,7 @@ from wsp_env.diagnosis.balances import ACTUATOR, Balances, Rows, Whitening
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.forces import Forces
 from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.side_by_side import side_by_side
 
 #: Correlation lengths of mu_cd along the track [m]. Short: the likeliest of the tried lengths, on a campaign with 2 % variation
 #: over 5 to 20 m; its size is estimated, because a wheel passes many such lengths. Long: rails of different history; a large
@@ -78,15 +79,17 @@ def whitened(
 
     """
     counts = [group.columns.shape[1] for group in groups]
-    used, blocks, runs = [], [], rows_of(run)
-    for rows in runs:
+    runs = rows_of(run)
+
+    def of_run(rows: slice | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         parts = [group.columns[rows] for group in groups]
         touched = [part.any(axis=0) for part in parts]
         raw = np.column_stack([part[:, mine] for part, mine in zip(parts, touched, strict=True)])
         white = whitening.of(rows)(raw)
-        blocks.append(white if noise is None else white / noise[rows, None])
-        used.append(np.flatnonzero(np.concatenate(touched)))
-    every = ByRun(sum(counts), tuple(runs), tuple(used), tuple(blocks))
+        return np.flatnonzero(np.concatenate(touched)), white if noise is None else white / noise[rows, None]
+
+    used, blocks = zip(*side_by_side(of_run, runs), strict=True)
+    every = ByRun(sum(counts), tuple(runs), used, blocks)
     scales = np.repeat([group.expected for group in groups], counts)
     free = np.isinf(scales)
     if free.any():
