@@ -119,6 +119,33 @@ def test_suspended_trials_wait_for_all_batches():
 
 
 @pytest.mark.parametrize(
+    ("weak", "suspended", "multiple", "expected"),
+    [
+        (2.0, 12.5, 3.0, GRADIENT),
+        (2.0, 11.5, 3.0, GAIN),  # not beyond the scatter
+        (2.0, 12.5, 0.75, GAIN),  # may be too small to matter
+        (2.6, 12.5, 3.0, GAIN),
+        (8.4, 99.0, 3.0, GAIN),  # it keeps 0.64 of its evidence: nothing else is asked
+        (8.2, 99.0, 3.0, GRADIENT),
+    ],
+)
+def test_what_holds_only_within_the_scatter_gives_way_to_a_suspended_trial_beyond_it(weak, suspended, multiple, expected):
+    """The gradient lost 249 nats with the given variances; the gain of the next batch has 13 there and `weak` with its own."""
+
+    def retest_trial(one, begin):
+        if one.listed == GRADIENT:
+            lost = dataclasses.replace(one, evidence=-249.0)
+            return Retested(lost, None, "fit") if begin is None else Retested(trial(GRADIENT, suspended, multiple), None)
+        return Retested(dataclasses.replace(one, evidence=13.0), None)
+
+    own = equal_terms(lambda one: weak, SCATTER)
+    batches = [[THREE[1]], [THREE[0]]]
+    best, rejected, _ = best_of(batches, lambda one: False, retest_trial, own, lambda one: SURE, INLINE)
+    assert best.trial.listed == expected
+    assert expected.title not in rejected
+
+
+@pytest.mark.parametrize(
     ("own", "expected"),
     [
         ({}, GRADIENT),

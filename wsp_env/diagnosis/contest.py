@@ -1,6 +1,7 @@
 """Which of the tried mechanisms holds, and is the best: as found, about a replica of its own, and beside its rivals."""
 
 import dataclasses
+import functools
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from typing import NamedTuple
@@ -47,9 +48,10 @@ def best_of(
 
     All promising trials are tested about replicas of their own (`retest_trial`), where they may change places: what explains
     hardly anything linearly may explain most. There, the log odds must exceed `threshold`, and `rejects` must be false. What
-    holds must not lose its evidence with variances of its own residuals, and is compared with its rivals there. If none holds
-    in the first round, suspended trials are tested with own variances. There they must explain more than they lost before, and
-    surely matter. Later, what is suspended or comes after the best may take a part of what is missing.
+    holds must not lose its evidence with variances of its own residuals, and is compared with its rivals there. In the first
+    round, suspended trials are tested with own variances if none holds, or if the best keeps its evidence there only within the
+    scatter. They must surely matter, and explain more than the best and the scatter; if none holds, more than they lost before.
+    Later, what is suspended or comes after the best may take a part of what is missing.
     """
     rejected: dict[str, float] = {}
     suspended: list[tuple[Trial, Retested]] = []
@@ -60,6 +62,21 @@ def best_of(
 
     def test(one: Trial, begin: Fitted | None = None) -> Retested | None:
         return None if rejects(one) else retest_trial(one, begin)
+
+    def again(enough: Callable[[Trial, float], bool]) -> list[Retested]:
+        """Test suspended trials with own variances; return those that surely matter and explain `enough`, best first.
+
+        `enough` is given a trial and the evidence that it lost before.
+        """
+        kept = []
+        for one, before in suspended:  # the evidence with which these were found is void: all are tested
+            found = _if(holds, test(one, before.suspended))
+            if found is not None and enough(found.trial, min(before.trial.evidence, 0.0)) and at_least(found.trial) >= MATTERS:
+                kept.append((found.trial, found))
+                rejected.pop(one.listed.title)
+            else:
+                rejected[one.listed.title] = NOT_SEEN
+        return _preferred(kept)
 
     for some in batches:
         trials += some
@@ -82,26 +99,28 @@ def best_of(
             others = [*(one.trial for one in order), *refused]
             winner = _on_equal_terms(best, others, equal, lambda one: _if(holds, retest_trial(one, one.fitted)), pool)
             if winner is not None:
+                if first_round and suspended and not corrects_recordings(winner.trial.listed):
+                    own = equal.evidence(winner.trial)
+                    if own < _share(winner.trial):
+                        surer = again(functools.partial(_exceeds, max(own, 0.0) + equal.scatter))
+                        winner = next(iter(surer), winner)
                 rejected.pop(winner.trial.listed.title, None)
                 return Contest(winner, rejected, trials)
             rejected[best.trial.listed.title] = NOT_SEEN
         if not first_round:
             return Contest(None, rejected, trials)
-    held = []
-    for one, before in suspended:  # the evidence with which these were found is void: all are tested
-        found = _if(holds, test(one, before.suspended))
-        lost = min(before.trial.evidence, 0.0)
-        if found is not None and _pays(found.trial, lost, threshold):
-            held.append((found.trial, found))
-            del rejected[one.listed.title]
-        else:
-            rejected[one.listed.title] = NOT_SEEN
-    return Contest(next(iter(_preferred(held)), None), rejected, trials)
+    found = again(lambda one, lost: log_odds(one.listed, one.evidence + lost) > threshold(one))
+    return Contest(next(iter(found), None), rejected, trials)
 
 
-def _pays(one: Trial, lost: float, threshold: Callable[[Trial], float]) -> bool:
-    """Whether a trial is sure beyond the evidence that it lost with the given variances, and surely matters."""
-    return log_odds(one.listed, one.evidence + lost) > threshold(one) and at_least(one) >= MATTERS
+def _share(one: Trial) -> float:
+    """Return the share of its evidence that a trial must keep on equal terms, for the possible error of its form."""
+    return (1.0 - form_of(one.listed)) ** 2 * one.evidence
+
+
+def _exceeds(least: float, one: Trial, lost: float) -> bool:
+    """Whether a trial explains more than `least`, whatever it lost before."""
+    return one.evidence > least
 
 
 def _is_promising(one: Trial, threshold: Callable[[Trial], float]) -> bool:
@@ -146,7 +165,7 @@ def _on_equal_terms(
         return not alike or one.evidence >= (1.0 - FORM) ** 2 * best.trial.evidence
 
     rivals = [one for one in others if is_rival(one)]
-    needed = (1.0 - form_of(best.trial.listed)) ** 2 * best.trial.evidence - equal.scatter
+    needed = _share(best.trial) - equal.scatter
     if not rivals:
         return best if equal.evidence(best.trial, needed) >= needed else None
     own, *theirs = pool.map(equal.evidence, [best.trial, *rivals])
