@@ -54,6 +54,16 @@ def test_the_page_tells_where_what_and_what_remains(found, tmp_path):
     assert gained == sorted(gained)  # by gain
 
 
+def test_what_could_not_have_been_seen_and_what_was_not_fitted_is_said_without_figures(found, tmp_path):
+    """A term's slot, axles and feature are codes, which its equation says in words."""
+    parameters = DISCOVERED.parameters | {"slot_1": Estimate(0.0, "code", (0.0, 0.0))}
+    term = dataclasses.replace(DISCOVERED, parameters=parameters)
+    _, body = page_of(dataclasses.replace(found, discovered=(term,), detectable=found.detectable | {"sanding": {}}), tmp_path)
+    assert "These recordings would not have shown at any possible size: sanding." in body
+    assert "650" in body.partition("The term found")[2]
+    assert "<td>code</td>" not in body
+
+
 def test_the_first_screen_holds_the_message_and_one_plot_and_the_folds_the_evidence(found, tmp_path):
     where = (Location("vehicle", (), ("A1", "B1"), "speed from 10 to 20 m/s", 1.0),)
     worth = Worth(0.031, (0.02, 0.04), 0.2)

@@ -164,6 +164,23 @@ def test_a_channel_that_jumps_and_stays_is_not_trusted():
     assert not quality.repair(values, "vehicle_speed", even(), "here")[1].any()
 
 
+@pytest.mark.parametrize("end", [700, 900])  # it comes back, or does not
+def test_a_wheel_sensor_that_fails_at_speed_is_no_wheel_that_locks(end):
+    """No wheel comes to a stand from 60 rad/s between two samples; at 5 rad/s a sensor may read nothing."""
+    rng = np.random.default_rng(1)
+    course = 80.0 - 10.0 * STEP * np.arange(900) + 0.05 * rng.standard_normal(900)
+    failed = course.copy()
+    failed[200:end] = 0.0
+    _, bad, notes = quality.repair(failed, "axle1_wheel_speed", even(900), "here")
+    assert bad.all()
+    assert "in row 201" in notes[0]
+    assert "stays there; kept, not compared with the law" in notes[0]
+    locked = course.copy()
+    locked[200:600] = np.minimum(course[200:600], np.maximum(60.0 * np.abs(2.0 - STEP * np.arange(400)) - 60.0, 0.0))
+    locked[locked < 5.0] = 0.0
+    assert not quality.repair(locked, "axle1_wheel_speed", even(900), "here")[1].any()
+
+
 def test_too_long_a_gap_is_refused():
     values = np.linspace(80.0, 0.0, 500)
     values[100:250] = np.nan

@@ -28,7 +28,7 @@ from wsp_env.diagnosis.index import Found, summary, write_index
 from wsp_env.diagnosis.many import MADE_FROM, Many, diagnose_folder, diagnose_many, remember
 from wsp_env.diagnosis.progress import Advance
 from wsp_env.diagnosis.report import write_report
-from wsp_env.diagnosis.report_facts import BALANCES, LEAST_SHARE
+from wsp_env.diagnosis.report_facts import BALANCES, LEAST_SHARE, confidence_said, removed_said, worth_said
 from wsp_env.diagnosis.words import parameter_said
 from wsp_env.executor import Executor, Workers
 from wsp_env.output import all_of, ready, write_text
@@ -243,10 +243,14 @@ def _print(found: Found, out: Path) -> None:
     for one in found.mechanisms:
         for name, value in one.parameters.items():
             console.print(f"  {one.name.replace('_', ' ')}: {parameter_said(name, value)}", markup=False)
+    if not isinstance(found, CreepDiagnosis) and (found.mechanisms or found.discovered):
+        console.print(f"  worth in a stop: {worth_said(found)}", markup=False)
+        console.print(f"  confidence: {confidence_said(found)}", markup=False)
+        console.print(f"  removed: {removed_said(found.fit.removed_validate)}", markup=False)
     for place in (one for one in found.location if one.share >= LEAST_SHARE):
-        axles = f", axles {', '.join(map(str, place.axles))}" if place.axles else ""
+        which = f", axle{'s' * (len(place.axles) > 1)} {', '.join(map(str, place.axles))}" if place.axles else ""
         console.print(
-            f"  where: {BALANCES.get(place.equation, place.equation)}{axles}, {place.where} ({place.share:.0%} of it)",
+            f"  where: {BALANCES.get(place.equation, place.equation)}{which}, {place.where} ({place.share:.0%} of it)",
             markup=False,
         )
     if isinstance(found, CreepDiagnosis):

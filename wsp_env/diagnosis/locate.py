@@ -56,6 +56,8 @@ def _places_of(balances: Replica, removed: np.ndarray, total: float) -> tuple[Lo
             i for i in range(len(balances.stops)) if _stands_out(removed, mine & (rows.run == i), mine, len(balances.stops))
         ]
         over = ("place", "time", "speed") if balance == VEHICLE else tuple(_UNITS)
+        if not _placed(balances)[mine].all():
+            over = over[1:]
         found.append(
             Location(
                 name,
@@ -66,6 +68,13 @@ def _places_of(balances: Replica, removed: np.ndarray, total: float) -> tuple[Lo
             )
         )
     return tuple(sorted(found, key=lambda one: -one.share))
+
+
+def _placed(balances: Replica) -> np.ndarray:
+    """Return the mask (n,) of rows with a known place: those of runs with a start position, or of a single run."""
+    known = np.array([stop.start_is_known or len(balances.stops) == 1 for stop in balances.stops])
+    result: np.ndarray = known[balances.rows.run]
+    return result
 
 
 def _stands_out(removed: np.ndarray, part: np.ndarray, whole: np.ndarray, parts: int) -> bool:
@@ -123,7 +132,7 @@ def residual_map(balances: Replica, model: Model, extended: Model, weights: Weig
 def _places(balances: Replica, squares: dict[str, np.ndarray]) -> list[dict[str, Any]]:
     """Mean squares by balance, axle and part of the track, for runs with known start position, or for a single run."""
     rows, cells = balances.rows, []
-    placed = np.array([stop.start_is_known or len(balances.stops) == 1 for stop in balances.stops])[rows.run]
+    placed = _placed(balances)
     if not placed.any():
         return []
     edges = np.linspace(rows.place[placed].min(), rows.place[placed].max() + 1e-6, _STRETCHES + 1)

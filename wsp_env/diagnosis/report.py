@@ -136,7 +136,9 @@ def _discovered(found: Diagnosis) -> list[Section]:
             text.append(f"It looks like: {', '.join(one.looks_like)}.")
         if one.alternatives:
             text.append(f"These recordings cannot tell it from: {', '.join(one.alternatives)}.")
-        table = Table(("Parameter", "Value", "Unit", "90 % interval"), _parameters(one.parameters))
+        # What was chosen and not fitted (slot, axles, feature) is in the equation.
+        fitted = {name: value for name, value in one.parameters.items() if value.interval90[0] != value.interval90[1]}
+        table = Table(("Parameter", "Value", "Unit", "90 % interval"), _parameters(fitted))
         sections.append(Section(f"The term found: {one.equation}", text, [table], fold=True))
     return sections
 
@@ -168,10 +170,13 @@ def _before_after(found: Diagnosis) -> Section | None:
         caption = "Mean squares relative to what noise and normal variation leave, which is 1."
         shows.append(Table(("Runs", *sides, "Noise floor"), rows, caption))
     if found.course:
+        same = (
+            ": by construction both are the same before and after, unless what was found acts on the vehicle, its brakes or "
+            "its speed sensor"
+        )
         text.append(
             "The course of one run: its residuals still hold the normal variation of brakes and track. That of the speed is "
-            "computed with the measured torque, as the speed error E (eq. 19) is: by construction both are the same before and "
-            "after, unless what was found acts on the vehicle, its brakes or its speed sensor."
+            f"computed with the measured torque, as the speed error E (eq. 19) is{same if _extended(found) else ''}."
         )
         other = "adhesion" if found.course.shows == "speed" else "speed"
         shows.append(course_plot(found.course, other, _extended(found)))
@@ -190,6 +195,8 @@ def _remains(found: Diagnosis) -> Section | None:
         for name, sizes in found.detectable.items()
         for size, value in sizes.items()
     ]
+    if unseen := [name.replace("_", " ") for name, sizes in found.detectable.items() if not sizes]:
+        text.append(f"These recordings would not have shown at any possible size: {', '.join(unseen)}.")
     header = ("Mechanism", "Parameter", "Smallest change that would have been seen", "Unit")
     shows += [Table(header, rows)] if rows else []
     return Section("What remains, and what could have been seen", text, shows, fold=True) if text or shows else None

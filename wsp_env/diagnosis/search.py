@@ -214,7 +214,10 @@ def held_out_rows(rows: Rows) -> np.ndarray:
 
 
 def detectable(seen: Screen) -> dict[str, dict[str, float]]:
-    """Return for each name the smallest detectable change of each size, at an evidence of `SEEN`."""
+    """Return for each name the smallest detectable change of each size, at an evidence of `SEEN`.
+
+    Sizes of which no possible change would have been seen are left out.
+    """
     found: dict[str, dict[str, float]] = {}
     for one in seen.found:
         variant = one.candidate.variant
@@ -222,7 +225,10 @@ def detectable(seen: Screen) -> dict[str, dict[str, float]]:
             small, large = one.deviation**2 + SMALL**2, one.deviation**2 + LARGE**2
             multiple = np.sqrt(2.0 * small * (SEEN + 0.5 * np.log(large / small)))
             sizes = multiple / one.candidate.scale * np.abs(variant.moves())
-            found[variant.name] = dict(zip(variant.sizes, map(float, sizes), strict=True))
+            ends = [parameter_of(variant.name, name) for name in variant.sizes]
+            found[variant.name] = {
+                end.name: float(size) for end, size in zip(ends, sizes, strict=True) if size <= end.high - end.low
+            }
     return found
 
 

@@ -100,7 +100,7 @@ def _radius(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
             if unit in ("km/h", "mph") and abs(ratio * factor - 1.0) < _FACTOR_TOLERANCE:
                 raise CampaignError(
                     f"{where}: vehicle_speed is {1.0 / ratio:.2f} times the wheels': recorded in {unit}? "
-                    f'Give it unit = "{unit}" in [channels]'
+                    f'Give it unit = "{unit}" in [channels]; if only this run differs, convert its file'
                 )
         if abs(ratio - 1.0) > _FACTOR_TOLERANCE:
             notes.append(
@@ -126,7 +126,7 @@ def _vehicle_entries(run: Recording, vehicle: CampaignVehicle, ratio: float, whe
         if unit in ("km/h", "mph") and abs(ratio / factor - 1.0) < _FACTOR_TOLERANCE and nearer(ratio):
             raise CampaignError(
                 f"{where}: vehicle_speed is {1.0 / ratio:.3f} times what all wheels say: recorded in m/s and taken for {unit}? "
-                "Correct its unit in [channels]"
+                "Correct its unit in [channels]; if other runs are in this unit, convert their files"
             )
 
 

@@ -18,6 +18,7 @@ _SIGMAS = 12.0  # an excursion must stand out of the noise this far
 _HELD_S = 0.3  # a noisy channel that repeats one value for so long is saturated or frozen
 _HELD_SAMPLES = 20
 _NOISY = 5e-5  # noise below this share of the range is that of a simulation or of rounding, whose values may repeat
+_BLIND = 0.15  # share of the largest value below which a sensor may read nothing (assumption: 10 to 25 km/h)
 _MANY_JUMPS = 0.01  # share of samples: so many jumps are no faults but the channel's nature
 _BLOCKS, _BLOCK = 20, 10_000  # noise and resolution are estimated on up to so many stretches of so many samples
 
@@ -144,11 +145,14 @@ def _excursions(
 def _may_be(values: np.ndarray, start: int, name: str, step_s: float) -> bool:
     """Whether a jump after `start` has a reason that spoils nothing else.
 
-    A wheel locks or turns again between two samples; a sensor reads nothing from some low speed on; one was frozen before.
+    A sensor reads nothing below some low speed, as of a wheel that locks or turns again, or from there on; one was frozen
+    before. A jump to zero from a higher speed is that of a sensor that failed.
     """
-    locks = "wheel_speed" in name and 0.0 in values[start : start + 2]
+    slow = float(np.abs(values[start : start + 2]).max()) <= _BLIND * float(np.abs(values).max())
+    locks = slow and "wheel_speed" in name and 0.0 in values[start : start + 2]
+    ends = slow and not values[start + 1 :].any()
     frozen = _held(values[max(start - round(2.0 * _HELD_S / step_s), 0) : start + 1], step_s)[-1:].any()
-    return bool(locks or frozen or not values[start + 1 :].any())
+    return bool(locks or frozen or ends)
 
 
 def _returns(values: np.ndarray, start: int, end: int, threshold: float, step_s: float) -> bool:
