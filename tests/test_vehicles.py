@@ -85,6 +85,16 @@ def test_any_number_of_axles_has_usual_bodies_and_places(axles):
     assert vehicle.running_gear == bodies
 
 
+def test_axles_too_far_apart_for_a_bogie_carry_their_body():
+    """A two-axle wagon pitches over its axles: its body's height counts, and no frame's."""
+    wagon = Vehicle("wagon", axle_positions_m=(0.0, 9.5))
+    assert wagon.running_gear == ((1, 1),)
+    assert arms(wagon.axle_positions_m, wagon.running_gear) == ((1.0 / 9.5 / 2, -1.0 / 9.5 / 2), (0.0, 0.0))
+    assert Vehicle("bogie", axle_positions_m=(0.0, 4.2)).running_gear == ((2,),)
+    assert Vehicle("five", axle_positions_m=(0.0, 2.5, 19.0, 21.5, 27.0)).running_gear == ((2, 2), (1,))
+    assert Vehicle("own", axle_positions_m=(0.0, 9.5), bodies=((2,),)).running_gear == ((2,),)
+
+
 # Environments and the programme
 
 

@@ -1,6 +1,7 @@
 """What describes a braked vehicle: masses, axles and what they carry, brake, wheel-speed sensors; and trains of vehicles."""
 
 import dataclasses
+import itertools
 from typing import Any
 
 from wsp_env.parameters.contact import ContactParameters
@@ -93,8 +94,16 @@ class Vehicle(Checked):
 
     @property
     def running_gear(self) -> tuple[tuple[int, ...], ...]:
-        """Axles of each bogie, body by body from the front: `bodies`, or the usual ones."""
-        return self.bodies or usual_bodies(self.axles)
+        """Axles of each bogie, body by body from the front: `bodies`, or the usual ones.
+
+        Left-over axles too far apart for a bogie carry their body each, as those of a two-axle wagon.
+        """
+        if self.bodies:
+            return self.bodies
+        *coaches, last = usual_bodies(self.axles)
+        if len(last) == 1 and _farthest(self.axle_positions_m[-last[0] :]) > _FARTHEST_M:
+            last = (1,) * last[0]
+        return (*coaches, last)
 
     @property
     def axles(self) -> int:
@@ -115,6 +124,15 @@ class Vehicle(Checked):
     def full_brake_torque_nm(self) -> float:
         """Torque of one axle [N m] at full cylinder pressure."""
         return self.brake.full_pressure_bar * self.brake.torque_per_bar_nm
+
+
+#: Largest distance of neighbouring axles of a bogie [m] (assumption: bogies have 1.8 to 3 m, two-axle wagons 6 to 10 m).
+_FARTHEST_M = 5.0
+
+
+def _farthest(positions_m: tuple[float, ...]) -> float:
+    """Return the largest distance of neighbours [m]; 0 of a single axle."""
+    return max((behind - ahead for ahead, behind in itertools.pairwise(positions_m)), default=0.0)
 
 
 def usual_bodies(axles: int) -> tuple[tuple[int, ...], ...]:
