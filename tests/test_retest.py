@@ -32,10 +32,12 @@ def own(monkeypatch):
 
     def ask(
         cost: float, pulls: bool = False, left: float = 20.0, again: float = np.nan, least: float = np.nan,
-        interval: tuple[float, float] = (0.001, 0.003), found: float = 60.0, twice: bool = False,
+        interval: tuple[float, float] = (0.001, 0.003), found: float = 60.0, twice: bool = False, linear: float = np.inf,
     ) -> retest.Retested | None:  # fmt: skip
         monkeypatch.setattr(retest, "estimates", lambda *_: {"rise": Estimate(0.002, "-", interval)})
         monkeypatch.setattr(retest, "converge", lambda *_: ("own replica", dataclasses.replace(one.fitted, cost=cost)))
+        elsewhere = "replica of the step", dataclasses.replace(one.fitted, cost=linear)
+        monkeypatch.setattr(retest, "converge_rescaled", lambda *_: elsewhere)
         anew = dataclasses.replace(one.fitted, cost=again)
         noise = SimpleNamespace(weights=lambda: PLAIN)
         monkeypatch.setattr(retest, "converge_reweighted", lambda *said: (f"{said[1].cost}, {said[3]}", anew, noise))
@@ -72,6 +74,29 @@ def test_what_is_no_longer_sure_about_its_own_replica_is_suspended(own, found, e
     held = own(60.0, found=found)
     assert held.suspended.cost == 60.0
     assert held.trial.evidence == evidence  # a price of 3
+
+
+@pytest.mark.parametrize(("refit", "linear", "replica"), [(150.0, 60.0, "replica of the step"), (60.0, 50.0, "own replica")])
+def test_what_a_refit_has_lost_is_sought_from_the_linear_step(own, refit, linear, replica):
+    """It costs 100 without it. What is sure from the refit is not sought elsewhere."""
+    held = own(refit, linear=linear)
+    assert (held.replica, held.suspended) == (replica, None)
+    assert held.trial.fitted.cost == 60.0
+    lost = own(150.0, linear=145.0)  # neither
+    assert (lost.replica, lost.suspended.cost) == ("replica of the step", 145.0)
+    assert own(145.0, linear=150.0).suspended.cost == 145.0
+
+
+def test_the_linear_step_keeps_the_place():
+    """A patch's size is that of the search, -0.125; where it lies, that of the refit."""
+    listed = Variant("adhesion_patch", ("change",), {"start_m": 100.0, "length_m": 50.0}, (0.05,))
+    free = Variant("adhesion_patch", ("change", "start_m"), {"length_m": 50.0})
+    fitted = Fitted(switched(Model(2e-4, (0.06,)), free, np.array([-0.01, 117.0])), (free,), (), (), 100.0)
+    one = dataclasses.replace(trial(listed, 30.0), variant=free, fitted=fitted)
+    one = dataclasses.replace(one, found=dataclasses.replace(one.found, amplitude=np.array([2.5])))
+    begun = retest._linear(one)
+    assert values_in(begun.model, free) == pytest.approx([-0.125, 117.0])
+    assert begun.variants == fitted.variants
 
 
 def test_what_does_not_converge_is_suspended_as_it_was_found(own):

@@ -4,6 +4,7 @@ Effects of mechanisms are nonlinear: about the baseline they are linear only for
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -140,11 +141,13 @@ def largest_change(before: Fitted, after: Fitted) -> float:
     return float(np.abs(moves(before, after)).max())
 
 
-def converge_rescaled(recorded: Balances, fitted: Fitted, variant: Variant, weights: Weights) -> tuple[Replica, Fitted]:
+def converge_rescaled(
+    recorded: Balances, fitted: Fitted, variant: Variant, weights: Weights, shares: Sequence[float] = _SHARES
+) -> tuple[Replica, Fitted]:  # fmt: skip
     """Iterate again, starting from the share of a mechanism's size on whose own replica the model fits best."""
     others = [one for one in fitted.variants if one is not variant]
     tried = []
-    for share in _SHARES:
+    for share in shares:
         model = switched(fitted.model, variant, _scaled(variant, values_in(fitted.model, variant), share))
         replica = replica_of(recorded, model, weights)
         tried.append((refit(replica, model, others, weights), replica))

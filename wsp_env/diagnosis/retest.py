@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.diagnosis.agreement import agreement
-from wsp_env.diagnosis.candidates import without
-from wsp_env.diagnosis.convergence import converge, midpoint, moves
+from wsp_env.diagnosis.candidates import switched, values_in, without
+from wsp_env.diagnosis.convergence import converge, converge_rescaled, midpoint, moves
 from wsp_env.diagnosis.estimates import estimates, intervals_contain_null, within_a_sample
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit, replica_of
@@ -35,6 +35,9 @@ from wsp_env.diagnosis.trials import (
 LARGE_CHANGE = 1.0
 #: Largest number of replicas with newly estimated weights.
 _REWEIGHTED = 4
+#: Multiples of the linear step from which a mechanism that is not sure about its own replica is tried again (assumption: a
+#: nonlinear effect may saturate, so that the linear step is too small).
+_MULTIPLES = (1.0, 2.0, 4.0)
 #: Additional shift of the nuisances by a mechanism, in standard deviations, above which it is rejected: nuisances cancel it.
 NUISANCE_SHIFT = 4.0
 
@@ -72,8 +75,15 @@ def retest(
         without_it = dataclasses.replace(trial.fitted, cost=trial.fitted.cost + trial.reduction)
         reweighted = suspended is not None
         own, fitted = (replica, suspended) if suspended else converge(replica.recorded, trial.fitted, weights)
-        null_replica, explained = own, without_it.cost - fitted.cost
-        evidence = 0.5 * explained - trial.penalty
+
+        def evidence_of(one: Fitted) -> float:
+            return 0.5 * (without_it.cost - one.cost) - trial.penalty
+
+        if not reweighted and log_odds(trial.listed, evidence_of(fitted)) <= SURE:
+            # About a replica without a strongly nonlinear mechanism, a refit may lead away from it.
+            further = converge_rescaled(replica.recorded, _linear(trial), trial.variant, weights, _MULTIPLES)
+            own, fitted = min((own, fitted), further, key=lambda one: one[1].cost)
+        null_replica, explained, evidence = own, without_it.cost - fitted.cost, evidence_of(fitted)
         if log_odds(trial.listed, evidence) <= SURE:
             if not np.isfinite(fitted.cost):
                 return Retested(trial, own, trial.fitted)
@@ -132,6 +142,14 @@ def retest(
     return Retested(
         dataclasses.replace(trial, fitted=fitted, reduction=reduction, evidence=evidence, size=size, weights=own_weights), own
     )
+
+
+def _linear(trial: Trial) -> Fitted:
+    """Return the fit of a trial with the sizes of its linear step, located as it was fitted."""
+    sizes = dict(zip(trial.listed.sizes, trial.listed.null() - trial.found.amplitude * trial.listed.moves(), strict=True))
+    fitted = zip(trial.variant.sizes, values_in(trial.fitted.model, trial.variant), strict=True)
+    values = np.array([sizes.get(name, value) for name, value in fitted])
+    return dataclasses.replace(trial.fitted, model=switched(trial.null_model, trial.variant, values))
 
 
 class EqualTerms:
