@@ -8,6 +8,7 @@ The thirty lines that matter stand in docs/first_training.md.
 import copy
 import dataclasses
 import json
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -153,7 +154,7 @@ class Curve(BaseCallback):
         found = self.judge.means(Learned(self.model, env.normalize_obs))
         self.rows.append({"decisions": float(self.num_timesteps), "cpu_s": spent} | found)
         self._looked += time.process_time() - begun
-        print(_words(self.rows[-1]), flush=True)
+        print(_words(self.rows[-1]), file=sys.stderr if self.given.json else sys.stdout, flush=True)
 
     def _on_step(self) -> bool:
         if self.num_timesteps >= len(self.rows) * self.given.every:
