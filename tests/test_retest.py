@@ -87,15 +87,27 @@ def test_what_a_refit_has_lost_is_sought_from_the_linear_step(own, refit, linear
     assert own(145.0, linear=150.0).suspended.cost == 145.0
 
 
-def test_the_linear_step_keeps_the_place():
-    """A patch's size is that of the search, -0.125; where it lies, that of the refit."""
+@pytest.mark.parametrize("lost", [{"pulls": True}, {"interval": (0.0, 0.003)}, {"left": 1.0}])
+def test_what_holds_there_by_its_fit_alone_is_sought_from_the_linear_step_too(own, monkeypatch, lost):
+    """From the refit it moves the nuisances, may be absent, or its parts disagree; from the step it costs less, and holds."""
+    sought = []
+    monkeypatch.setattr(retest, "_linear", lambda trial: sought.append(trial))
+    own(60.0, linear=50.0, **lost)
+    assert len(sought) == 1
+    own(60.0, linear=50.0)
+    assert len(sought) == 1
+
+
+@pytest.mark.parametrize(("amplitude", "expected"), [(2.5, -0.125), (0.1, -0.05), (-0.1, 0.05)])
+def test_the_linear_step_keeps_the_place(amplitude, expected):
+    """A patch's size is that of the search, at least its step of 0.05; where it lies, that of the refit."""
     listed = Variant("adhesion_patch", ("change",), {"start_m": 100.0, "length_m": 50.0}, (0.05,))
     free = Variant("adhesion_patch", ("change", "start_m"), {"length_m": 50.0})
     fitted = Fitted(switched(Model(2e-4, (0.06,)), free, np.array([-0.01, 117.0])), (free,), (), (), 100.0)
     one = dataclasses.replace(trial(listed, 30.0), variant=free, fitted=fitted)
-    one = dataclasses.replace(one, found=dataclasses.replace(one.found, amplitude=np.array([2.5])))
+    one = dataclasses.replace(one, found=dataclasses.replace(one.found, amplitude=np.array([amplitude])))
     begun = retest._linear(one)
-    assert values_in(begun.model, free) == pytest.approx([-0.125, 117.0])
+    assert values_in(begun.model, free) == pytest.approx([expected, 117.0])
     assert begun.variants == fitted.variants
 
 
@@ -116,6 +128,8 @@ def test_beside_others_it_must_be_missing_whether_their_forms_bend_or_not(monkey
 
     monkeypatch.setattr(retest, "refit", refit)
     monkeypatch.setattr(retest, "converge", lambda *_: ("own replica", whole))
+    monkeypatch.setattr(retest, "_linear", lambda trial: trial.fitted)
+    monkeypatch.setattr(retest, "converge_rescaled", lambda *_: ("replica of the step", whole))
     monkeypatch.setattr(retest, "forms", lambda _, __, variants, ___: variants)
     monkeypatch.setattr(retest, "weights_of", lambda _, __, forms: BENT if list(forms) == [GAIN] else "wrong forms")
     monkeypatch.setattr(retest, "net_effect", lambda *_: StopChange(0.04, 0.0))

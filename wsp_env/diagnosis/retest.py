@@ -35,8 +35,8 @@ from wsp_env.diagnosis.trials import (
 LARGE_CHANGE = 1.0
 #: Largest number of replicas with newly estimated weights.
 _REWEIGHTED = 4
-#: Multiples of the linear step from which a mechanism that is not sure about its own replica is tried again (assumption: a
-#: nonlinear effect may saturate, so that the linear step is too small).
+#: Multiples of the linear step, or of the search's own if that is larger, from which a mechanism that is not sure about its own
+#: replica is tried again (assumption: a nonlinear effect may saturate, so that the linear step is too small).
 _MULTIPLES = (1.0, 2.0, 4.0)
 #: Additional shift of the nuisances by a mechanism, in standard deviations, above which it is rejected: nuisances cancel it.
 NUISANCE_SHIFT = 4.0
@@ -65,25 +65,41 @@ def retest(
     equal : the comparison that may already have fitted it with such variances
 
     """
-    own_weights, reweighted, rejected = weights, False, None
+    judge = functools.partial(_judged, replica, seen, weights, trial, equal)
+    if corrects_recordings(trial.listed):
+        # It is already on its own replica; a model without it cannot fit the slides that it implies.
+        return judge(trial.about, trial.fitted)
+    if suspended:
+        return judge(replica, suspended, reweighted=True)
+    led = converge(replica.recorded, trial.fitted, weights)
+    held = judge(*led)
+    if held is not None and held.suspended is None and log_odds(trial.listed, held.trial.evidence) > SURE:
+        return held
+    # About a replica without a strongly nonlinear mechanism, a refit may lead away from it.
+    further = converge_rescaled(replica.recorded, _linear(trial), trial.variant, weights, _MULTIPLES)
+    return judge(*further) if further[1].cost < led[1].cost else held
+
+
+def _judged(
+    replica: Replica, seen: Screen, weights: Weights, trial: Trial, equal: "EqualTerms | None", own: Replica, fitted: Fitted,
+    reweighted: bool = False,
+) -> Retested | None:  # fmt: skip
+    """Return a trial with its size and evidence on a replica `own`, to which it is `fitted`; None if it does not hold.
+
+    Parameters
+    ----------
+    reweighted : whether each model gets variances of its own residuals; `own` and `fitted` are then where to begin
+
+    """
+    own_weights, rejected = weights, None
     explained = np.inf  # reduction of the sum of squares from the null model about its replica to this one about its own
     weights_with: Callable[..., Weights] | None = None
     if corrects_recordings(trial.listed):
-        # It is already on its own replica; a model without it cannot fit the slides that it implies.
-        own, fitted, own_weights, null_replica = trial.about, trial.fitted, trial.weights, replica
+        own_weights, null_replica = trial.weights, replica
     else:
         without_it = dataclasses.replace(trial.fitted, cost=trial.fitted.cost + trial.reduction)
-        reweighted = suspended is not None
-        own, fitted = (replica, suspended) if suspended else converge(replica.recorded, trial.fitted, weights)
-
-        def evidence_of(one: Fitted) -> float:
-            return 0.5 * (without_it.cost - one.cost) - trial.penalty
-
-        if not reweighted and log_odds(trial.listed, evidence_of(fitted)) <= SURE:
-            # About a replica without a strongly nonlinear mechanism, a refit may lead away from it.
-            further = converge_rescaled(replica.recorded, _linear(trial), trial.variant, weights, _MULTIPLES)
-            own, fitted = min((own, fitted), further, key=lambda one: one[1].cost)
-        null_replica, explained, evidence = own, without_it.cost - fitted.cost, evidence_of(fitted)
+        null_replica, explained = own, without_it.cost - fitted.cost
+        evidence = 0.5 * explained - trial.penalty
         if log_odds(trial.listed, evidence) <= SURE:
             if not np.isfinite(fitted.cost):
                 return Retested(trial, own, trial.fitted)
@@ -145,8 +161,9 @@ def retest(
 
 
 def _linear(trial: Trial) -> Fitted:
-    """Return the fit of a trial with the sizes of its linear step, located as it was fitted."""
-    sizes = dict(zip(trial.listed.sizes, trial.listed.null() - trial.found.amplitude * trial.listed.moves(), strict=True))
+    """Return the fit of a trial with the sizes of its linear step, at least the search's own step, located as it was fitted."""
+    amplitude = trial.found.amplitude / np.clip(np.abs(trial.found.amplitude).max(), 1e-9, 1.0)
+    sizes = dict(zip(trial.listed.sizes, trial.listed.null() - amplitude * trial.listed.moves(), strict=True))
     fitted = zip(trial.variant.sizes, values_in(trial.fitted.model, trial.variant), strict=True)
     values = np.array([sizes.get(name, value) for name, value in fitted])
     return dataclasses.replace(trial.fitted, model=switched(trial.null_model, trial.variant, values))
