@@ -229,8 +229,8 @@ def test_what_makes_another_grow_compensates_it(monkeypatch, accepted_at, grown,
     assert not decide._compensates(None, new, [], screen)
 
 
-@pytest.mark.parametrize(("gained", "holds"), [(30.0, True), (-30.0, True), (30.0, False)])
-def test_an_earlier_name_gives_way_to_a_rival_that_explains_more_beside_a_later_one(monkeypatch, gained, holds):
+@pytest.mark.parametrize(("gained", "holds"), [(11.0, True), (9.0, True), (-30.0, True), (30.0, False)])
+def test_an_earlier_name_gives_way_to_a_rival_that_explains_distinctly_more_beside_a_later_one(monkeypatch, gained, holds):
     """A drag that came first as it did the work of two; beside the second of them the first explains more than the drag."""
     drag = Variant("dragging_brake", ("torque_nm",), {"axle": 2.0, "from_start": 0.0})
     bare = Model(2e-4, (0.06,))
@@ -255,7 +255,7 @@ def test_an_earlier_name_gives_way_to_a_rival_that_explains_more_beside_a_later_
     replica, fitted, accepted = decide._exchanged(
         "before", refit(None, both, [drag, GRADIENT], None), [first, later], SimpleNamespace(whitening=None)
     )
-    gives_way = gained > 0.0 and holds
+    gives_way = gained > decide.INDISTINCT and holds
     assert [one.name for one in accepted] == (["track_gradient", GAIN.name] if gives_way else [drag.name, "track_gradient"])
     assert replica == ("its own" if gives_way else "before")
     assert (GAIN.name in fitted.model.choice, drag.name in fitted.model.choice) == (gives_way, not gives_way)

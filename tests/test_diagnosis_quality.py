@@ -89,7 +89,7 @@ def test_an_extension_is_asked_about_its_own_replica_and_the_baseline_about_its_
         accepted.append(Accepted(trial(GAIN, 40.0), ("brake_gain_imbalance",), 1.0))
     variants = tuple(one.trial.variant for one in accepted)
 
-    def refit(replica, model, variants, weights, keep=None, free_law=True):
+    def refit(replica, model, variants, weights, keep=None):
         asked.append((replica.name, tuple(model.choice), len(variants)))
         # The brake's gain costs the held-out runs 5, the gradient saves them 90.
         cost = 100.0 - 90.0 * ("track_gradient" in model.choice) + 5.0 * ("brake_gain_imbalance" in model.choice)

@@ -11,7 +11,7 @@ from scipy.stats import norm
 
 from wsp_env.diagnosis.fitting import Fitted
 from wsp_env.diagnosis.retest import EqualTerms, Retested
-from wsp_env.diagnosis.trials import FORM, MATTERS, Trial, corrects_recordings, form_of, log_odds
+from wsp_env.diagnosis.trials import FORM, MATTERS, SURE, Trial, corrects_recordings, form_of, log_odds
 
 #: Log odds of what explains nothing with variances of its own residuals, or may be too small to matter there.
 NOT_SEEN = -float("inf")
@@ -97,7 +97,8 @@ def best_of(
         while order:
             best, *order = order
             others = [*(one.trial for one in order), *refused]
-            winner = _on_equal_terms(best, others, equal, lambda one: _if(holds, retest_trial(one, one.fitted)), pool)
+            least = -np.inf if first_round else SURE - log_odds(best.trial.listed, 0.0)
+            winner = _on_equal_terms(best, others, equal, lambda one: _if(holds, retest_trial(one, one.fitted)), pool, least)
             if winner is not None:
                 if first_round and suspended and not corrects_recordings(winner.trial.listed):
                     own = equal.evidence(winner.trial)
@@ -108,7 +109,7 @@ def best_of(
                 return Contest(winner, rejected, trials)
             rejected[best.trial.listed.title] = NOT_SEEN
         if not first_round:
-            return Contest(None, rejected, trials)
+            break
     found = again(lambda one, lost: log_odds(one.listed, one.evidence + lost) > threshold(one))
     return Contest(next(iter(found), None), rejected, trials)
 
@@ -147,7 +148,7 @@ def _preferred(held: Sequence[tuple[Trial, Retested]]) -> list[Retested]:
 
 def _on_equal_terms(
     best: Retested, others: Sequence[Trial], equal: EqualTerms, retest_on_own: Callable[[Trial], Retested | None],
-    pool: Executor,
+    pool: Executor, least: float,
 ) -> Retested | None:  # fmt: skip
     """Return the best of what holds, or another that explains far more, if each has variances of its own residuals.
 
@@ -159,13 +160,8 @@ def _on_equal_terms(
     retest_on_own : retest of a trial with variances of its own residuals; None if it does not hold
 
     """
-
-    def is_rival(one: Trial) -> bool:
-        alike = corrects_recordings(one.listed) == corrects_recordings(best.trial.listed)
-        return not alike or one.evidence >= (1.0 - FORM) ** 2 * best.trial.evidence
-
-    rivals = [one for one in others if is_rival(one)]
-    needed = _share(best.trial) - equal.scatter
+    rivals = others
+    needed = max(_share(best.trial) - equal.scatter, least)
     if not rivals:
         return best if equal.evidence(best.trial, needed) >= needed else None
     own, *theirs = pool.map(equal.evidence, [best.trial, *rivals])

@@ -194,7 +194,7 @@ def _forward_step(
 def _exchanged(
     replica: Replica, fitted: Fitted, accepted: list[Accepted], seen: Screen
 ) -> tuple[Replica, Fitted, list[Accepted]]:  # fmt: skip
-    """Replace an earlier mechanism by a rival that explains more together with the later ones."""
+    """Replace an earlier mechanism by a rival that explains distinctly more together with the later ones."""
     if len(accepted) < 2:
         return replica, fitted, accepted
     weights = weights_of(replica, seen)
@@ -215,7 +215,7 @@ def _exchanged(
                 ))  # fmt: skip
         before = 0.5 * (rest.cost - now.cost) - one.trial.penalty
         for better in sorted(tried, key=lambda rival: -rival.evidence):
-            if better.evidence <= before or bool(better.listed.family) > bool(one.trial.listed.family):
+            if better.evidence <= before + INDISTINCT or bool(better.listed.family) > bool(one.trial.listed.family):
                 break
             retested = None if at_bound(better.variant, better.fitted.model) else retest(replica, seen, weights, better)
             if retested is None or retested.suspended is not None:

@@ -138,20 +138,16 @@ def refit(
     variants: Sequence[Variant],
     weights: Weights,
     keep: np.ndarray | None = None,
-    free_law: bool = True,
 ) -> Fitted:
     """Fit tau, mu_cd and the variants' free parameters, starting from `model` (Levenberg and Marquardt).
 
     Parameters
     ----------
     keep : (n,) bool, rows to fit to; the weights' projector must be made for the same rows
-    free_law : whether tau moves; mu_cd of a sliding run always does
 
     """
     keep = np.ones(len(balances.rows), dtype=bool) if keep is None else keep
-    moves = free_parameters(balances)
-    moves[0] &= free_law
-    state = _State(balances, model, tuple(variants), weights, keep, moves)
+    state = _State(balances, model, tuple(variants), weights, keep, free_parameters(balances))
     least = 0
     for _ in range(_ITERATIONS):
         move = state.damped()

@@ -1,5 +1,7 @@
-"""Quality of fit of baseline and extended model: on the tuning runs, then with only mu_cd refitted on the held-out runs.
+"""Quality of fit of baseline and extended model on the tuning runs and on the held-out runs.
 
+The sizes of mechanisms are fitted to the tuning runs. The law, tau and mu_cd, is fitted to all runs for both models: a few runs
+may hardly determine tau, and then it is not the mechanism that decides whether other runs fit.
 Each model is evaluated on its own replica, because effects are nonlinear (`wsp_env.diagnosis.convergence`). The value of a
 mechanism for the held-out runs is evaluated on the replica of the extended model.
 """
@@ -38,8 +40,8 @@ class Quality:
     """Quality of fit of baseline and extended model."""
 
     fit: FitQuality
-    before: Model  # fitted to the tuning runs
-    after: Model
+    before: Model  # law fitted to all runs
+    after: Model  # the same with mechanisms, whose sizes are fitted to the tuning runs
     held_out: tuple[float, ...]  # reduction of chi-square of the validation runs by each accepted mechanism
     removed_of: Mapping[str, float | None]  # removed share of the removable held-out residual, by balance; None: none removable
     repeated: tuple[bool, ...]  # whether the held-out runs confirm each mechanism; False if a size ends at a bound
@@ -78,17 +80,21 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
         return weighing(about)(_ROWS[rows](held))
 
     def held_out(about: Replica, model: Model) -> np.ndarray:
-        """Return deviances (2,) of the held-out runs: alone, and predicted from the other runs with all common parameters."""
+        """Return deviances (2,) of the held-out runs: alone, and predicted from the other runs, with the law fitted to each."""
 
         def of(rows: str) -> float:
             weighed = weights(about, rows)
-            return weighed.deviance(refit(about, model, (), weighed, _ROWS[rows](held), free_law=False))
+            return weighed.deviance(refit(about, model, (), weighed, _ROWS[rows](held)))
 
         return np.array([of("held out"), of("all") - of("tuned")])
 
-    before = refit(replica, replica.baseline, (), weights(replica, "tuned"), ~held).model
-    tuned = weights(own, "tuned")
-    after = refit(own, outcome.fitted.model, variants, tuned, ~held).model if variants else before
+    def fitted(about: Replica, model: Model, free: Sequence[Variant]) -> Model:
+        """Return a model with sizes of mechanisms fitted to the tuning runs, and the law to all."""
+        sized = refit(about, model, free, weights(about, "tuned"), ~held).model if free else model
+        return refit(about, sized, (), weights(about, "all")).model
+
+    before, tuned = fitted(replica, replica.baseline, ()), weights(own, "tuned")
+    after = fitted(own, outcome.fitted.model, variants) if variants else before
     gains: tuple[float, ...] = ()
     if held.any() and variants:
         whole = held_out(own, after)
@@ -116,7 +122,7 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
         else:
             own = replica
         # A mechanism fitted together with others is now fitted without the rejected ones.
-        after = refit(own, after, kept, weights(own, "tuned"), ~held).model
+        after = fitted(own, after, kept)
     every = weights(replica, "all")
     parts = {"tune": ~held} | ({"validate": held} if held.any() else {})
     each = {name: held & (replica.rows.balance == balance) for balance, name in enumerate(BALANCES)}
@@ -148,7 +154,7 @@ def left(
 ) -> dict[str, Left]:
     """Return the mean squares of parts of the rows (n,) bool, for the baseline and for a model with mechanisms.
 
-    The law of each model is the one fitted with it, except that mu_cd of the runs is fitted again. All other nuisances are
+    Only mu_cd of the runs is fitted again. All other nuisances are
     estimated once, with mechanisms of free size, and used for both models, so that neither is favoured. Fitted to one model,
     they would absorb a part of what it lacks.
     """
