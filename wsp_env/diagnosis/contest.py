@@ -47,11 +47,11 @@ def best_of(
     """Return the best trial of the first batch; in the first round, of the first batch in which one holds.
 
     All promising trials are tested about replicas of their own (`retest_trial`), where they may change places: what explains
-    hardly anything linearly may explain most. There, the log odds must exceed `threshold`, and `rejects` must be false. What
-    holds must not lose its evidence with variances of its own residuals, and is compared with its rivals there. In the first
-    round, suspended trials are tested with own variances if none holds, or if the best keeps its evidence there only within the
-    scatter. They must surely matter, and explain more than the best and the scatter; if none holds, more than they lost before.
-    Later, what is suspended or comes after the best may take a part of what is missing.
+    hardly anything linearly may explain most. There, the log odds must exceed `threshold`, and `rejects` must be false. The
+    best must not lose its evidence with variances of its own residuals, and is compared there with all others that hold; a
+    further finding must be sure there. Suspended trials are tested with own variances if none holds, and in the first round if
+    the best keeps its evidence there only within the scatter. They must surely matter, and explain more than they lost before,
+    or than the best and the scatter.
     """
     rejected: dict[str, float] = {}
     suspended: list[tuple[Trial, Retested]] = []
@@ -147,7 +147,7 @@ def _preferred(held: Sequence[tuple[Trial, Retested]]) -> list[Retested]:
 
 
 def _on_equal_terms(
-    best: Retested, others: Sequence[Trial], equal: EqualTerms, retest_on_own: Callable[[Trial], Retested | None],
+    best: Retested, rivals: Sequence[Trial], equal: EqualTerms, retest_on_own: Callable[[Trial], Retested | None],
     pool: Executor, least: float,
 ) -> Retested | None:  # fmt: skip
     """Return the best of what holds, or another that explains far more, if each has variances of its own residuals.
@@ -158,9 +158,9 @@ def _on_equal_terms(
     Parameters
     ----------
     retest_on_own : retest of a trial with variances of its own residuals; None if it does not hold
+    least : evidence that the best one must have there in any case
 
     """
-    rivals = others
     needed = max(_share(best.trial) - equal.scatter, least)
     if not rivals:
         return best if equal.evidence(best.trial, needed) >= needed else None
