@@ -6,6 +6,7 @@ import pytest
 from numpy.testing import assert_array_equal
 from synthetic_stops import AXLES, MASS_KG, stop, write_campaign
 
+from wsp_env.parameters.campaign_vehicle import plant_vehicle
 from wsp_env.parameters.velim import CONTACT
 from wsp_env.recordings import CampaignError, CampaignWarning, demo_campaign, read_campaign
 
@@ -45,6 +46,16 @@ def test_a_run_may_differ_from_the_vehicle(folder):
     edit(folder, "[runs.A1]", "[runs.A1]\nmass_kg = 50000\nkinetic_friction_d = 0.05\ngradient = -0.002")
     run = read_campaign(folder).runs["A1"]
     assert (run.mass_kg, run.kinetic_friction_d, run.gradient) == (50000.0, 0.05, -0.002)
+
+
+def test_a_campaign_may_say_which_axles_form_a_bogie(folder):
+    edit(folder, "[vehicle]", f"[vehicle]\nbodies = {[[1] * AXLES]}")
+    campaign = read_campaign(folder)
+    assert campaign.vehicle.bodies == ((1,) * AXLES,)
+    assert plant_vehicle(campaign.vehicle, CONTACT, "recorded").running_gear == ((1,) * AXLES,)
+    edit(folder, f"bodies = {[[1] * AXLES]}", f"bodies = {[[AXLES, 1]]}")
+    with pytest.raises(CampaignError, match=f"stand on {AXLES + 1} axles, but the vehicle has {AXLES}"):
+        read_campaign(folder)
 
 
 def test_demo_campaign_is_complete():

@@ -72,7 +72,7 @@ def test_the_first_screen_holds_the_message_and_one_plot_and_the_folds_the_evide
         "By this, real stops are 3.1 % longer than simulated ones.",
         MEANINGS["named"],
         "change +2.0 to +4.0 %",
-        "in the vehicle&#x27;s speed, in every run, speed from 10 to 20 m/s",
+        "in the balance of vehicle speed, in every run, speed from 10 to 20 m/s",
         "track gradient: 0.99 of 1",
         "90 % of what the baseline leaves",
         "Coasting over the same track",
@@ -137,7 +137,7 @@ def test_the_axle_that_is_named_is_the_place_whatever_else_moves(found):
     named = (Named("brake_gain_imbalance", 0.9, ("brake_gain_imbalance",), gain, 3.0, 100.0, 9.0, 40.0),)
     where = (Location("adhesion", (1, 2, 3), ("B1",), "everywhere", 0.8),)
     answer = dataclasses.replace(found, mechanisms=named, location=where)
-    assert where_said(answer) == "axle 2, in the adhesion while sliding, in run B1"
+    assert where_said(answer) == "axle 2, in the balance of adhesion while sliding, in run B1"
     assert where_said(changed(found)) == ""
 
 

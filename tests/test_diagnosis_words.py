@@ -102,7 +102,9 @@ def test_a_term_without_a_name_is_said_with_its_equation_and_what_it_looks_like(
 
 def test_an_unknown_cause_is_said_with_the_balance_that_is_off():
     place = Location("actuator", (3,), ("A1",), "everywhere", 0.9)
-    assert "the actuator balance is off" in sentence("unknown", (), (place,))
+    said = sentence("unknown", (), (place,), nearest=("brake delay",))
+    assert "It shows in the balance of brake torque against pressure of axle 3." in said
+    assert "in no form that holds: brake delay" in said
     assert next_test("unknown", (), {})
 
 

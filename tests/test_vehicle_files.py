@@ -99,7 +99,7 @@ FAULTS = [
     (GOOD.replace("[0.0, 3.0, 6.0]", "[1.0, 3.0]"), ["must hold 1 to 64 rising distances .* start with 0"]),
     (GOOD.replace("[0.0, 3.0, 6.0]", "[0.0, 3.0, 3.0]"), ["rising distances"]),
     (GOOD.replace("[0.0, 3.0, 6.0]", str(list(range(65)))), ["must hold 1 to 64 rising distances"]),
-    (GOOD + "bodies = [[2, 2]]", ["stand on 4 axles, but axle_positions_m has 3; correct the one or the other"]),
+    (GOOD + "bodies = [[2, 2]]", ["stand on 4 axles, but the vehicle has 3; correct the one or the other"]),
     (GOOD + "bodies = [3]", [r"bodies = \[3\] must be a list of lists"]),
     (GOOD + "bodies = [[3.0]]", ["must list the axles of each bogie"]),
     (GOOD + "bodies = [[3], []]", ["must list the axles of each bogie"]),

@@ -132,7 +132,7 @@ def test_a_name_or_values_brake_too_and_nothing_else():
         (["coach"], "vehicle = .* must be a name"),
         ({"bodies": [2]}, "must list the axles of each bogie"),
         ({"bodies": 2}, "must list the axles of each bogie"),
-        ({"bodies": [[2, 2]]}, "stand on 4 axles, but axle_positions_m has 2"),
+        ({"bodies": [[2, 2]]}, "stand on 4 axles, but the vehicle has 2"),
     ):
         with pytest.raises(ParameterError, match=says):
             gym.make("wsp_env/Bogie-v1", vehicle=wrong)

@@ -27,8 +27,8 @@ from wsp_env.diagnosis.side_by_side import on_threads
 from wsp_env.diagnosis.stops import PreparedStop, prepare
 from wsp_env.diagnosis.structure import Structure, structured
 from wsp_env.diagnosis.timing import aligned, times
-from wsp_env.diagnosis.trials import FORM, form_of
-from wsp_env.diagnosis.words import next_test, sentence
+from wsp_env.diagnosis.trials import FORM, Trial, form_of
+from wsp_env.diagnosis.words import BALANCES, next_test, sentence
 from wsp_env.recordings import Campaign, CampaignError
 
 #: A run is left out as damaged if its root mean square residual exceeds that of the others by this factor.
@@ -125,6 +125,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     named = tuple(_named(replica, outcome, one, found) for one in missing if not one.trial.listed.family) if holds else ()
     terms = tuple(_discovered(replica, outcome, one, found) for one in missing if one.trial.listed.family) if holds else ()
     verdict = _verdict(named, terms, bool(named or terms) or unexplained, bool(sliding(replica).any()))
+    nearest = [] if holds else [one.words for one in missing] or [_title(one) for one in outcome.rejected]
     extended = outcome.fitted.model if holds else replica.baseline
     for one in outcome.missing:
         if holds and one not in repeated:
@@ -144,15 +145,18 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     ]
     if worthless:
         small += [f"seen in the runs to tune on, but worth nothing on those held out: {one.words}" for one in missing]
-    small += [f"seen, but in no form that holds: {one.listed.title.replace('_', ' ')}" for one in outcome.rejected]
+    small += [f"seen, but in no form that holds: {_title(one)}" for one in outcome.rejected]
     if part and not worthless:
-        small += [f"seen, but most of what goes on in the {left.balance} balance is left by it: {one.words}" for one in missing]
+        small += [
+            f"seen, but most of what goes on in the balance of {BALANCES[left.balance]} is left by it: {one.words}"
+            for one in missing
+        ]
     if holds and missing and left.unexplained:
         small.append(f"what is left still goes on from row to row, {left.size:.1f} times as large as the channels' noise")
     return Diagnosis(
         campaign=replica.campaign.name,
         verdict=verdict,
-        sentence=sentence(verdict, named, where, terms),
+        sentence=sentence(verdict, named, where, terms, nearest),
         mechanisms=named,
         location=() if verdict in ("adequate", "insufficient") else where,
         fit=_nothing_removed(found.fit) if verdict == "adequate" or not holds else found.fit,
@@ -160,13 +164,17 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         next_test=next_test(verdict, named, reasons, where, terms),
         evidence=_evidence(outcome.first.found),
         model=model_json(replica, extended),
-        residuals=residual_map(replica, replica.baseline, extended, found.weights),
+        residuals=residual_map(replica, found.squares),
         runs=held_out(replica.recorded, found.before, found.after),
         notes=(*notes, *small, *(f"{name.replace('_', ' ')}: {why}" for name, why in reasons.items())),
         course=course(replica.recorded, found.before, found.after, where),
         discovered=terms,
         worth=_worth(outcome, extended, missing) if named or terms else None,
     )
+
+
+def _title(trial: Trial) -> str:
+    return trial.listed.title.replace("_", " ")
 
 
 def _nothing_removed(fit: FitQuality) -> FitQuality:
@@ -241,9 +249,11 @@ def _discovered(replica: Replica, outcome: Outcome, one: Accepted, found: Qualit
 def model_json(replica: Replica, model: Model) -> dict[str, Any]:
     """Return the content of model.json, from which an environment takes the tuned law and the mechanisms found."""
     vehicle = dataclasses.asdict(replica.campaign.vehicle)
+    believed = [stop.name for stop, slides in zip(replica.stops, sliding(replica), strict=True) if not slides]
     return {
         "tau_m_per_J": model.tau,
         "mu_cd": {stop.name: mu for stop, mu in zip(replica.stops, model.mu_cd, strict=True)},
+        **({"note_mu_cd": f"believed, not fitted, because hardly any wheel slides: {', '.join(believed)}"} if believed else {}),
         "mechanisms": {name: dict(values) for name, values in model.choice.items()},
         "contact": dataclasses.asdict(replica.campaign.contact),
         "vehicle": {key: list(value) if isinstance(value, tuple) else value for key, value in vehicle.items()},

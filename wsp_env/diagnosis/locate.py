@@ -1,6 +1,7 @@
 """Location of a mismatch: balance, axles, runs, and a range of place, time, speed, slip or friction work."""
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -114,10 +115,9 @@ def change_points(values: np.ndarray, removed: np.ndarray) -> tuple[float, float
     return float(low), float(high), contrast, (end - start) / len(order)
 
 
-def residual_map(balances: Replica, model: Model, extended: Model, weights: Weights) -> dict[str, Any]:
-    """Mean squares by balance, run and axle, before and after, for the report."""
+def residual_map(balances: Replica, squares: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """Return the means of `squares` (n,), "before" and "after", by balance, run, axle and place, for the report."""
     rows = balances.rows
-    squares = {"before": _rest(balances, model, weights) ** 2, "after": _rest(balances, extended, weights) ** 2}
     cells = []
     for balance, name in enumerate(BALANCES):
         for run, stop in enumerate(balances.stops):
@@ -129,7 +129,7 @@ def residual_map(balances: Replica, model: Model, extended: Model, weights: Weig
     return {"cells": cells, "places": _places(balances, squares)}
 
 
-def _places(balances: Replica, squares: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+def _places(balances: Replica, squares: Mapping[str, np.ndarray]) -> list[dict[str, Any]]:
     """Mean squares by balance, axle and part of the track, for runs with known start position, or for a single run."""
     rows, cells = balances.rows, []
     placed = _placed(balances)

@@ -45,6 +45,7 @@ class Quality:
     held_out: tuple[float, ...]  # reduction of chi-square of the validation runs by each accepted mechanism
     removed_of: Mapping[str, float | None]  # removed share of the removable held-out residual, by balance; None: none removable
     repeated: tuple[bool, ...]  # whether the held-out runs confirm each mechanism; False if a size ends at a bound
+    squares: Mapping[str, np.ndarray]  # (n,) of all rows, "before" and "after", beside the nuisances of `fit`
     weights: Weights  # of all rows
     expected: Weights  # the same with the sizes and noise expected of sound recordings
 
@@ -127,10 +128,11 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
     parts = {"tune": ~held} | ({"validate": held} if held.any() else {})
     each = {name: held & (replica.rows.balance == balance) for balance, name in enumerate(BALANCES)}
     parts_and_balances = parts | {name: rows for name, rows in each.items() if rows.any()}
-    figures = left(own, after, kept, weights(own, "all"), parts_and_balances, before)
+    rests = level(own, after, kept, weights(own, "all"), before)
     if kept:  # the baseline on its own replica
-        bare = left(replica, after, kept, every, parts_and_balances, before)
-        figures = {name: one._replace(before=bare[name].before) for name, one in figures.items()}
+        bare = level(replica, after, kept, every, before)
+        rests = rests._replace(before=bare.before)
+    figures = {name: rests.left(rows) for name, rows in parts_and_balances.items()}
     base, extended = ({name: figures[name][i] for name in parts} for i in (0, 1))
     return Quality(
         FitQuality(1.0, base, extended, _removed(figures.get("validate"), int(held.sum()))),
@@ -139,20 +141,42 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
         gains,
         {name: _removed(figures.get(name), int(rows.sum())) for name, rows in each.items()},
         repeated,
+        {"before": rests.before.squares(slice(None)), "after": rests.after.squares(slice(None))},
         every,
         weigh(replica, dataclasses.replace(first.whitening, colour=None), [*first.groups, first.times]),
     )
 
 
-def left(
-    replica: Replica,
-    model: Model,
-    variants: Sequence[Variant],
-    weights: Weights,
-    parts: Mapping[str, np.ndarray],
-    baseline: Model,
-) -> dict[str, Left]:
-    """Return the mean squares of parts of the rows (n,) bool, for the baseline and for a model with mechanisms.
+class Level(NamedTuple):
+    """Whitened residuals (n,) of all rows beside the same nuisances, and the nuisances' prior term per row."""
+
+    before: "Side"
+    after: "Side"
+    best: "Side"  # with the mechanisms' sizes fitted to the rows
+
+    def left(self, rows: np.ndarray) -> Left:
+        """Return the mean squares of the rows (n,) bool."""
+        return Left(*(float(np.mean(one.squares(rows))) + one.unlikely for one in self))
+
+
+class Side(NamedTuple):
+    """Residuals of one model."""
+
+    rest: np.ndarray  # (n,) whitened
+    friction: np.ndarray  # (n, runs) whitened changes by mu_cd of each run, which is fitted to the rows in question
+    unlikely: float  # prior term of the nuisances, by row
+
+    def squares(self, rows: np.ndarray | slice) -> np.ndarray:
+        """Return the squares of the rows, a mask (n,) or a slice, with mu_cd of the runs fitted to them."""
+        mine, level = self.rest[rows], self.friction[rows]
+        rest: np.ndarray = mine - level @ np.linalg.lstsq(level, mine, rcond=1e-9)[0]
+        return rest**2
+
+
+def level(
+    replica: Replica, model: Model, variants: Sequence[Variant], weights: Weights, baseline: Model
+) -> Level:  # fmt: skip
+    """Return the residuals of the baseline and of a model with mechanisms, beside equal nuisances.
 
     Only mu_cd of the runs is fitted again. All other nuisances are
     estimated once, with mechanisms of free size, and used for both models, so that neither is favoured. Fitted to one model,
@@ -167,15 +191,12 @@ def left(
     fitted = free @ fit(projector.inner(free, free), projector.inner(free, y[:, None])[:, 0]).amplitude
     amplitudes = projector.amplitudes(y - fitted)
     sound = (y - fitted) - projector.rest(y - fitted)
-    unlikely = float(amplitudes @ amplitudes) / len(y)  # prior term of the nuisances, equal for all models
-
-    def mean(rows: np.ndarray, level: np.ndarray, keep: np.ndarray) -> float:
-        mine, level = rows[keep], level[keep, 1:]
-        rest = mine - level @ np.linalg.lstsq(level, mine, rcond=1e-9)[0]
-        return float(rest @ rest) / len(mine) + unlikely
-
-    before, after, best = weights(bare) - sound, y - sound, y - fitted - sound
-    return {name: Left(mean(before, own, keep), mean(after, law, keep), mean(best, law, keep)) for name, keep in parts.items()}
+    unlikely = float(amplitudes @ amplitudes) / len(y)
+    return Level(
+        Side(weights(bare) - sound, own[:, 1:], unlikely),
+        Side(y - sound, law[:, 1:], unlikely),
+        Side(y - fitted - sound, law[:, 1:], unlikely),
+    )
 
 
 def _removed(held: Left | None, rows: int) -> float | None:

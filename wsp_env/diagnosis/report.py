@@ -10,9 +10,9 @@ from typing import Any
 
 from wsp_env.diagnosis.answer import Curve, Diagnosis, Estimate
 from wsp_env.diagnosis.report_evidence import evidence
-from wsp_env.diagnosis.report_facts import BALANCES, LEAST_SHARE, axles_said, doubt, facts, lead, removed_said
+from wsp_env.diagnosis.report_facts import LEAST_SHARE, axles_said, doubt, facts, lead, removed_said
 from wsp_env.diagnosis.report_runs import course_plot, figures, heat_maps, still_high
-from wsp_env.diagnosis.words import capital, mechanism_words, parameter_words, unit_words
+from wsp_env.diagnosis.words import BALANCES, capital, mechanism_words, parameter_words, unit_words
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.report import COLOURS, Facts, Origin, PageOptions, Section, Table, axes, plotly, write_page
 
@@ -78,8 +78,8 @@ def _where(found: Diagnosis) -> Section | None:
         for one in found.location if one.share >= LEAST_SHARE
     ]  # fmt: skip
     text = [
-        "Colours: mean squares of the residuals, normal variation fitted away, over the squared deviation that the channels' "
-        "noise gives them. A sound vehicle leaves about 1; white is 1 or less. Every step of the scale is a factor."
+        "Colours: mean squares of the residuals relative to what noise and normal variation leave, as in the table of all "
+        "runs. A sound vehicle leaves about 1; white is 1 or less. Every step of the scale is a factor."
     ]
     if not found.location:
         text.insert(0, "No balance is off by more than normal variation explains.")

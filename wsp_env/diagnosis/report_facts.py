@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from wsp_env.diagnosis.answer import Diagnosis, Discovered, FitQuality, Location, Named, Verdict, Worth
 from wsp_env.diagnosis.interest import DISTANCE
 from wsp_env.diagnosis.stops import SLIP_MPS
-from wsp_env.diagnosis.words import capital
+from wsp_env.diagnosis.words import BALANCES, capital
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.report import Facts
 
@@ -21,19 +21,6 @@ MEANINGS: dict[Verdict, str] = {
     "data": "channels contradict each other: the recordings must be mended before anything can be said on physics",
 }
 
-_IN_WORDS = {
-    "vehicle": "in the vehicle's speed",
-    "adhesion": "in the adhesion while sliding",
-    "kinematics": "in wheels that roll freely",
-    "actuator": "in the brake torque against the pressure",
-}
-#: Names of the balances in tables and plots.
-BALANCES = {
-    "vehicle": "vehicle speed",
-    "adhesion": "adhesion while sliding",
-    "kinematics": "free rolling",
-    "actuator": "brake torque",
-}
 LEAST_SHARE = 0.005  # of the removed squares; less is printed as 0 %
 _PLACES = 2  # on the first page
 
@@ -181,7 +168,7 @@ def named_axles(found: Diagnosis) -> tuple[int, ...]:
 def place_said(one: Location, runs: Sequence[str], axles: int, named: tuple[int, ...] = ()) -> str:
     """Return a location in words: axles (`named` ones take precedence), balance, runs and range."""
     parts = [] if one.equation == "vehicle" and not named else [axles_said(named or one.axles, axles)]
-    parts.append(_IN_WORDS.get(one.equation, one.equation))
+    parts.append(f"in the balance of {BALANCES.get(one.equation, one.equation)}")
     if one.runs:
         some = f"in run{'s' if len(one.runs) > 1 else ''} {_and(one.runs)}"
         parts.append("in every run" if set(runs) <= set(one.runs) else some)

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from wsp_env.diagnosis.answer import Diagnosis, RunTrace
-from wsp_env.diagnosis.report_facts import BALANCES
+from wsp_env.diagnosis.words import BALANCES
 from wsp_env.report import COLOURS, Table, axes, plotly
 
 #: Mean square from which on a cell is reported: twice that of noise alone.

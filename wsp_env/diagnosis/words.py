@@ -7,6 +7,14 @@ from collections.abc import Mapping, Sequence
 from wsp_env.diagnosis.answer import Discovered, Estimate, Location, Named, Verdict
 from wsp_env.plant.mechanisms import ALL
 
+#: Names of the balances for readers.
+BALANCES = {
+    "vehicle": "vehicle speed",
+    "adhesion": "adhesion while sliding",
+    "kinematics": "free rolling",
+    "actuator": "brake torque against pressure",
+}
+
 
 def mechanism_words(name: str, parameters: Mapping[str, Estimate]) -> str:
     """Return the effect of a mechanism in words: size, sign and axle or place, with the 90 % interval in brackets.
@@ -127,17 +135,26 @@ def _term_test(term: Discovered) -> str:
 
 
 def sentence(
-    verdict: Verdict, named: Sequence[Named], where: Sequence[Location], terms: Sequence[Discovered] = ()
+    verdict: Verdict, named: Sequence[Named], where: Sequence[Location], terms: Sequence[Discovered] = (),
+    nearest: Sequence[str] = (),
 ) -> str:  # fmt: skip
-    """Return the verdict in one sentence."""
+    """Return the verdict in one sentence; `nearest`: what came nearest to an explanation, of an unknown cause."""
     if verdict == "adequate":
         return "The simulation is adequate: nothing is missing that these recordings could show and that matters in a stop."
     if verdict == "insufficient":
         return "The recordings are insufficient: no wheel slides in them, so they say nothing on adhesion."
     if verdict == "unknown":
-        place = where[0].equation if where else "vehicle"
-        return f"Something is missing that neither a name nor a term explains: the {place} balance is off."
+        shows = f" It shows in {_shown(where[0])}." if where else ""
+        near = f" Nearest to it, but in no form that holds: {' or '.join(nearest)}." if nearest else ""
+        return f"Something is missing that neither a name nor a term explains.{shows}{near}"
     return f"What the simulation lacks: {'; and '.join([*map(_claim, named), *map(_term, terms)])}."
+
+
+def _shown(place: Location) -> str:
+    """Return where something unknown shows, in words."""
+    axles = f" of axle{'s' if len(place.axles) > 1 else ''} {', '.join(map(str, place.axles))}" if place.axles else ""
+    within = "" if place.where == "everywhere" else f", most of all at {place.where}"
+    return f"the balance of {BALANCES.get(place.equation, place.equation)}{axles}{within}"
 
 
 def _term(term: Discovered) -> str:

@@ -5,7 +5,7 @@ import dataclasses
 from wsp_env.parameters.contact import ContactParameters
 from wsp_env.parameters.quantity import Checked, ParameterError, quantity, shown
 from wsp_env.parameters.uic_z1 import usual_positions
-from wsp_env.parameters.vehicle import MOST_AXLES, Brake, Vehicle, usual_bodies
+from wsp_env.parameters.vehicle import MOST_AXLES, Brake, Vehicle, check_bodies, usual_bodies
 
 _SOURCE = "the campaign"
 
@@ -23,6 +23,7 @@ class CampaignVehicle(Checked):
     resistance_n: tuple[float, ...] = quantity((0.0, 0.0, 0.0), "N, N s/m, N s2/m2", _SOURCE, 0.0, 1e6)  # A + B v + C v2
     # [Nm/bar] of a wheelset, for files with cylinder pressures but no torques; 0: the files have torques
     torque_per_bar_nm: float = quantity(0.0, "N m/bar", _SOURCE, 0.0, 1e6)
+    bodies: tuple[tuple[int, ...], ...] = ()  # axles of each bogie, body by body from the front; empty: the usual ones
     missing_axles: tuple[int, ...] = ()  # from 1: without sensors; their mass and brake stay
     brake_torque_source: str = "measured"  # or "cylinder pressure times the nominal gain": then itself a model
 
@@ -44,6 +45,7 @@ class CampaignVehicle(Checked):
                 "distances behind any point of the vehicle [m]"
             )
         object.__setattr__(self, "axle_positions_m", tuple(x - self.axle_positions_m[0] for x in self.axle_positions_m))
+        check_bodies(self.bodies, self.axles)
         check_missing(self.missing_axles, self.axles)
         if len(self.resistance_n) != 3:
             raise ParameterError(f"resistance_n must be the three numbers [A, B, C], got {list(self.resistance_n)}")
@@ -80,14 +82,15 @@ def plant_vehicle(
     described : masses, wheels, resistances; axle positions where they are given
     contact : of its wheels
     name : what it is called
-    base : gives what is not described: valve times, sensors, payload, which axles form a bogie. None: the coach's, with as
-        many axles as needed (`usual_bodies`). `ParameterError` for one with another number of axles than described
+    base : gives what is not described: valve times, sensors, payload, and where it is left out, which axles form a bogie.
+        None: the coach's, with as many axles as needed (`usual_bodies`). `ParameterError` for one with another number of
+        axles than described
     mass_kg, payload_kg, brake : in place of the described mass, and of the base's payload and brake
 
     """
     axles = described.axles
     if base is None:
-        base = Vehicle(name, axle_positions_m=usual_positions(usual_bodies(axles)))
+        base = Vehicle(name, axle_positions_m=usual_positions(described.bodies or usual_bodies(axles)))
     elif base.axles != axles:
         raise ParameterError(
             f"{name} is of a vehicle with {axles} axles, the {base.name} has {base.axles}: give a vehicle of {axles} axles"
@@ -97,6 +100,7 @@ def plant_vehicle(
         base,
         name=name,
         axle_positions_m=described.axle_positions_m or base.axle_positions_m,
+        bodies=described.bodies or base.bodies,
         mass_kg=described.mass_kg if mass_kg is None else mass_kg,
         payload_kg=base.payload_kg if payload_kg is None else payload_kg,
         wheelset_inertia_kgm2=described.wheelset_inertia_kgm2,

@@ -80,17 +80,10 @@ class Vehicle(Checked):
                 f"{self.name}: axle_positions_m = {shown(positions)} must hold 1 to {MOST_AXLES} rising distances [m] that "
                 "start with 0, the leading axle"
             )
-        if not isinstance(self.bodies, tuple) or not all(map(_carried, self.bodies)):
-            raise ParameterError(
-                f"{self.name}: bodies = {shown(self.bodies)} must list the axles of each bogie body by body, from the front: "
-                "[[2, 2]] is a coach on two bogies of two axles"
-            )
-        carrying = sum(map(sum, self.bodies))
-        if self.bodies and carrying != len(positions):
-            raise ParameterError(
-                f"{self.name}: bodies = {shown(self.bodies)} stand on {carrying} axles, but axle_positions_m has "
-                f"{len(positions)}; correct the one or the other"
-            )
+        try:
+            check_bodies(self.bodies, len(positions))
+        except ParameterError as error:
+            raise ParameterError(f"{self.name}: {error}") from None
 
     @property
     def running_gear(self) -> tuple[tuple[int, ...], ...]:
@@ -177,6 +170,20 @@ def train(vehicle: Vehicle, coaches: int, name: str = "train") -> Vehicle:
         resistance_b_ns_per_m=coaches * vehicle.resistance_b_ns_per_m,
         resistance_c_ns2_per_m2=coaches * vehicle.resistance_c_ns2_per_m2,
     )
+
+
+def check_bodies(bodies: object, axles: int) -> None:
+    """Raise `ParameterError` unless `bodies` is empty or lists the axles of each bogie of a vehicle, body by body."""
+    if not isinstance(bodies, tuple) or not all(map(_carried, bodies)):
+        raise ParameterError(
+            f"bodies = {shown(bodies)} must list the axles of each bogie body by body, from the front: "
+            "[[2, 2]] is a coach on two bogies of two axles"
+        )
+    carrying = sum(map(sum, bodies))
+    if bodies and carrying != axles:
+        raise ParameterError(
+            f"bodies = {shown(bodies)} stand on {carrying} axles, but the vehicle has {axles}; correct the one or the other"
+        )
 
 
 def _carried(body: Any) -> bool:

@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -91,7 +92,7 @@ def in_order(runs: Sequence[Path]) -> list[Path]:
     return sorted(runs, key=parts)
 
 
-def write(found: Found, folder: Path, known: Mapping[str, float | list[float]]) -> str:
+def write(found: Found, folder: Path, known: Mapping[str, Any]) -> str:
     """Return the campaign.toml of a folder.
 
     Parameters
@@ -113,12 +114,12 @@ def write(found: Found, folder: Path, known: Mapping[str, float | list[float]]) 
     return with_vehicle(text, known)
 
 
-def with_vehicle(text: str, known: Mapping[str, float | list[float]]) -> str:
+def with_vehicle(text: str, known: Mapping[str, Any]) -> str:
     """Return a draft with what is known of its vehicle, as `write` takes it."""
     axles = int(re.findall(r"^axles = (\d+)$", text, re.MULTILINE)[0])
     for key, value in known.items():
         start = text.find(f"\n# {key} = ") + 1
-        if key == "axle_positions_m" and isinstance(value, list) and len(value) != axles:
+        if (key == "axle_positions_m" and len(value) != axles) or (key == "bodies" and sum(map(sum, value)) != axles):
             continue
         if start:
             text = f"{text[:start]}{key} = {value!r}\n{text[text.index(chr(10), start) + 1 :]}"
@@ -134,11 +135,12 @@ def run_names(runs: tuple[Path, ...], folder: Path) -> dict[Path, str]:
     return {run: run.stem if stems.count(run.stem) == 1 else relative[run] for run in runs}
 
 
-def of_vehicle(vehicle: Vehicle) -> dict[str, float | list[float]]:
+def of_vehicle(vehicle: Vehicle) -> dict[str, Any]:
     """Return what a draft takes from a described vehicle."""
     resistance = [vehicle.resistance_a_n, vehicle.resistance_b_ns_per_m, vehicle.resistance_c_ns2_per_m2]
     return {
         "axle_positions_m": list(vehicle.axle_positions_m),
+        **({"bodies": [list(body) for body in vehicle.bodies]} if vehicle.bodies else {}),
         "gravity_mps2": vehicle.gravity_mps2,
         **({"resistance_n": resistance} if any(resistance) else {}),
         "mass_kg": vehicle.mass_kg,

@@ -48,7 +48,7 @@ class Workspace:
         self.columns: dict[str, Column] = {}
         self.axles = 4
         self.vehicle: dict[str, float] = {}  # what is asked for
-        self.described: dict[str, float | list[float]] = {}  # what else a vehicle file says
+        self.described: dict[str, Any] = {}  # what else a vehicle file says
         self.vehicle_from = ""
         self.step = 0
         self.jobs: dict[str, Job] = {}  # task -> the last one
