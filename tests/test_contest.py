@@ -82,7 +82,7 @@ def test_what_explains_little_linearly_may_explain_most_about_a_replica_of_its_o
 @pytest.mark.parametrize("first_round", [True, False])
 def test_suspended_trials_are_tested_again_only_if_nothing_else_holds(holds, first_round, expected, left):
     """The gradient and the term are suspended; the gain holds or does not. With own variances the gradient has 55."""
-    asked = []
+    asked, some = [], [dataclasses.replace(THREE[0], evidence=52.0), *THREE[1:]]  # as good as they are
 
     def retest_trial(one, suspended):
         asked.append((one.listed, suspended))
@@ -91,7 +91,7 @@ def test_suspended_trials_are_tested_again_only_if_nothing_else_holds(holds, fir
         evidence = {GRADIENT.title: 55.0, TERM.title: 20.0}[one.listed.title] if suspended else 1.0
         return Retested(dataclasses.replace(one, evidence=evidence), None, None if suspended else "fit")
 
-    best, rejected, _ = best_of([THREE], lambda one: False, retest_trial, AS_IT_IS, lambda one: SURE, INLINE, first_round)
+    best, rejected, _ = best_of([some], lambda one: False, retest_trial, AS_IT_IS, lambda one: SURE, INLINE, first_round)
     assert best.trial.listed == expected
     second = [listed for listed, suspended in asked if suspended]
     assert second == ([GRADIENT, TERM] if expected == GRADIENT else [])
@@ -130,18 +130,23 @@ def test_a_further_finding_must_be_sure_on_equal_terms_the_first_only_within_the
 
 
 @pytest.mark.parametrize(
-    ("weak", "suspended", "multiple", "expected"),
+    ("as_found", "weak", "suspended", "multiple", "expected"),
     [
-        (2.0, 12.5, 3.0, GRADIENT),
-        (2.0, 11.5, 3.0, GAIN),  # not beyond the scatter
-        (2.0, 12.5, 0.75, GAIN),  # may be too small to matter
-        (2.6, 12.5, 3.0, GAIN),
-        (8.4, 99.0, 3.0, GAIN),  # it keeps 0.64 of its evidence: nothing else is asked
-        (8.2, 99.0, 3.0, GRADIENT),
+        (20.0, 2.0, 12.5, 3.0, GRADIENT),
+        (20.0, 2.0, 11.5, 3.0, GAIN),  # not beyond the scatter
+        (20.0, 2.0, 12.5, 0.75, GAIN),  # may be too small to matter
+        (20.0, 2.6, 12.5, 3.0, GAIN),
+        (20.0, 8.4, 99.0, 3.0, GAIN),  # it keeps 0.64 of its evidence, and the other was as good: nothing else is asked
+        (20.0, 8.2, 99.0, 3.0, GRADIENT),
+        (24.0, 12.0, 99.0, 3.0, GRADIENT),  # it was distinctly better when it was found
+        (24.0, 12.0, 21.9, 3.0, GAIN),
     ],
 )
-def test_what_holds_only_within_the_scatter_gives_way_to_a_suspended_trial_beyond_it(weak, suspended, multiple, expected):
-    """The gradient lost 249 nats with the given variances; the gain of the next batch has 13 there and `weak` with its own."""
+def test_a_finding_gives_way_to_a_suspended_trial_beyond_the_scatter(as_found, weak, suspended, multiple, expected):
+    """The gradient lost 249 nats with the given variances; the gain of the next batch has 13 there and `weak` with its own.
+
+    What holds only within the scatter there may give way, and what was distinctly worse when it was found.
+    """
 
     def retest_trial(one, begin):
         if one.listed == GRADIENT:
@@ -150,7 +155,7 @@ def test_what_holds_only_within_the_scatter_gives_way_to_a_suspended_trial_beyon
         return Retested(dataclasses.replace(one, evidence=13.0), None)
 
     own = equal_terms(lambda one: weak, SCATTER)
-    batches = [[THREE[1]], [THREE[0]]]
+    batches = [[dataclasses.replace(THREE[1], evidence=as_found)], [THREE[0]]]
     best, rejected, _ = best_of(batches, lambda one: False, retest_trial, own, lambda one: SURE, INLINE)
     assert best.trial.listed == expected
     assert expected.title not in rejected

@@ -23,7 +23,7 @@ from wsp_env.diagnosis.fitting import Fitted
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.search import LARGE, SEEN, SMALL, _freed, _one, _posterior, is_possible
 from wsp_env.diagnosis.speed import SpeedNoise, estimate, estimate_noise
-from wsp_env.diagnosis.trials import FORM, MATTERS, PRIOR, PRIOR_TERM, SURE, log_odds
+from wsp_env.diagnosis.trials import FORM, INDISTINCT, MATTERS, PRIOR, PRIOR_TERM, SURE, log_odds
 from wsp_env.diagnosis.variation import Group, contrasts
 
 
@@ -255,7 +255,7 @@ def test_an_earlier_name_gives_way_to_a_rival_that_explains_distinctly_more_besi
     replica, fitted, accepted = decide._exchanged(
         "before", refit(None, both, [drag, GRADIENT], None), [first, later], SimpleNamespace(whitening=None)
     )
-    gives_way = gained > decide.INDISTINCT and holds
+    gives_way = gained > INDISTINCT and holds
     assert [one.name for one in accepted] == (["track_gradient", GAIN.name] if gives_way else [drag.name, "track_gradient"])
     assert replica == ("its own" if gives_way else "before")
     assert (GAIN.name in fitted.model.choice, drag.name in fitted.model.choice) == (gives_way, not gives_way)

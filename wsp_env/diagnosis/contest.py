@@ -11,7 +11,7 @@ from scipy.stats import norm
 
 from wsp_env.diagnosis.fitting import Fitted
 from wsp_env.diagnosis.retest import EqualTerms, Retested
-from wsp_env.diagnosis.trials import FORM, MATTERS, SURE, Trial, corrects_recordings, form_of, log_odds
+from wsp_env.diagnosis.trials import FORM, INDISTINCT, MATTERS, SURE, Trial, corrects_recordings, form_of, log_odds
 
 #: Log odds of what explains nothing with variances of its own residuals, or may be too small to matter there.
 NOT_SEEN = -float("inf")
@@ -50,8 +50,8 @@ def best_of(
     hardly anything linearly may explain most. There, the log odds must exceed `threshold`, and `rejects` must be false. The
     best must not lose its evidence with variances of its own residuals, and is compared there with all others that hold; a
     further finding must be sure there. Suspended trials are tested with own variances if none holds, and in the first round if
-    the best keeps its evidence there only within the scatter. They must surely matter, and explain more than they lost before,
-    or than the best and the scatter.
+    the best keeps its evidence there only within the scatter, or if one explained distinctly more when it was found. They must
+    surely matter, and explain more than they lost before, or than the best and the scatter.
     """
     rejected: dict[str, float] = {}
     suspended: list[tuple[Trial, Retested]] = []
@@ -102,7 +102,8 @@ def best_of(
             if winner is not None:
                 if first_round and suspended and not corrects_recordings(winner.trial.listed):
                     own = equal.evidence(winner.trial)
-                    if own < _share(winner.trial):
+                    distinctly = winner.trial.evidence + INDISTINCT
+                    if own < _share(winner.trial) or any(one.evidence > distinctly for one, _ in suspended):
                         surer = again(functools.partial(_exceeds, max(own, 0.0) + equal.scatter))
                         winner = next(iter(surer), winner)
                 rejected.pop(winner.trial.listed.title, None)

@@ -33,6 +33,7 @@ from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
 from wsp_env.diagnosis.structure import structured
 from wsp_env.diagnosis.trials import (
     FORM,
+    INDISTINCT,
     MATTERS,
     SURE,
     ReplicaNoise,
@@ -45,8 +46,6 @@ from wsp_env.diagnosis.trials import (
 
 #: Largest number of accepted mechanisms.
 MOST = 3
-#: Largest difference of evidence at which another name is as good: a factor of e^10. The form error sets a further limit.
-INDISTINCT = 10.0
 #: Largest factor by which an earlier mechanism may grow with a new one: twice its form error, at 90 % (assumption).
 GROWN = 1.7
 

@@ -32,6 +32,8 @@ PRIOR = -float(np.log(50.0))
 PRIOR_TERM = PRIOR - float(np.log(3.0 * 3.0))
 #: Log odds from which on a mechanism is accepted: 95 %.
 SURE = float(np.log(19.0))
+#: Largest difference of evidence at which another name is as good: a factor of e^10. The form error sets a further limit.
+INDISTINCT = 10.0
 #: Form error: share of a mechanism's effect by which the true form may differ, over slip, speed, work, axles and runs
 #: (assumption, one standard deviation).
 FORM = 0.2
