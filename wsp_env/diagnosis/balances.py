@@ -288,9 +288,12 @@ class Blocks:
         return self.joined(self.wheel_rows(adhesion), momentum, brakes)
 
     def deviation(self, one: Evaluation) -> np.ndarray:
-        """Return the rows' standard deviations by the channels' noise; 1 in vehicle rows, whose noise is correlated."""
+        """Return the rows' standard deviations by the channels' noise; 1 in vehicle rows, whose noise is correlated.
+
+        The noise of dw/dt counts with the inertia of the model. With the believed one, less noise would look like less inertia.
+        """
         noise, radius = self.stop.noise, self.owner.radius
-        moment = noise.moment(self.owner.inertia) / (2.0 * radius * self.mean(one.load))
+        moment = noise.moment(one.inertia) / (2.0 * radius * self.mean(one.load))
         slip = noise.slip(radius) * self.mean(one.slope)
         adhesion = np.sqrt(moment**2 + slip**2 + _ADHESION_FLOOR**2)[self.used]
         brakes = np.full(len(adhesion), np.hypot(noise.block_torque, _TORQUE_FLOOR_NM))

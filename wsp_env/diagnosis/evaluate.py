@@ -46,6 +46,7 @@ class Evaluation:
     recorded_speed: np.ndarray  # (T,) raw, corrected for the mechanisms on its recorder [m/s]
     resistance: np.ndarray  # (T,) forces other than the wheels' [N]
     mass: float  # [kg]
+    inertia: np.ndarray  # (A,) of the wheelsets [kg m2]
     misread: np.ndarray | float = 0.0  # slip error shown by sensors, beyond that of wheels known to roll [m/s]
 
     def changed(self, other: "Evaluation", before: "Evaluation") -> "Evaluation":
@@ -177,7 +178,7 @@ class Evaluator:
             "brake_force": torque @ (1.0 / p.radius_m), "recorded_speed": self._recorded + shift, "resistance": p.resistance_n,
         }  # fmt: skip
         return [
-            Evaluation(**{name: values[samples] for name, values in every.items()}, mass=float(mass))
+            Evaluation(**{name: values[samples] for name, values in every.items()}, mass=float(mass), inertia=p.inertia_kgm2)
             for samples, mass in zip(self._trajectory.stops, p.mass_kg, strict=True)
         ]
 

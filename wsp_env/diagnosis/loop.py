@@ -41,7 +41,7 @@ def stretches(rows: Rows) -> list[np.ndarray]:
 
 
 def predicted(
-    stop: PreparedStop, torque: np.ndarray, damping: np.ndarray, block: int, radius: float, inertia: float
+    stop: PreparedStop, torque: np.ndarray, damping: np.ndarray, block: int, radius: float, inertia: np.ndarray
 ) -> tuple[PreparedStop, PreparedStop]:
     """Return a stop twice, with the motion of sliding wheels predicted from the beginning of the previous block.
 
@@ -56,7 +56,7 @@ def predicted(
     damping : (T, A) derivative of the law's torque on a wheel by its slip [N m s/m]; it stabilises the wheel where the curve
         rises
     block : number of samples of a block
-    radius, inertia : of a wheelset [m], [kg m2]
+    radius, inertia : of the wheelsets [m], (A,) [kg m2]
 
     """
     slip, least = stop.speed[:, None] - radius * stop.wheel, least_slip(stop.speed)[:, None]

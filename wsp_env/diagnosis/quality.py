@@ -22,7 +22,7 @@ from wsp_env.diagnosis.decide import Outcome
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weighing, Weights, refit, replica_of, weigh
 from wsp_env.diagnosis.gls import fit
-from wsp_env.diagnosis.readings import on_sensors
+from wsp_env.diagnosis.readings import of_noise
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import held_out_rows
 from wsp_env.diagnosis.trials import SURE, on_a_sensor
@@ -67,8 +67,8 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
     own, variants = outcome.replica, outcome.fitted.variants
 
     def whitening_and_groups(about: Replica) -> tuple[Whitening, list[Group]]:
-        """Return whitening and nuisances for the slides on this replica; delays of channels count as noise."""
-        seen = last if on_sensors(about.about) else first
+        """Return whitening and nuisances for slides and noise of this replica; delays of channels count as noise."""
+        seen = last if of_noise(about.about) else first
         colour = slide_whitening(about.rows, last.colour)
         return dataclasses.replace(seen.whitening, colour=colour), [*seen.groups, seen.times]
 

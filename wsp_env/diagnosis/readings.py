@@ -25,6 +25,12 @@ def on_sensors(model: Model) -> Choice:
     return {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on == "sensor"}
 
 
+def of_noise(model: Model) -> Choice:
+    """Return the mechanisms of a model that change the noise of its residuals: on sensors, and on the wheelsets' inertia."""
+    heavier = {name: values for name, values in model.choice.items() if "inertia" in ALL[name].acts}
+    return on_sensors(model) | heavier
+
+
 def readings_of(model: Model) -> Choice:
     """Return the mechanisms of a model that change readings; a wrong radius is excluded, because its reading is right."""
     return {name: values for name, values in on_sensors(model).items() if "radii" not in ALL[name].acts}

@@ -246,7 +246,7 @@ def _predicted_stops(
     for mine, stop, part, one in zip(braked, right.sources, right.parts, evaluations, strict=True):
         block = part.length * round(part.stop.step_s / stop.step_s)
         damping = 2.0 * right.radius * one.load * one.slope
-        found.append(predicted(mine, stop.torque, damping, block, right.radius, right.inertia))
+        found.append(predicted(mine, stop.torque, damping, block, right.radius, one.inertia))
     return found
 
 

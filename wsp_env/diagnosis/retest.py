@@ -25,6 +25,7 @@ from wsp_env.diagnosis.trials import (
     ReplicaNoise,
     Trial,
     accepted_deviance,
+    changes_noise,
     corrects_recordings,
     form_of,
     log_odds,
@@ -69,8 +70,8 @@ def retest(
     if corrects_recordings(trial.listed):
         # It is already on its own replica; a model without it cannot fit the slides that it implies.
         return judge(trial.about, trial.fitted)
-    if suspended:
-        return judge(replica, suspended, reweighted=True)
+    if suspended or changes_noise(trial.listed):  # which given variances would take for an effect
+        return judge(replica, suspended or trial.fitted, reweighted=True)
     led = converge(replica.recorded, trial.fitted, weights)
     held = judge(*led)
     if held is not None and held.suspended is None and log_odds(trial.listed, held.trial.evidence) > SURE:

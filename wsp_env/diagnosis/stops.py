@@ -50,10 +50,11 @@ class Noise:
         """Return the standard deviation of a block's mean slip speed by the noise of the wheel sensor [m/s]."""
         return radius * self.wheel * _kept(WHEEL_WINDOW_S, BLOCK_S, self.step_s, 0)
 
-    def moment(self, inertia: float) -> float:
-        """Return the standard deviation of C + J dw/dt over a block [N m]."""
+    def moment(self, inertia: np.ndarray) -> np.ndarray:
+        """Return the standard deviations (A,) of C + J dw/dt over a block [N m], for inertias (A,) [kg m2]."""
         torque = self.torque * _kept(WHEEL_WINDOW_S, BLOCK_S, self.step_s, 0)
-        return float(np.hypot(torque, inertia * self.wheel * _kept(_FILTERS[1][0], BLOCK_S, self.step_s, 1)))
+        result: np.ndarray = np.hypot(torque, inertia * self.wheel * _kept(_FILTERS[1][0], BLOCK_S, self.step_s, 1))
+        return result
 
     @property
     def block_torque(self) -> float:

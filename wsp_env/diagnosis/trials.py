@@ -15,7 +15,7 @@ from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, replica_of, weigh
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.noise import EM_UPDATES, NoiseParameters, noise_of
-from wsp_env.diagnosis.readings import on_sensors
+from wsp_env.diagnosis.readings import of_noise, on_sensors
 from wsp_env.diagnosis.replica import OF_TIME, OF_TORQUE, Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect
 from wsp_env.diagnosis.variation import Group, nuisances
@@ -76,6 +76,11 @@ def on_a_sensor(variant: Variant) -> bool:
 def corrects_recordings(variant: Variant) -> bool:
     """Whether a mechanism is compared on recordings corrected for it: it acts on sensors, or is a delay."""
     return on_a_sensor(variant) or variant.name in OF_TIME
+
+
+def changes_noise(variant: Variant) -> bool:
+    """Whether a mechanism changes the noise of the residuals, by the factor of dw/dt in them."""
+    return "inertia" in ALL[variant.name].acts
 
 
 def log_odds(variant: Variant, evidence: float) -> float:
@@ -244,11 +249,12 @@ def _in_a_sample(fitted: Fitted, sample_s: float) -> bool:
 def weights_of(replica: Replica, seen: Screen, forms: Sequence[Group] = ()) -> Weights:
     """Return the weights of a screen, with mechanisms at sizes too small to matter, and with form errors `forms`.
 
-    If other wheels slide on the replica than on the screen's, the nuisances are computed again with the same sizes.
+    If other wheels slide on the replica than on the screen's, or its rows are noisier, the nuisances are computed again with the
+    same sizes.
     """
     sizes = Sizes(np.concatenate([seen.sizes.groups, np.ones(1 + len(forms))]), seen.sizes.noise)
     whitening, groups = seen.whitening, seen.groups
-    if on_sensors(replica.about) != on_sensors(seen.about):
+    if of_noise(replica.about) != of_noise(seen.about):
         whitening = dataclasses.replace(replica.whitening(replica.about), colour=slide_whitening(replica.rows, seen.colour))
         groups = nuisances(replica, replica.about, replica.raw(replica.about), whitening)
     return weigh(replica, whitening, [*groups, seen.small, *forms], sizes)
