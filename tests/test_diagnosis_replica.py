@@ -78,6 +78,21 @@ def test_a_replica_about_a_brake_s_mechanism_has_its_torque_once(sound):
         assert before @ after == pytest.approx(before @ before, rel=0.05)
 
 
+@pytest.mark.parametrize("share", [-0.3, 0.5, 1.0])
+def test_rows_with_another_inertia_have_as_much_noise_as_the_whitening_says(sound, share):
+    """The same recordings, whatever was believed: with the true inertia in the model, only the channels' noise is left."""
+
+    def left(balances, model):
+        replica = Replica(balances, model)
+        return float(np.sqrt(np.mean(replica.whitening(model)(replica.raw(model))[replica.rows.slides] ** 2)))
+
+    vehicle = sound.campaign.vehicle
+    lighter = dataclasses.replace(vehicle, wheelset_inertia_kgm2=vehicle.wheelset_inertia_kgm2 / (1.0 + share))
+    campaign = dataclasses.replace(sound.campaign, vehicle=lighter)
+    model = Model(LAW.tau, LAW.mu_cd, {"wheelset_inertia": {"share": share}})
+    assert left(Balances(campaign, prepare(campaign)[0]), model) == pytest.approx(left(sound, LAW), rel=0.01)
+
+
 def test_the_slip_that_a_force_needs_is_where_the_law_gives_it(sound):
     """A slide's measured slip is kept whole, that of a wheel on the steep part of the curve not at all."""
     law, load = sound.vehicle.contact.law, MASS_KG * 9.81 / (2 * AXLES)

@@ -58,13 +58,28 @@ def turned(stop, torque, holds=0.0, block=BLOCK):
 
 def both_turned(stop, torque, holds=0.0, block=BLOCK):
     """The same under the torques that were to be expected, then under the recorded ones."""
-    return predicted(stop, torque[:, None], np.full((len(torque), 1), holds), block, RADIUS, INERTIA)
+    return predicted(stop, torque[:, None], np.full((len(torque), 1), holds), block, RADIUS, np.array([INERTIA]))
 
 
 def told(stop, torque, holds=0.0, block=BLOCK):
     """The slips (T,) that are foreseen at recorded torques (T,)."""
     seen = turned(stop, torque, holds, block)
     return seen.speed - RADIUS * seen.wheel[:, 0]
+
+
+@pytest.mark.parametrize("share", [0.5, 2.0])
+def test_a_wheel_that_is_heavier_is_turned_less_by_the_same_torque(share):
+    n = 10 * BLOCK
+    stop = slid(np.full(n, 4.0), np.full(n, 3000.0))
+    torque = np.full(n, 3000.0)
+    torque[6 * BLOCK :] += 400.0
+
+    def moved(inertia):
+        seen = predicted(stop, torque[:, None], np.zeros((n, 1)), BLOCK, RADIUS, np.array([inertia]))[1]
+        return seen.wheel - stop.wheel
+
+    assert np.abs(moved(INERTIA)).max() > 0.1
+    assert_allclose(moved(share * INERTIA), moved(INERTIA) / share, atol=1e-9)
 
 
 def test_a_gap_parts_slides():

@@ -15,7 +15,7 @@ from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, replica_of, weigh
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.noise import EM_UPDATES, NoiseParameters, noise_of
-from wsp_env.diagnosis.readings import of_noise, on_sensors
+from wsp_env.diagnosis.readings import of_noise
 from wsp_env.diagnosis.replica import OF_TIME, OF_TORQUE, Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect
 from wsp_env.diagnosis.variation import Group, nuisances
@@ -249,8 +249,8 @@ def _in_a_sample(fitted: Fitted, sample_s: float) -> bool:
 def weights_of(replica: Replica, seen: Screen, forms: Sequence[Group] = ()) -> Weights:
     """Return the weights of a screen, with mechanisms at sizes too small to matter, and with form errors `forms`.
 
-    If other wheels slide on the replica than on the screen's, or its rows are noisier, the nuisances are computed again with the
-    same sizes.
+    If other wheels slide on the replica than on the screen's, or its rows have other noise, the nuisances are computed again
+    with the same sizes.
     """
     sizes = Sizes(np.concatenate([seen.sizes.groups, np.ones(1 + len(forms))]), seen.sizes.noise)
     whitening, groups = seen.whitening, seen.groups
