@@ -28,8 +28,8 @@ from wsp_env.diagnosis.index import Found, summary, write_index
 from wsp_env.diagnosis.many import MADE_FROM, Many, diagnose_folder, diagnose_many, remember
 from wsp_env.diagnosis.progress import Advance
 from wsp_env.diagnosis.report import write_report
-from wsp_env.diagnosis.report_facts import BALANCES, LEAST_SHARE, confidence_said, removed_said, worth_said
-from wsp_env.diagnosis.words import parameter_said
+from wsp_env.diagnosis.report_facts import LEAST_SHARE, confidence_said, removed_said, worth_said
+from wsp_env.diagnosis.words import BALANCES, parameter_said
 from wsp_env.executor import Executor, Workers
 from wsp_env.output import all_of, ready, write_text
 from wsp_env.parameters.quantity import ParameterError

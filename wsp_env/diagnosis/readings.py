@@ -28,7 +28,7 @@ def on_sensors(model: Model) -> Choice:
 def of_noise(model: Model) -> Choice:
     """Return the mechanisms of a model that change the noise of its residuals: on sensors, and on the wheelsets' inertia."""
     heavier = {name: values for name, values in model.choice.items() if "inertia" in ALL[name].acts}
-    return on_sensors(model) | heavier
+    return {**on_sensors(model), **heavier}
 
 
 def readings_of(model: Model) -> Choice:
