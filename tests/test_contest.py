@@ -161,6 +161,20 @@ def test_a_finding_gives_way_to_a_suspended_trial_beyond_the_scatter(as_found, w
     assert expected.title not in rejected
 
 
+@pytest.mark.parametrize(("gain", "expected"), [(80.0, GAIN), (26.0, GRADIENT)])
+def test_of_suspended_trials_one_that_explains_more_by_the_scatter_is_taken_whatever_it_lost(gain, expected):
+    """A gradient of 17 nats gains by own variances what it lost; a lighter vehicle lost 182 and has 112."""
+
+    def retest_trial(one, begin):
+        lost, own = {GRADIENT.title: (5.0, 17.0), GAIN.title: (-182.0, gain)}[one.listed.title]
+        evidence = lost if begin is None else own
+        return Retested(dataclasses.replace(one, evidence=evidence), None, "fit" if begin is None else None)
+
+    best, rejected, _ = best_of([THREE[:2]], lambda one: False, retest_trial, AS_IT_IS, lambda one: SURE, INLINE)
+    assert best.trial.listed == expected
+    assert expected.title not in rejected
+
+
 @pytest.mark.parametrize(
     ("own", "expected"),
     [

@@ -51,7 +51,7 @@ def best_of(
     best must not lose its evidence with variances of its own residuals, and is compared there with all others that hold; a
     further finding must be sure there. Suspended trials are tested with own variances if none holds, and in the first round if
     the best keeps its evidence there only within the scatter, or if one explained distinctly more when it was found. They must
-    surely matter, and explain more than they lost before, or than the best and the scatter.
+    surely matter, and explain more than they lost before, or than the best and the scatter together.
     """
     rejected: dict[str, float] = {}
     suspended: list[tuple[Trial, Retested]] = []
@@ -63,19 +63,20 @@ def best_of(
     def test(one: Trial, begin: Fitted | None = None) -> Retested | None:
         return None if rejects(one) else retest_trial(one, begin)
 
-    def again(enough: Callable[[Trial, float], bool]) -> list[Retested]:
-        """Test suspended trials with own variances; return those that surely matter and explain `enough`, best first.
+    @functools.cache
+    def tested_again() -> list[tuple[Trial, float, Retested]]:
+        """Return suspended trials that surely matter with own variances, and the evidence that each had lost before."""
+        found = [(one, before.trial.evidence, _if(holds, test(one, before.suspended))) for one, before in suspended]
+        return [
+            (one, min(lost, 0.0), again) for one, lost, again in found if again is not None and at_least(again.trial) >= MATTERS
+        ]
 
-        `enough` is given a trial and the evidence that it lost before.
-        """
-        kept = []
-        for one, before in suspended:  # the evidence with which these were found is void: all are tested
-            found = _if(holds, test(one, before.suspended))
-            if found is not None and enough(found.trial, min(before.trial.evidence, 0.0)) and at_least(found.trial) >= MATTERS:
-                kept.append((found.trial, found))
-                rejected.pop(one.listed.title)
-            else:
-                rejected[one.listed.title] = NOT_SEEN
+    def surer(least: float) -> list[Retested]:
+        """Return the suspended trials that explain more than `least` with own variances, best first; others were not seen."""
+        kept = [(again.trial, again) for _, _, again in tested_again() if again.trial.evidence > least]
+        rejected.update(dict.fromkeys((one.listed.title for one, _ in suspended), NOT_SEEN))
+        for one, _ in kept:
+            rejected.pop(one.listed.title)
         return _preferred(kept)
 
     for some in batches:
@@ -104,25 +105,27 @@ def best_of(
                     own = equal.evidence(winner.trial)
                     distinctly = winner.trial.evidence + INDISTINCT
                     if own < _share(winner.trial) or any(one.evidence > distinctly for one, _ in suspended):
-                        surer = again(functools.partial(_exceeds, max(own, 0.0) + equal.scatter))
-                        winner = next(iter(surer), winner)
+                        winner = next(iter(surer(max(own, 0.0) + equal.scatter)), winner)
                 rejected.pop(winner.trial.listed.title, None)
                 return Contest(winner, rejected, trials)
             rejected[best.trial.listed.title] = NOT_SEEN
         if not first_round:
             break
-    found = again(lambda one, lost: log_odds(one.listed, one.evidence + lost) > threshold(one))
-    return Contest(next(iter(found), None), rejected, trials)
+    gained = [
+        (again.trial, again)
+        for one, lost, again in tested_again()
+        if log_odds(one.listed, again.trial.evidence + lost) > threshold(again.trial)
+    ]
+    best_gained = next(iter(_preferred(gained)), None)
+    more = surer(np.inf if best_gained is None else best_gained.trial.evidence + equal.scatter)
+    for one, _ in gained:
+        rejected.pop(one.listed.title, None)
+    return Contest(next(iter(more), best_gained), rejected, trials)
 
 
 def _share(one: Trial) -> float:
     """Return the share of its evidence that a trial must keep on equal terms, for the possible error of its form."""
     return (1.0 - form_of(one.listed)) ** 2 * one.evidence
-
-
-def _exceeds(least: float, one: Trial, lost: float) -> bool:
-    """Whether a trial explains more than `least`, whatever it lost before."""
-    return one.evidence > least
 
 
 def _is_promising(one: Trial, threshold: Callable[[Trial], float]) -> bool:
