@@ -27,7 +27,7 @@ class Body(Checked):
     inertia_zz_kgm2: float = quantity(0.0, "kg m2", "Table 5", 0.0, 1e8)
 
 
-#: Table 5; number of bodies: 1 carbody, 2 bogies, 4 wheelsets, 8 axleboxes.
+#: Table 5. The coach has 1 carbody, 2 bogies, 4 wheelsets and 8 axleboxes.
 CARBODY = Body(29_000.0, 76_400.0, 1_494_400.0, 1_467_160.0)
 BOGIE_FRAME = Body(3000.0, 2400.0, 1900.0, 4000.0)
 WHEELSET_BODY = Body(1300.0, 800.0, 160.0, 800.0)
