@@ -147,18 +147,6 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
     )
 
 
-class Level(NamedTuple):
-    """Whitened residuals (n,) of all rows beside the same nuisances, and the nuisances' prior term per row."""
-
-    before: "Side"
-    after: "Side"
-    best: "Side"  # with the mechanisms' sizes fitted to the rows
-
-    def left(self, rows: np.ndarray) -> Left:
-        """Return the mean squares of the rows (n,) bool."""
-        return Left(*(float(np.mean(one.squares(rows))) + one.unlikely for one in self))
-
-
 class Side(NamedTuple):
     """Residuals of one model."""
 
@@ -168,9 +156,21 @@ class Side(NamedTuple):
 
     def squares(self, rows: np.ndarray | slice) -> np.ndarray:
         """Return the squares of the rows, a mask (n,) or a slice, with mu_cd of the runs fitted to them."""
-        mine, level = self.rest[rows], self.friction[rows]
-        rest: np.ndarray = mine - level @ np.linalg.lstsq(level, mine, rcond=1e-9)[0]
+        mine, friction = self.rest[rows], self.friction[rows]
+        rest: np.ndarray = mine - friction @ np.linalg.lstsq(friction, mine, rcond=1e-9)[0]
         return rest**2
+
+
+class Level(NamedTuple):
+    """Residuals of all rows beside the same nuisances."""
+
+    before: Side
+    after: Side
+    best: Side  # with the mechanisms' sizes fitted to the rows
+
+    def left(self, rows: np.ndarray) -> Left:
+        """Return the mean squares of the rows (n,) bool."""
+        return Left(*(float(np.mean(one.squares(rows))) + one.unlikely for one in self))
 
 
 def level(
