@@ -97,6 +97,17 @@ def test_a_name_needs_less_evidence_than_a_term_and_a_sure_one_is_ninety_five_in
 # --- discrepancies
 
 
+def test_a_size_is_at_most_what_does_not_matter():
+    """Levels of 60 runs that scatter by three deviations are a finding, not a nuisance, if two would matter."""
+    rng = np.random.default_rng(1)
+    level = np.kron(np.eye(60), np.ones((20, 1)))
+    y = level @ (3.0 * rng.standard_normal(60)) + rng.standard_normal(len(level))
+    for most, expected in ((2.0, 2.0), (9.0, 3.0)):
+        groups = [Group("run", level, 1.0, most=most), Group("last", level[:, :1], 0.5)]
+        evidence = evidence_of(np.zeros((len(y), 0)), y, groups)
+        assert evidence.solve().groups[0] == pytest.approx(expected, rel=0.25)
+
+
 @given(st.integers(0, 1000))
 @settings(deadline=None, max_examples=10)
 def test_sizes_are_learned_from_disagreement_and_fixed_ones_stay(seed):

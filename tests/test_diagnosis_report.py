@@ -2,9 +2,12 @@
 
 import dataclasses
 import hashlib
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from wsp_env.diagnosis import worth
 from wsp_env.diagnosis.answer import (
     Diagnosis,
     Discovered,
@@ -14,11 +17,13 @@ from wsp_env.diagnosis.answer import (
     Named,
     Worth,
 )
+from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.report import write_report
 from wsp_env.diagnosis.report_facts import MEANINGS, confidence_said, lead, removed_said, where_said, worth_said
 from wsp_env.diagnosis.report_runs import figures, heat_maps, still_high
 from wsp_env.diagnosis.sources import signed
-from wsp_env.recordings import demo_campaign
+from wsp_env.recordings import demo_campaign, read_campaign
 from wsp_env.recordings.suspect import SuspectChannel
 
 
@@ -66,14 +71,14 @@ def test_what_could_not_have_been_seen_and_what_was_not_fitted_is_said_without_f
 
 def test_the_first_screen_holds_the_message_and_one_plot_and_the_folds_the_evidence(found, tmp_path):
     where = (Location("vehicle", (), ("A1", "B1"), "speed from 10 to 20 m/s", 1.0),)
-    worth = Worth(0.031, (0.02, 0.04), 0.2)
-    first, body = page_of(dataclasses.replace(found, location=where, worth=worth), tmp_path)
+    change = Worth(0.031, (0.02, 0.04), 0.2)
+    first, body = page_of(dataclasses.replace(found, location=where, worth=change), tmp_path)
     for words in (
         "By this, real stops are 3.1 % longer than simulated ones.",
         MEANINGS["named"],
-        "change +2.0 to +4.0 %",
+        "change +2 to +4 %",
         "in the balance of vehicle speed, in every run, speed from 10 to 20 m/s",
-        "track gradient: 0.99 of 1",
+        "track gradient: 99 %",
         "90 % of what the baseline leaves",
         "Coasting over the same track",
     ):
@@ -127,7 +132,7 @@ def test_no_confidence_stands_beside_a_failed_held_out_test_without_it(found):
     (one,) = found.mechanisms
     failed = dataclasses.replace(found, mechanisms=(dataclasses.replace(one, confidence=1.0, held_out_gain=-508.0),))
     assert confidence_said(failed) == (
-        "track gradient: above 0.99 of 1, but its held-out test failed: chi-square rises by 508 there"
+        "track gradient: above 99 %, but its held-out test failed: chi-square rises by 508 there"
     )
     assert "failed" not in confidence_said(found)
 
@@ -204,3 +209,28 @@ def test_only_cells_that_stay_high_are_told_of(found):
     assert "A1 (9.0)" in still_high(dataclasses.replace(found, mechanisms=()))
     quiet = {"cells": [cell | {"after": 1.0} for cell in found.residuals["cells"]]}
     assert still_high(dataclasses.replace(found, residuals=quiet)) == "No cell stays above 2 after the extension."
+
+
+def test_the_worth_is_the_mean_change_of_the_stops(monkeypatch):
+    """In metres and as a share of the braking distance of all stops together; a stop without braking has none."""
+    campaign = read_campaign(demo_campaign())
+    names = list(campaign.runs)
+    ways = worth.braked_m(campaign)
+    shares = (0.02, np.nan, *(0.05 for _ in names[2:]))
+    monkeypatch.setattr(worth, "net_change", lambda *_: StopChange(0.05, 0.1, stops=shares))
+    replica = SimpleNamespace(campaign=campaign, stops=[SimpleNamespace(name=name) for name in names])
+    outcome = SimpleNamespace(replica=replica, last=SimpleNamespace(whitening=None))
+    found = worth.worth_of(outcome, Model(2e-4, (0.05,)), [])
+    assert set(found.stops_m) == set(names) - {names[1]}
+    assert found.stops_m[names[0]] == pytest.approx(0.02 * ways[names[0]])
+    assert found.distance_share * found.stop_m == pytest.approx(np.mean(list(found.stops_m.values())))
+    said = worth_said(SimpleNamespace(worth=found))
+    assert f"m in {names[0]} to " in said  # the smallest and the largest change
+
+
+def test_the_law_is_told_with_what_is_only_believed(found, tmp_path):
+    model = found.model | {"tau_m_per_J": 1.9e-4, "mu_cd": {"A1": 0.05, "B1": 0.06}, "note_mu_cd": "believed, not fitted: B1"}
+    _, body = page_of(dataclasses.replace(found, model=model), tmp_path)
+    law = body.partition("The tuned law")[2]
+    for words in ("0.00019 m/J", "<td>0.0600</td>", "mu_cd is believed, not fitted: B1."):
+        assert words in law

@@ -82,7 +82,7 @@ def test_ctrl_c_in_the_instant_after_a_file_is_made_leaves_nothing(tmp_path, mon
 def test_ctrl_c_while_a_command_is_imported_is_answered_in_a_word(fail, monkeypatch, capsys):
     monkeypatch.setattr("importlib.import_module", fail)
     assert main(["tune", "x"]) == 130
-    assert capsys.readouterr().err == "interrupted\n"
+    assert capsys.readouterr().err == "wsp: interrupted\n"
 
 
 def test_an_error_that_is_no_interrupt_is_not_hidden(monkeypatch):

@@ -66,7 +66,7 @@ def test_ctrl_c_while_the_libraries_are_being_loaded_is_one_line(tmp_path):
     code = "import sys, wsp_command; sys.exit(wsp_command.main())"
     paths = {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
     done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, env={**os.environ, **paths})
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "wsp: interrupted\n")
 
 
 @pytest.mark.slow

@@ -320,6 +320,15 @@ def test_of_a_force_that_pushes_and_pulls_the_amplitude_matters(replica):
         assert Compared(replica, off).change(on).multiple < 0.5 * said.multiple
 
 
+def test_the_distance_of_every_stop_is_told_and_the_larger_mean_decides(replica):
+    off = replica.evaluate(replica.baseline)
+    steep = dataclasses.replace(replica.baseline, choice={"track_gradient": {"rise": -0.003}})
+    said = Compared(replica, off).change(replica.evaluate(steep))
+    assert len(said.stops) == len(replica.stops)
+    assert min(said.stops) > 0.0  # downhill every stop is longer
+    assert np.mean(said.stops) <= said.distance <= max(said.stops)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_environments_brake_with_it(name):
     speeds = []

@@ -11,10 +11,12 @@ from elsewhere import Elsewhere
 
 import wsp_env  # noqa: F401  # registers the environments
 from wsp_env.cli import main
+from wsp_env.cli.replay import _warn_of_other_sources
 from wsp_env.envs.model import read_model
 from wsp_env.evaluation.replay import RECORDED, SIMULATED, replay
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import conditions, demo_campaign, read_campaign, tune
+from wsp_env.recordings.origin import hashes
 
 
 @pytest.fixture(scope="module")
@@ -138,3 +140,17 @@ def test_the_page_opens_without_a_network_and_all_axes_have_units(tmp_path):
     assert said == []
     assert plots == 6
     assert all(title.endswith("]") for title in titles), titles
+
+
+def test_a_model_of_other_recordings_is_told(tmp_path, capsys):
+    """Runs of the same names would get the mu_cd of other stops."""
+    folder = demo_campaign()
+    files = dict(hashes(folder))
+    file = tmp_path / "model.json"
+    for sources, told in ((files, ""), (files | {"campaign.toml": "another remark in it"}, ""), ({}, "")):
+        file.write_text(json.dumps({"tau_m_per_J": 2e-4, "sources": sources}))
+        _warn_of_other_sources(read_model(str(file)), folder)
+        assert capsys.readouterr().err == told
+    file.write_text(json.dumps({"tau_m_per_J": 2e-4, "sources": dict.fromkeys(files, "0")}))
+    _warn_of_other_sources(read_model(str(file)), folder)
+    assert "was found on other recordings" in capsys.readouterr().err

@@ -17,8 +17,8 @@ from wsp_env.diagnosis.data_first import data_first
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import CampaignError, CampaignWarning, demo_campaign, read_campaign, tune
-from wsp_env.recordings.suspect import suspects
-from wsp_env.recordings.suspect.delays import _delay, _onset, _weighed, _Witnesses
+from wsp_env.recordings.suspect import delays, suspects
+from wsp_env.recordings.suspect.delays import _delay, _late, _onset, _weighed, _Witnesses
 from wsp_env.recordings.suspect.factors import level
 from wsp_env.recordings.suspect.momentum import axle_gain
 from wsp_env.recordings.suspect.own_balance import _peak
@@ -433,3 +433,12 @@ def test_a_peak_a_period_later_is_no_delay_unless_it_is_far_better(height, expec
 def test_a_correlation_without_a_peak_is_best_at_its_end():
     lags = np.arange(-5, 6)
     assert _peak(lags, np.linspace(0.1, 0.9, 11)) == 10
+
+
+@pytest.mark.parametrize(("torque_late_s", "told"), [(0.4, True), (-1.2, True), (-10.2, False)])
+def test_a_comparison_that_needs_a_delay_beyond_reason_says_nothing(monkeypatch, torque_late_s, told):
+    """A wheel that began to slide was 0.63 s early, with a torque 10 s early, of a sound logger."""
+    solved = np.array([0.0, 0.0, -0.63, torque_late_s]), np.array([1e-5, 0.01, 0.01, 0.5])
+    monkeypatch.setattr(delays, "rolled", lambda *_: SimpleNamespace(solved=lambda: solved))
+    monkeypatch.setattr(delays, "_coarse_wheel", lambda *_: 0.0)
+    assert (_late(SimpleNamespace(), 0) is not None) is told

@@ -32,7 +32,7 @@ def main(arguments: list[str] | None = None) -> int:
     except BaseException as error:
         if not _is_interrupt(error):
             raise
-        print("interrupted", file=sys.stderr)
+        print("wsp: interrupted", file=sys.stderr)
         return INTERRUPTED
 
 

@@ -108,6 +108,6 @@ def _diagnosed(folder: Path, campaign: Campaign, file: Path, workers: int) -> Di
         if kept is not None and kept.sources == sources(folder) and kept.version == wsp_env.__version__:
             return kept
     with progress() as report:
-        found = signed(diagnose(campaign, report, workers), folder, campaign)
+        found = signed(diagnose(campaign, report, workers), folder)
     write_text(file, json.dumps(found.to_json(), indent=1, allow_nan=False) + "\n")
     return found

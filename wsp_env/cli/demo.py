@@ -51,7 +51,7 @@ def main(
         validation = validate(campaign)
     _say(console, first := [recorded_section(validation), validated_section(validation)])
     with console.status("diagnosing: does the law lack any physics? ..."):
-        found = signed(diagnose(campaign, lambda step: None, os.cpu_count() or 1), folder, campaign)
+        found = signed(diagnose(campaign, lambda step: None, os.cpu_count() or 1), folder)
     _say(console, [diagnosis := diagnosis_section(found)])
     last: list[Section] = []
     if found.verdict != "data":  # channels that contradict themselves say nothing to brake with

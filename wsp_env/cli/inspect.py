@@ -59,7 +59,8 @@ def main(
         return
     if out is not None:
         if out.exists():
-            raise CampaignError(f"{out} exists already; name another file or remove it")
+            remedy = "is a folder; name a file in it" if out.is_dir() else "exists already; name another file or remove it"
+            raise CampaignError(f"{out} {remedy}")
         ready(out)
     found = inspect(file)
     console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH)

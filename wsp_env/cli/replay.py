@@ -14,14 +14,14 @@ from rich.progress import Progress
 from wsp_env.cli.pages import Pages
 from wsp_env.cli.plant_options import PlantOptions
 from wsp_env.cli.workers import WorkersOption, executor_of
-from wsp_env.envs.model import read_model
+from wsp_env.envs.model import TunedModel, read_model
 from wsp_env.evaluation.controller import read_settings
 from wsp_env.evaluation.replay import FIGURES, RECORDED, SIMULATED, Course, Replay, replay
 from wsp_env.executor import Workers
 from wsp_env.output import OutputError, ready
 from wsp_env.parameters.vehicle_file import find_vehicle
 from wsp_env.recordings import Campaign, read_campaign
-from wsp_env.recordings.origin import origin
+from wsp_env.recordings.origin import hashes, origin
 from wsp_env.report import COLOURS, Figure, Origin, PageOptions, Section, Table, axes, plotly, terminal_table, write_page
 
 _DIGITS = {"distance_m": 0, "time_s": 1, "mean_slip_mps": 2, "slip_deviation_mps": 2, "largest_creepage": 2}
@@ -115,6 +115,7 @@ def main(
     with Progress(console=Console(stderr=True), transient=True) as progress:
         bar = progress.add_task("reading and tuning", total=len(chosen) + 2)
         recorded = read_campaign(campaign)
+        _warn_of_other_sources(model, campaign)
         progress.advance(bar)
         result = replay(
             recorded,
@@ -141,6 +142,19 @@ def main(
         console.print(written, markup=False)
     if result.failures:
         sys.exit(1)
+
+
+def _warn_of_other_sources(model: TunedModel | None, campaign: Path) -> None:
+    """Say on stderr that a model was found on other recordings: runs of the same names then get foreign mu_cd."""
+    if model is None or not model.sources:
+        return
+    here = {name: digest for name, digest in hashes(campaign) if name != "campaign.toml"}
+    if other := [name for name, digest in here.items() if model.sources.get(name) != digest]:
+        print(
+            f"wsp: warning: {model.path} was found on other recordings than {', '.join(other)}; its mu_cd belong to those. "
+            "Diagnose this campaign, and replay it with its own model.json.",
+            file=sys.stderr,
+        )
 
 
 def _table(result: Replay) -> Table:

@@ -73,10 +73,11 @@ class RunTrace:
 class Worth:
     """Change of the recorded stops by all findings together, against the simulation tuned without them."""
 
-    distance_share: float  # share of the stopping distance [-]; positive: real stops are longer than simulated ones
+    distance_share: float  # share of all stops' braking distance [-]; positive: real stops are longer than simulated ones
     interval90: tuple[float, float] | None  # of `distance_share`
     slip_mps: float  # change of an axle's slip
     stop_m: float | None = None  # distance run while braking in the recordings, mean of the stops
+    stops_m: dict[str, float] = dataclasses.field(default_factory=dict)  # change of each recorded stop's distance [m]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -53,6 +53,7 @@ class Evidence:
     ) -> None:
         self.names = [group.name for group in groups]
         self.fixed = np.array([group.fixed for group in groups])
+        self.most = np.array([group.most for group in groups])
         # (G,) For the mean of a quantity over runs: the group of its differences between runs, and what they add to its
         # variance.
         self.differences = np.array([self.names.index(one.mean_of or one.name) for one in groups])
@@ -90,7 +91,7 @@ class Evidence:
             for mine, amplitude, block, d in zip(self.order.own, units, inverse.own, own, strict=True):
                 second[mine] = (amplitude**2 + np.diag(block)) * d**2
             total = np.bincount(self.group, weights=second, minlength=len(self.names))
-            new = np.sqrt((total + _PRIOR_WEIGHT) / (counts + _PRIOR_WEIGHT))
+            new = np.minimum(np.sqrt((total + _PRIOR_WEIGHT) / (counts + _PRIOR_WEIGHT)), self.most)
             scale = np.where(self.fixed, np.sqrt(1.0 + self.adds * new[self.differences] ** 2), new)
             # Residual variance of a kind of rows: squares that the nuisances leave, plus the uncertainty of these.
             left = _moment([d * one for d, one in zip(own, units, strict=True)], common * unit, inverse.scaled(own, common))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, FitQuality, Named, Verdict, Worth
+from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, FitQuality, Named, Verdict
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import unavailable, variants, without
 from wsp_env.diagnosis.convergence import converge_law
@@ -22,13 +22,14 @@ from wsp_env.diagnosis.fitting import baseline, sliding
 from wsp_env.diagnosis.locate import locate, residual_map
 from wsp_env.diagnosis.quality import Quality, quality
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.search import Found, detectable, net_change
+from wsp_env.diagnosis.search import Found, detectable
 from wsp_env.diagnosis.side_by_side import on_threads
 from wsp_env.diagnosis.stops import PreparedStop, prepare
 from wsp_env.diagnosis.structure import Structure, structured
 from wsp_env.diagnosis.timing import aligned, times
-from wsp_env.diagnosis.trials import FORM, Trial, form_of
+from wsp_env.diagnosis.trials import Trial
 from wsp_env.diagnosis.words import BALANCES, next_test, sentence
+from wsp_env.diagnosis.worth import worth_of
 from wsp_env.recordings import Campaign, CampaignError
 
 #: A run is left out as damaged if its root mean square residual exceeds that of the others by this factor.
@@ -37,7 +38,6 @@ _DAMAGED = 5.0
 _MOST_REMOVED = 0.5
 #: Ratio of mean squares, extended model over baseline, from which on the extension fits worse; allows for rounding.
 _WORSE = 1.01
-_Z90 = 1.645
 _LOG10 = float(np.log(10.0))
 _EVIDENCE_REPORTED = 30
 
@@ -169,7 +169,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         notes=(*notes, *small, *(f"{name.replace('_', ' ')}: {why}" for name, why in reasons.items())),
         course=course(replica.recorded, found.before, found.after, where),
         discovered=terms,
-        worth=_worth(outcome, extended, missing) if named or terms else None,
+        worth=worth_of(outcome, extended, missing) if named or terms else None,
     )
 
 
@@ -209,15 +209,6 @@ def _verdict(named: tuple[Named, ...], terms: tuple[Discovered, ...], seen: bool
     if seen:
         return "unknown"
     return "adequate" if slides else "insufficient"
-
-
-def _worth(outcome: Outcome, extended: Model, missing: list[Accepted]) -> Worth:
-    """Return the change of the recorded stops by all findings, against the law tuned without them."""
-    size = net_change(outcome.replica, extended, dataclasses.replace(extended, choice={}), outcome.last.whitening)
-    shares = [float(np.max(one.trial.found.deviation / np.maximum(np.abs(one.trial.found.multiple), 1e-9))) for one in missing]
-    form = max((form_of(one.trial.listed) for one in missing), default=FORM)
-    half = _Z90 * float(np.hypot(form, max(shares, default=0.0))) * abs(size.distance)
-    return Worth(size.distance, (size.distance - half, size.distance + half), size.slip)
 
 
 def _estimates(outcome: Outcome, one: Accepted) -> dict[str, Estimate]:

@@ -35,6 +35,7 @@ class StopChange:
     distance: float  # relative change of stopping distance [-]; mean of stops without slides or of sliding ones, the larger
     slip: float  # largest change of an axle's slip in the upper or lower half of the speeds, mean of the stops [m/s]
     push: float = 0.0  # of an alternating force: amplitude over the retarding force, mean of the stops [-]
+    stops: tuple[float, ...] = ()  # relative change of each stop's distance [-]; nan: it does not brake
 
     @property
     def multiple(self) -> float:
@@ -65,21 +66,24 @@ class Compared:
 
         """
         distances: dict[bool, list[float]] = {True: [], False: []}
-        slips, pushes = [], []
+        slips, pushes, stops = [], [], []
         for part, one, other in zip(self._parts, self.before, after, strict=True):
             if sensor:
                 slips.append(_reading_change(part, one, other))
+                stops.append(0.0)
                 continue
             slips.append(_slip_change(part, _unbalanced(other, self._radius) - part.unbalanced))
+            stops.append(np.nan)
             if part.braked.any():
                 more = _retarded(other, part.slides, self._radius) - part.retarded
-                distances[part.slid].append(-float(part.travelled @ more))
+                stops[-1] = -float(part.travelled @ more)
+                distances[part.slid].append(stops[-1])
                 if swings:
                     pushes.append(float(np.sqrt(2.0) * np.std(more[part.braked]) / part.retarded[part.braked].mean()))
         means = [float(np.mean(kind)) for kind in distances.values() if kind]
         slip = float(np.ma.masked_invalid(slips).mean(axis=0).filled(0.0).max())
         push = float(np.mean(pushes)) if pushes else 0.0
-        return StopChange(max(means, key=abs, default=0.0), slip, push=push)
+        return StopChange(max(means, key=abs, default=0.0), slip, push, tuple(stops))
 
 
 class _Part(NamedTuple):

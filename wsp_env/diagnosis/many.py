@@ -47,7 +47,7 @@ def diagnose_folder(folder: Path, how: Many, report: Callable[[str], None], work
     if holds_creep_curves(folder):
         return diagnose_creep_curves(read_creep_curves(folder), how.effort, how.seed, report)
     recorded = read_campaign(folder)
-    return signed(diagnose(recorded, report, workers), folder, recorded)
+    return signed(diagnose(recorded, report, workers), folder)
 
 
 def work(task: Task) -> bytes:

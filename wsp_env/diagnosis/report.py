@@ -24,6 +24,7 @@ def write_report(path: Path, found: Diagnosis, options: PageOptions = PageOption
         _where(found),
         *_fitted(found),
         *_discovered(found),
+        _law(found),
         _before_after(found),
         evidence(found),
         _remains(found),
@@ -101,16 +102,30 @@ def _fitted(found: Diagnosis) -> list[Section]:
         rows = _parameters(one.parameters)
         others = ", ".join(name.replace("_", " ") for name in one.alternatives[1:])
         text = [
-            f"{capital(mechanism_words(one.name, one.parameters))}. What it leaves: {ALL[one.name].signature.trace}.",
+            f"{capital(mechanism_words(one.name, one.parameters))}. How it shows: {ALL[one.name].signature.trace}.",
             f"Confidence {one.confidence:.2f}{doubt(one)}; {one.multiple:.1f} times the smallest effect of interest; reduces "
-            f"chi-square by {one.gain:.0f}, where noise alone gives {one.null_gain:.0f}; held out, by "
-            f"{one.held_out_gain:.0f}.",
+            f"chi-square by {one.gain:.0f}, where noise alone gives {one.null_gain:.0f}; in the runs held out, at the size "
+            f"fitted to the others, by {one.held_out_gain:.0f}.",
             f"These data cannot tell it from: {others}." if others else "No other mechanism of the library comes near.",
         ]
         shows: list[Any] = [Table(("Parameter", "Value", "Unit", "90 % interval"), rows)]
         shows += [_curve(one.name, one.curve)] if one.curve else []
         sections.append(Section(f"The fitted mechanism: {one.name.replace('_', ' ')}", text, shows, fold=True))
     return sections
+
+
+def _law(found: Diagnosis) -> Section | None:
+    friction = found.model.get("mu_cd")
+    if found.verdict == "data" or not friction:
+        return None
+    worth = found.worth.stops_m if found.worth is not None else {}
+    rows = [(run, f"{mu:.4f}", f"{worth[run]:+.2g}" if run in worth else "") for run, mu in friction.items()]
+    header = ("Run", "mu_cd [-]", "Findings change the stop by [m]")
+    text = [f"tau = {found.model['tau_m_per_J']:.4g} m/J, with the findings in the model, as in model.json."]
+    if note := found.model.get("note_mu_cd"):
+        text.append(f"mu_cd is {note}.")
+    table = Table(header if worth else header[:2], rows if worth else [row[:2] for row in rows])
+    return Section("The tuned law", text, [table], fold=True)
 
 
 def _parameters(parameters: Mapping[str, Estimate]) -> list[tuple[str, str, str, str]]:
@@ -170,10 +185,7 @@ def _before_after(found: Diagnosis) -> Section | None:
         caption = "Mean squares relative to what noise and normal variation leave, which is 1."
         shows.append(Table(("Runs", *sides, "Noise floor"), rows, caption))
     if found.course:
-        same = (
-            ": by construction both are the same before and after, unless what was found acts on the vehicle, its brakes or "
-            "its speed sensor"
-        )
+        same = ", so it changes only if the finding acts on the vehicle, its brakes or its speed sensor"
         text.append(
             "The course of one run: its residuals still hold the normal variation of brakes and track. That of the speed is "
             f"computed with the measured torque, as the speed error E (eq. 19) is{same if _extended(found) else ''}."

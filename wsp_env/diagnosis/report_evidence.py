@@ -23,11 +23,11 @@ def evidence(found: Diagnosis) -> Section | None:
     text = [
         "What every candidate, alone, explains in the recordings about the tuned law, beside all else at sizes too small to "
         "matter.",
-        "Reduction: by how much the sum of squared residuals, in deviations of noise, falls when the candidate may be as "
-        "large as the recordings say. Evidence: how much likelier the recordings are with it than with it too small to "
-        "matter, less what its variants cost; from 2.98 on it is sure to 95 %, where one of fifty is missing. A candidate "
-        "that is not in the library is a term without a name, which is nine times less likely from the first: it is sure "
-        "from 3.93 on.",
+        "Reduction: by how much the sum of squared residuals falls, in units of the noise's variance, if the candidate may be "
+        "as large as the recordings say. Evidence: how much likelier the recordings are with it than with it too small to "
+        "matter, less what its variants cost. If one mechanism in fifty is missing, one with 2.98 or more is sure to 95 %. A "
+        "candidate that is not in the library is a term without a name. It is nine times less likely beforehand, and sure from "
+        "3.93 on. Sizes are those of the linear search; the first page gives the fitted ones.",
     ]
     shows: list[Any] = [_picture(shown), Table(header, rows)]
     return Section("Evidence: every candidate alone", text, shows, fold=True)

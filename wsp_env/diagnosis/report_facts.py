@@ -60,8 +60,8 @@ def lead(found: Diagnosis) -> str:
     if found.worth.stop_m is None:
         return f"{found.sentence} By this, real stops are {share:.1f} % {sides} than simulated ones."
     return (
-        f"{found.sentence} By this, real stops are {_metres(found.worth)} {sides} than simulated ones: {share:.1f} % of some "
-        f"{found.worth.stop_m:.0f} m."
+        f"{found.sentence} By this, real stops are on average {_metres(found.worth)} {sides} than simulated ones: "
+        f"{share:.1f} % of {found.worth.stop_m:.0f} m."
     )
 
 
@@ -89,8 +89,12 @@ def _changes(worth: Worth) -> str:
         parts.append(f"{metres}{100.0 * abs(share):.1f} % {'more' if share > 0.0 else 'less'} stopping distance than simulated")
     if worth.interval90:
         low, high = (100.0 * bound for bound in worth.interval90)
-        metres = "" if worth.stop_m is None else f"{low * worth.stop_m / 100.0:+.1f} to {high * worth.stop_m / 100.0:+.1f} m, "
-        parts[0] += f" (change {metres}{low:+.1f} to {high:+.1f} %, 90 %)"
+        ends = [bound * (worth.stop_m or 0.0) / 100.0 for bound in (low, high)]
+        metres = "" if worth.stop_m is None else f"{ends[0]:+.2g} to {ends[1]:+.2g} m, "
+        parts[0] += f" (change {metres}{low:+.2g} to {high:+.2g} %, 90 %)"
+    if len(worth.stops_m) > 1 and abs(share) >= 0.0005:
+        by_size = sorted(worth.stops_m, key=lambda run: worth.stops_m[run])
+        parts.append("from " + " to ".join(f"{worth.stops_m[run]:+.2g} m in {run}" for run in (by_size[0], by_size[-1])))
     if worth.slip_mps >= 0.005 or share == 0.0:  # less is printed as 0.00
         parts.append(f"a change of slip of {worth.slip_mps:.2f} m/s")
     return "; ".join(parts)
@@ -98,16 +102,13 @@ def _changes(worth: Worth) -> str:
 
 def confidence_said(found: Diagnosis) -> str:
     """Return the confidence of every name, in words, with failed held-out tests."""
-    parts = [
-        f"{one.name.replace('_', ' ')}: {_at_most_one(one.confidence)} of 1{_others(one)}{doubt(one)}"
-        for one in found.mechanisms
-    ]
+    parts = [f"{one.name.replace('_', ' ')}: {_percent(one.confidence)}{_others(one)}{doubt(one)}" for one in found.mechanisms]
     parts += [f"{one.equation}: accepted on held-out runs{doubt(one)}" for one in found.discovered]
     return "; ".join(parts)
 
 
-def _at_most_one(confidence: float) -> str:
-    return "above 0.99" if confidence > 0.99 else f"{confidence:.2f}"
+def _percent(confidence: float) -> str:
+    return "above 99 %" if confidence > 0.99 else f"{100.0 * confidence:.0f} %"
 
 
 def _others(one: Named) -> str:

@@ -16,6 +16,7 @@ from wsp_env.diagnosis.arrow import ByRun, rows_of
 from wsp_env.diagnosis.balances import ACTUATOR, Balances, Rows, Whitening
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.forces import Forces
+from wsp_env.diagnosis.interest import PUSH
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.side_by_side import side_by_side
 
@@ -33,6 +34,7 @@ LOG_TAU = 1.0  # [-] prior deviation of log tau about the start value: carries a
 _FREE = 1e3  # standard deviation of a free column, after scaling its whitened rows to length 1
 _UNIFORM = 1.0 / np.sqrt(3.0)
 WHEEL_TIME, TORQUE_TIME, ONSET = "time of a wheel speed", "time of a torque", "torque as a brake is applied"
+FORCE = "force in time"
 
 #: Standard deviations expected of sound vehicles and tracks [-]: assumptions, from tolerances of brakes, wheels and test
 #: tracks.
@@ -63,6 +65,7 @@ class Group(NamedTuple):
     expected: float  # standard deviation; inf: free
     fixed: bool = False  # whether the size is known and not estimated
     mean_of: str = ""  # group of this quantity's differences between runs; their mean adds to the common value
+    most: float = np.inf  # largest size, over the expected one: more would matter in a stop
 
 
 def whitened(
@@ -196,7 +199,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         # Net: tau and mu_cd are no discrepancy of the law.
         Group("law", Net(whitening, np.column_stack([segments, law]))(np.column_stack([slides * s for s in shapes]))[0],
               _EXPECTED["law"], True),
-        Group("force in time", forces.on_vehicle(_COURSE_NODE_S), _EXPECTED["force"]),
+        Group(FORCE, forces.on_vehicle(_COURSE_NODE_S), _EXPECTED["force"], most=_most_force(balances)),
     ]  # fmt: skip
     if (rows.balance == ACTUATOR).any():
         brake = forces.nominal[:, None]
@@ -222,6 +225,12 @@ def shapes(balances: Balances | Replica) -> np.ndarray:
 def contrasts(several: int) -> np.ndarray:
     """Return an orthonormal basis (m, m - 1) of the vectors over m runs or axles that sum to zero."""
     return np.linalg.svd(np.eye(several) - 1.0 / several)[0][:, : several - 1]
+
+
+def _most_force(balances: Balances | Replica) -> float:
+    """Return the largest size of forces in time, over the expected one: together, what moves a stop by 1 %."""
+    deceleration = float(np.mean(balances.rows.deceleration))
+    return max(PUSH * deceleration / (balances.vehicle.gravity_mps2 * _EXPECTED["force"]), 1.0)
 
 
 def _in_time(column: np.ndarray, by_run: np.ndarray, own: np.ndarray, clock: np.ndarray) -> np.ndarray:

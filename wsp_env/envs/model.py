@@ -11,7 +11,9 @@ from wsp_env.parameters.document import DocumentError, read_json
 from wsp_env.parameters.quantity import ParameterError, number, replace, shown
 from wsp_env.parameters.vehicle import Vehicle
 
-_KEYS = {"tau_m_per_J": float, "mu_cd": Mapping, "contact": Mapping, "mechanisms": Mapping, "vehicle": Mapping}
+_KEYS = {
+    "tau_m_per_J": float, "mu_cd": Mapping, "contact": Mapping, "mechanisms": Mapping, "vehicle": Mapping, "sources": Mapping,
+}  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,6 +27,7 @@ class TunedModel:
     scenario: Mapping[str, Any]  # as the option of `Task`
     contact: Mapping[str, float]  # values of `ContactParameters` that replace the vehicle's
     vehicle: CampaignVehicle | None  # that it was found on; None: the file does not say
+    sources: Mapping[str, str] = dataclasses.field(default_factory=dict)  # SHA-256 of each file that it was found on
 
     def tuned(self, vehicle: Vehicle) -> Vehicle:
         """Return a vehicle with the contact of the model."""
@@ -55,8 +58,8 @@ def read_model(path: str) -> TunedModel:
     """Return what a model file means for an environment.
 
     The file is JSON with `tau_m_per_J` [m/J], `mu_cd` {run: value} [-], `contact` {field of `ContactParameters`: value},
-    `mechanisms` {name: {parameter: value}} and `vehicle` {field of `CampaignVehicle`: value}, each optional; what begins with
-    "note" is ignored. tau is then the file's, mu_cd drawn from the range of its runs.
+    `mechanisms` {name: {parameter: value}}, `vehicle` {field of `CampaignVehicle`: value} and `sources` {file: SHA-256}, each
+    optional; what begins with "note" is ignored. tau is then the file's, mu_cd drawn from the range of its runs.
 
     Raises
     ------
@@ -93,7 +96,7 @@ def read_model(path: str) -> TunedModel:
     vehicle = _vehicle(path, document["vehicle"]) if document.get("vehicle") else None
     friction = {run: number(value) for run, value in given.items()}
     mechanisms, contact = document.get("mechanisms") or {}, document.get("contact") or {}
-    return TunedModel(path, tau, friction, mechanisms, scenario, contact, vehicle)
+    return TunedModel(path, tau, friction, mechanisms, scenario, contact, vehicle, document.get("sources") or {})
 
 
 def _vehicle(path: str, described: dict[str, Any]) -> CampaignVehicle:

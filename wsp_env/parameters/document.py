@@ -54,7 +54,7 @@ def read_json(path: Path) -> Any:
 def _text(path: Path) -> str:
     try:
         if path.exists() and not path.is_file():  # a pipe would be waited for
-            raise DocumentError("cannot be read: it is no file")
+            raise DocumentError(f"cannot be read: it is {'a folder; name the file in it' if path.is_dir() else 'no file'}")
         with path.open("rb") as file:
             content = file.read(MOST_BYTES + 1)
     except OSError as error:

@@ -69,7 +69,9 @@ def repair(values: np.ndarray, name: str, clock: Clock, where: str) -> tuple[np.
     notes: list[str] = []
     bad = ~(np.abs(values) < _ABSURD)
     if bad.all():
-        raise CampaignError(f"{where}: no sample is a number")
+        raise CampaignError(
+            f"{where}: no sample is a number; correct it, or leave out a dead axle by missing_axles in campaign.toml"
+        )
     if bad.any():
         if (unread := bad & ~clock.absent).any():
             absurd = f" or with one beyond {_ABSURD:g}" if np.isfinite(values[unread]).any() else ""

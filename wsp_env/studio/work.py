@@ -178,7 +178,7 @@ def diagnose(folder: Path, request: Request, tell: Tell) -> Request:
     campaign = read_campaign(place)
     course = Advance()
     found = diagnosed(campaign, lambda step: tell(step, course.reach(step)), os.cpu_count() or 1)
-    found = signed(found, place, campaign)
+    found = signed(found, place)
     tell("writing the report", 0.97)
     write_text(folder / "diagnosis.json", json.dumps(found.to_json(), indent=1, allow_nan=False) + "\n")
     write_text(folder / "model.json", json.dumps(found.model, indent=1) + "\n")

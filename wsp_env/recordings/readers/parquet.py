@@ -20,7 +20,8 @@ class Parquet(ChannelFile):
         try:
             names = list(pl.read_parquet_schema(file))
         except _UNREADABLE as error:
-            raise CampaignError(f"{file} is empty or no Parquet table: {first_line(error)}") from None
+            hint = "" if _begins_as_parquet(file) else "; if it is text, give it a name that ends in .csv"
+            raise CampaignError(f"{file} is empty or no Parquet table: {first_line(error)}{hint}") from None
         super().__init__(file, {name: stated_unit(name) for name in names})
 
     def read(self, names: list[str]) -> dict[str, Samples]:
@@ -32,6 +33,14 @@ class Parquet(ChannelFile):
         if frame.height == 0:
             raise CampaignError(f"{self.file} is empty: it has columns but no samples")
         return {name: Samples(_floats(frame.drop_in_place(name))) for name in names}
+
+
+def _begins_as_parquet(file: Path) -> bool:
+    try:
+        with file.open("rb") as content:
+            return content.read(4) == b"PAR1"
+    except OSError:
+        return True  # what cannot be read may be anything
 
 
 def open_file(file: Path) -> Parquet:
