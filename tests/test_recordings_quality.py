@@ -140,6 +140,15 @@ def test_a_lost_sample_and_a_drop_out_are_bridged_and_marked():
     assert len(notes) == 2
 
 
+def test_a_command_that_keeps_its_value_is_not_frozen():
+    values = np.where(np.arange(900) < 600, np.where(np.arange(900) % 7 < 4, 1.0, -1.0), 1.0)
+    marked = {}
+    for name in ("axle1_valve_command", "axle1_cylinder_pressure"):
+        _, bad, notes = quality.repair(np.where(values > 0.0, values, 0.0), name, even(900), "here")
+        marked[name] = bool(bad.any() or notes)
+    assert marked == {"axle1_valve_command": False, "axle1_cylinder_pressure": True}
+
+
 def test_a_frozen_sensor_is_marked_and_a_locked_wheel_is_not():
     rng = np.random.default_rng(1)
     values = 80.0 - 10.0 * STEP * np.arange(900) + 0.05 * rng.standard_normal(900)

@@ -86,7 +86,8 @@ def repair(values: np.ndarray, name: str, clock: Clock, where: str) -> tuple[np.
         bad |= spikes
         values = _bridged(values, bad)
     _check_bridges(bad, clock, where)
-    if noise > _NOISY * float(np.ptp(values)) and (held := _held(values, clock.step_s) & ~bad).any():
+    command = np.isinf(channel(name).fastest)  # it keeps its value as long as the valve stays
+    if not command and noise > _NOISY * float(np.ptp(values)) and (held := _held(values, clock.step_s) & ~bad).any():
         notes.append(f"{where}: {held.sum()} samples repeat one value, saturated or frozen, {_where(held, clock)}; not used")
         bad |= held
     return values, bad if whole else np.ones(len(values), dtype=bool), notes
