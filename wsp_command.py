@@ -25,5 +25,5 @@ def main() -> int:
 
 def _end(*_: object) -> NoReturn:
     """End at once: nothing has been begun, and a half-loaded library makes errors of its own of an exception."""
-    os.write(2, b"interrupted\n")
+    os.write(2, b"wsp: interrupted\n")
     os._exit(130)
