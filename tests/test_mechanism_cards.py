@@ -167,7 +167,7 @@ def test_one_more_mechanism_is_one_file(tmp_path):
     assert found["diagnosis"]["next_test"] == "a stop on welded rail"
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "The fitted mechanism: rail joints" in page
-    assert "What it leaves: adhesion: swings with the place" in page
+    assert "How it shows: adhesion: swings with the place" in page
     assert "| `rail_joints` | friction of the contaminated rail swings along the track |" in found["table"]
 
 
