@@ -209,17 +209,19 @@ def test_trials_are_compared_on_equal_terms(own, expected):
 
 
 @pytest.mark.parametrize(
-    ("multiple", "lost", "evidence", "holds"),
+    ("multiple", "found", "lost", "evidence", "holds"),
     [
-        (0.9, 1.0, 50.0, True),
-        (0.9, 1.0, 40.0, False),
-        (2.0, 1.0, 8.0, True),
-        (0.7, 1.0, 1e4, False),
-        (2.0, -10.0, 17.0, True),
-        (2.0, -10.0, 16.0, False),
+        (0.9, 20.0, 1.0, 50.0, True),
+        (0.9, 20.0, 1.0, 40.0, False),
+        (0.7, 20.0, 1.0, 1e4, False),
+        (2.0, 10.0, 1.0, 11.0, True),  # what it kept does not count
+        (2.0, 10.0, 1.0, 10.0, False),
+        (4.8, 72.0, -132.0, 136.0, True),  # truth N, n008: a mass of 5 %
+        (0.9, 11.0, -11.0, 15.0, False),  # truth K, m001: a drag of a sound vehicle
+        (3.3, 28.0, -938.0, 59.0, False),
     ],
 )
-def test_what_was_suspended_must_surely_matter_and_explain_more_than_it_lost(multiple, lost, evidence, holds):
+def test_what_was_suspended_must_surely_matter_and_the_mean_of_its_evidence_be_sure(multiple, found, lost, evidence, holds):
     """0.9 interests with 50 nats are ten deviations from zero: 0.752 at least. 0.75 matters; 6.9 nats are sure."""
 
     def retest_trial(one, suspended):
@@ -227,7 +229,8 @@ def test_what_was_suspended_must_surely_matter_and_explain_more_than_it_lost(mul
             return Retested(dataclasses.replace(one, evidence=lost), None, "fit")
         return Retested(trial(GRADIENT, evidence, multiple), None)
 
-    best, rejected, _ = best_of([THREE[1:2]], lambda one: False, retest_trial, AS_IT_IS, lambda one: SURE, INLINE)
+    tried = dataclasses.replace(THREE[1], evidence=found)
+    best, rejected, _ = best_of([[tried]], lambda one: False, retest_trial, AS_IT_IS, lambda one: SURE, INLINE)
     assert (best is not None) == holds
     assert rejected == ({} if holds else {GRADIENT.title: NOT_SEEN})
 

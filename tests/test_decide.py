@@ -17,7 +17,7 @@ from wsp_env.diagnosis.candidates import Variant, parameter_of, refined, switche
 from wsp_env.diagnosis.convergence import largest_change
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.decide import posterior
-from wsp_env.diagnosis.diagnose import _evidence
+from wsp_env.diagnosis.diagnose import _beside_their_kind, _evidence
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted
 from wsp_env.diagnosis.interest import StopChange
@@ -377,3 +377,15 @@ def test_a_move_is_counted_in_the_deviations_that_the_size_has_afterwards():
     after = dataclasses.replace(before, values=(np.array([0.6]), np.array([7.0])), covariance=(np.eye(1), 4.0 * np.eye(1)))
     assert largest_change(before, after) == pytest.approx(1.5)
     assert largest_change(before, before) == 0.0
+
+
+def test_a_damaged_run_is_one_beside_others_of_its_kind():
+    """An inertia of 40 % that all sliding runs show had left out each of them, and then no wheel slid."""
+    slides = np.array([True, True, True, False, False, False])
+    missing = _beside_their_kind(np.array([90.0, 80.0, 100.0, 1.0, 1.1, 0.9]), slides)
+    assert missing.max() < 2.0
+    damaged = _beside_their_kind(np.array([1.0, 90.0, 1.2, 1.0, 1.1, 0.9]), slides)
+    assert damaged.argmax() == 1
+    assert damaged[1] > 50.0
+    few = np.array([True, False, False, False])
+    assert _beside_their_kind(np.array([90.0, 1.0, 1.1, 0.9]), few)[0] == 0.0  # nothing to compare it with

@@ -156,7 +156,11 @@ def test_what_is_no_file(tmp_path):
     (tmp_path / "bytes").write_bytes(b"\xff\xfe")
     with pytest.raises(DocumentError, match="UTF-8"):
         read_json(tmp_path / "bytes")
-    for name, said in (("", "is a folder; name the file in it"), ("nowhere", "No such file"), ("a\0b", "no file can be called so")):
+    for name, said in (
+        ("", "is a folder; name the file in it"),
+        ("nowhere", "No such file"),
+        ("a\0b", "no file can be called so"),
+    ):
         with pytest.raises(DocumentError, match=said):
             read_json(tmp_path / name)
     if sys.platform != "win32":

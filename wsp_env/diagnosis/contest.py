@@ -51,7 +51,8 @@ def best_of(
     best must not lose its evidence with variances of its own residuals, and is compared there with all others that hold; a
     further finding must be sure there. Suspended trials are tested with own variances if none holds, and in the first round if
     the best keeps its evidence there only within the scatter, or if one explained distinctly more when it was found. They must
-    surely matter, and explain more than they lost before, or than the best and the scatter together.
+    surely matter. If none holds, the mean of the three estimates of their evidence must be sure: as found, about their own
+    replica, and with own variances. Otherwise they must explain more than the best and the scatter together.
     """
     rejected: dict[str, float] = {}
     suspended: list[tuple[Trial, Retested]] = []
@@ -65,7 +66,7 @@ def best_of(
 
     @functools.cache
     def tested_again() -> list[tuple[Trial, float, Retested]]:
-        """Return suspended trials that surely matter with own variances, and the evidence that each had lost before."""
+        """Return suspended trials that surely matter with own variances, each with the evidence that it had lost before."""
         found = [(one, before.trial.evidence, _if(holds, test(one, before.suspended))) for one, before in suspended]
         return [
             (one, min(lost, 0.0), again) for one, lost, again in found if again is not None and at_least(again.trial) >= MATTERS
@@ -114,7 +115,7 @@ def best_of(
     gained = [
         (again.trial, again)
         for one, lost, again in tested_again()
-        if log_odds(one.listed, again.trial.evidence + lost) > threshold(again.trial)
+        if log_odds(one.listed, (one.evidence + lost + again.trial.evidence) / 3.0) > threshold(again.trial)
     ]
     best_gained = next(iter(_preferred(gained)), None)
     more = surer(np.inf if best_gained is None else best_gained.trial.evidence + equal.scatter)

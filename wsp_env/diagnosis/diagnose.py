@@ -97,12 +97,27 @@ def _sound(campaign: Campaign, stops: list[PreparedStop]) -> tuple[Replica, list
         z = replica.whitening(replica.about)(replica.raw(replica.baseline)) ** 2
         counts = np.bincount(balances.rows.run, minlength=len(stops))
         mean = np.bincount(balances.rows.run, weights=np.minimum(z, 1e4), minlength=len(stops)) / np.maximum(counts, 1)
-        worst = int(np.argmax(mean))
-        others = np.delete(mean, worst)
-        if len(stops) < 3 or mean[worst] < _DAMAGED**2 * float(np.median(others)):
+        worse = _beside_their_kind(mean, sliding(replica))
+        worst = int(np.argmax(worse))
+        if worse[worst] < _DAMAGED**2:
             return replica, notes
-        notes.append(f"run {stops[worst].name} fits far worse than all others and was left out as damaged")
+        notes.append(
+            f"run {stops[worst].name} fits far worse than all others of its kind (sliding or not) and was left out as damaged"
+        )
         stops = [stop for i, stop in enumerate(stops) if i != worst]
+
+
+def _beside_their_kind(mean: np.ndarray, slides: np.ndarray) -> np.ndarray:
+    """Return each run's mean square (R,) over the median of the others of its kind (R,) bool, sliding or not.
+
+    They show different physics: what is missing in all runs of a kind is no damage of each. Beside fewer than two it is 0.
+    """
+    worse = np.zeros(len(mean))
+    for i in range(len(mean)):
+        others = np.delete(mean, i)[np.delete(slides, i) == slides[i]]
+        if len(others) >= 2:
+            worse[i] = mean[i] / max(float(np.median(others)), np.finfo(float).tiny)
+    return worse
 
 
 def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor) -> Diagnosis:
