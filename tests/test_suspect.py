@@ -437,7 +437,7 @@ def test_a_correlation_without_a_peak_is_best_at_its_end():
 
 @pytest.mark.parametrize(("torque_late_s", "told"), [(0.4, True), (-1.2, True), (-10.2, False)])
 def test_a_comparison_that_needs_a_delay_beyond_reason_says_nothing(monkeypatch, torque_late_s, told):
-    """A wheel that began to slide was 0.63 s early, with a torque 10 s early, of a sound logger."""
+    """A wheel of a sound logger was told as 0.63 s early, by a fit that had its torque 10 s early, too."""
     solved = np.array([0.0, 0.0, -0.63, torque_late_s]), np.array([1e-5, 0.01, 0.01, 0.5])
     monkeypatch.setattr(delays, "rolled", lambda *_: SimpleNamespace(solved=lambda: solved))
     monkeypatch.setattr(delays, "_coarse_wheel", lambda *_: 0.0)

@@ -185,7 +185,7 @@ def _late(one: Traces, axle: int) -> tuple[float, float, float, float] | None:
         return None
     values, deviations = compared.solved()
     if abs(values[TORQUE_LATE]) > LONGEST_S + _SURE * deviations[TORQUE_LATE]:
-        return None  # a delay that cannot be: the creepage is not in proportion, as where the wheel begins to slide
+        return None  # no logger is so late: the linear model does not hold in this run
     # Where brakes bite fast the creepage is not in proportion: its gain then looks wrong, and so does the delay.
     error = float(np.hypot(_FLOOR_S, _FORM * (abs(values[GAIN]) + deviations[GAIN])))
     return coarse + float(values[WHEEL_LATE]), error, float(values[TORQUE_LATE]), float(deviations[TORQUE_LATE])
