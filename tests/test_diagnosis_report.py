@@ -142,7 +142,7 @@ def test_the_axle_that_is_named_is_the_place_whatever_else_moves(found):
     named = (Named("brake_gain_imbalance", 0.9, ("brake_gain_imbalance",), gain, 3.0, 100.0, 9.0, 40.0),)
     where = (Location("adhesion", (1, 2, 3), ("B1",), "everywhere", 0.8),)
     answer = dataclasses.replace(found, mechanisms=named, location=where)
-    assert where_said(answer) == "axle 2, in the balance of adhesion while sliding, in run B1"
+    assert where_said(answer) == "axle 2, in the balance of adhesion under torque, in run B1, everywhere"
     assert where_said(changed(found)) == ""
 
 

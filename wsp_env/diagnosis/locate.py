@@ -10,6 +10,7 @@ from wsp_env.diagnosis.answer import Location
 from wsp_env.diagnosis.balances import BALANCES, VEHICLE
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights
+from wsp_env.diagnosis.readings import on_sensors
 from wsp_env.diagnosis.replica import Replica
 
 _LEAST_SHARE = 0.1  # share of a mechanism's removed squares from which on a balance is reported
@@ -17,6 +18,7 @@ _LEAST_SHOWN = 0.01  # share of all removed squares from which on a balance is r
 _LEAST_CONTRAST = 0.2  # least excess of a range's share of the removed squares over its share of the rows
 _STRETCHES = 30  # parts of the track in the map
 _UNITS = {"place": "m", "time": "s", "speed": "m/s", "slip": "m/s", "work": "J/m"}
+_DECIMALS = {"place": 0, "time": 1, "speed": 1, "slip": 2, "work": 0}  # of a range's ends; a smaller range is not reported
 _CALLED = {"slip": "slip speed", "work": "friction work W_sp"}
 _AXLE_SHARE = 0.5  # removed squares of an axle or a run over an equal share, from which on it is reported
 
@@ -30,22 +32,39 @@ def locate(balances: Replica, model: Model, extended: Model, weights: Weights) -
     """Return where each mechanism removes squares; without a mechanism, where the largest residuals are."""
     if not extended.choice:
         removed = _rest(balances, model, weights) ** 2 - 1.0
-        return _places_of(balances, removed, float(removed.sum()))
-    base = weights(balances.raw(extended))
+        return _places_of(balances, removed, removed, float(removed.sum()))
+    raw = balances.raw(extended)
+    base = weights(raw)
     normal = base - _rest(balances, extended, weights)
-    removed_by = []
+    by_mechanism = []
     for name in extended.choice:
         others = {other: values for other, values in extended.choice.items() if other != name}
-        without = weights(balances.raw(dataclasses.replace(extended, choice=others)))
+        raw_without = balances.raw(dataclasses.replace(extended, choice=others))
         # Nuisances stay as fitted beside the mechanism: fitted again, they would absorb a part of its effect.
-        removed_by.append((without - normal) ** 2 - (base - normal) ** 2)
-    total = float(sum(removed.sum() for removed in removed_by))
-    found = [one for removed in removed_by for one in _places_of(balances, removed, total)]
+        removed = (weights(raw_without) - normal) ** 2 - (base - normal) ** 2
+        acting = removed if name in on_sensors(extended) else _of_forces(balances, removed, raw_without - raw)
+        by_mechanism.append((removed, acting))
+    total = float(sum(removed.sum() for removed, _ in by_mechanism))
+    found = [one for removed, acting in by_mechanism for one in _places_of(balances, removed, acting, total)]
     return tuple(sorted(found, key=lambda one: -one.share))
 
 
-def _places_of(balances: Replica, removed: np.ndarray, total: float) -> tuple[Location, ...]:
-    """Return the balances that contain the squares `removed` (n,), and the ranges in them; shares relate to `total`."""
+def _of_forces(balances: Replica, removed: np.ndarray, effect: np.ndarray) -> np.ndarray:
+    """Return where a mechanism acts (n,): the squares `removed` (n,); of the vehicle, the rate of its effect (n,) on the speed.
+
+    The vehicle balance is an integral. A constant force has its largest effect on the speed at the end of a stop.
+    """
+    segment, acting = balances.rows.segment, removed.copy()
+    for one in np.unique(segment[segment >= 0]):
+        acting[segment == one] = np.abs(np.gradient(effect[segment == one]))
+    return acting
+
+
+def _places_of(balances: Replica, removed: np.ndarray, acting: np.ndarray, total: float) -> tuple[Location, ...]:
+    """Return the balances that contain the squares `removed` (n,), and the ranges in them; shares relate to `total`.
+
+    `acting` (n,) says where in a balance they come from, for the ranges.
+    """
     rows, own, found = balances.rows, max(float(removed.sum()), 1e-12), []
     for balance, name in enumerate(BALANCES):
         mine = rows.balance == balance
@@ -64,7 +83,7 @@ def _places_of(balances: Replica, removed: np.ndarray, total: float) -> tuple[Lo
                 name,
                 () if balance == VEHICLE else tuple(k + 1 for k in axles),
                 tuple(balances.stops[i].name for i in runs),
-                _range(balances, removed, mine, over),
+                _range(balances, acting, mine, over),
                 round(min(share / max(total, 1e-12), 1.0), 3),
             )
         )
@@ -82,20 +101,21 @@ def _stands_out(removed: np.ndarray, part: np.ndarray, whole: np.ndarray, parts:
     return bool(removed[part].sum() > _AXLE_SHARE / parts * removed[whole].sum())
 
 
-def _range(balances: Replica, removed: np.ndarray, mine: np.ndarray, over: tuple[str, ...]) -> str:
-    """Return the range, between two change points of the most contrasting quantity, in which the removed squares lie."""
+def _range(balances: Replica, acting: np.ndarray, mine: np.ndarray, over: tuple[str, ...]) -> str:
+    """Return the range, between two change points of the most contrasting quantity, that has most of `acting` (n,)."""
     best, where = 0.0, "everywhere"
     for name in over:
-        low, high, contrast, inside = change_points(getattr(balances.rows, name)[mine], removed[mine])
+        low, high, contrast, inside = change_points(getattr(balances.rows, name)[mine], acting[mine])
         stands_out = contrast / np.sqrt(max(inside * (1.0 - inside), 1e-6))  # signal-to-noise ratio of a step
-        if contrast > _LEAST_CONTRAST and stands_out > best:
-            best, where = stands_out, f"{_CALLED.get(name, name)} from {_number(low)} to {_number(high)} {_UNITS[name]}"
+        ends = [_number(value, _DECIMALS[name]) for value in (low, high)]
+        if contrast > _LEAST_CONTRAST and stands_out > best and ends[0] != ends[1]:
+            best, where = stands_out, f"{_CALLED.get(name, name)} from {ends[0]} to {ends[1]} {_UNITS[name]}"
     return where
 
 
-def _number(value: float) -> str:
-    """Return the number with three digits and without exponent."""
-    return f"{float(f'{value:.3g}'):.6g}"
+def _number(value: float, decimals: int) -> str:
+    """Return the number with three digits, no more decimals than these, and without exponent."""
+    return f"{round(float(f'{value:.3g}'), decimals) + 0.0:.6g}"  # 0.0: no minus before a zero
 
 
 def change_points(values: np.ndarray, removed: np.ndarray) -> tuple[float, float, float, float]:

@@ -173,8 +173,7 @@ def place_said(one: Location, runs: Sequence[str], axles: int, named: tuple[int,
     if one.runs:
         some = f"in run{'s' if len(one.runs) > 1 else ''} {_and(one.runs)}"
         parts.append("in every run" if set(runs) <= set(one.runs) else some)
-    if one.where != "everywhere":
-        parts.append(one.where)
+    parts.append(one.where)
     return ", ".join(part for part in parts if part)
 
 

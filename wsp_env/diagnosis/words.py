@@ -10,7 +10,7 @@ from wsp_env.plant.mechanisms import ALL
 #: Names of the balances for readers.
 BALANCES = {
     "vehicle": "vehicle speed",
-    "adhesion": "adhesion while sliding",
+    "adhesion": "adhesion under torque",
     "kinematics": "free rolling",
     "actuator": "brake torque against pressure",
 }
