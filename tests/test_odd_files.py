@@ -270,6 +270,10 @@ def test_a_folder_is_split_fairly_and_told_of(columns, vehicle, tmp_path, capsys
     assert (folder / "signals.html").read_text() == page
     assert main(["inspect", str(folder), "--out", str(folder / "campaign.toml")]) == 2
     assert "exists already" in capsys.readouterr().err
+    for other in (folder / "x.toml", folder):  # no command would read the first, and the second is full of recordings
+        assert main(["inspect", str(folder), "--out", str(other)]) == 2
+        assert f"is called campaign.toml; name {folder / 'campaign.toml'} with --out" in capsys.readouterr().err
+    assert not (folder / "x.toml").exists()
 
 
 def test_what_only_a_person_knows_is_asked_for_on_a_terminal(columns, tmp_path, monkeypatch, capsys):

@@ -111,7 +111,12 @@ def test_one_result_that_fails_leaves_the_others():
         ["evaluate", "--out", "FILE"],
         ["demo", "--out", "FILE/page.html"],
         ["compare", "--out", "FILE/page.html"],
+        ["compare-campaigns", "DEMO", "DEMO", "--out", "FILE"],
         ["inspect", "DEMO/A1.csv", "--out", "FILE/campaign.toml"],
+        ["inspect", "FOLDER", "--out", "FILE/campaign.toml"],
+        ["export", "c", "law", "--out", "FILE"],
+        ["export", "fmu", "law", "--out", "FILE/law.fmu"],
+        ["export", "template", "--out", "FILE"],
     ],
 )
 def test_every_command_tries_its_output_first(command, tmp_path, capsys, monkeypatch):
@@ -119,13 +124,20 @@ def test_every_command_tries_its_output_first(command, tmp_path, capsys, monkeyp
 
     (tmp_path / "file").write_text("")
     run = next(demo_campaign().glob("*.csv")).name
-    names = {"DEMO/A1.csv": str(demo_campaign() / run), "DEMO": str(demo_campaign())}
+    names = {"DEMO/A1.csv": str(demo_campaign() / run), "DEMO": str(demo_campaign()), "FOLDER": str(tmp_path)}
     arguments = [names.get(one, one.replace("FILE", str(tmp_path / "file"))) for one in command]
     monkeypatch.setattr(campaign, "read_recording", lambda *_: pytest.fail("work has begun"))
     assert main(arguments) == 2
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 1
     assert "cannot be written" in said[0]
+
+
+@pytest.mark.parametrize("command", [["validate", "x"], ["demo"], ["compare"], ["inspect", "x"], ["export", "fmu", "law"]])
+def test_a_folder_is_refused_where_a_file_is_written(command, capsys):
+    assert main([*command, "--out", "new/"]) == 2
+    said = capsys.readouterr().err
+    assert said == "wsp: --out new/ names a folder, but this command writes a file; name a file in it with --out\n"
 
 
 def kept(stops=2):

@@ -9,6 +9,7 @@ import tyro
 from rich.console import Console
 from rich.markup import escape
 
+from wsp_env.cli.out import OutFile
 from wsp_env.cli.pages import Pages
 from wsp_env.cli.plant_options import PhysicsOptions
 from wsp_env.evaluation.compare import PARTED_MPS, Comparison, StopOptions, compare
@@ -30,7 +31,7 @@ def main(
     stop: Annotated[StopOptions, tyro.conf.arg(name="")] = StopOptions(),
     plant: Annotated[PhysicsOptions, tyro.conf.arg(name="")] = PhysicsOptions(),
     set: tuple[str, ...] = (),
-    out: Path = Path("out/compare.html"),
+    out: OutFile = Path("out/compare.html"),
     page: Pages = PageOptions(),
     json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
 ) -> None:

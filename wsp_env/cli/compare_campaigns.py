@@ -9,6 +9,7 @@ import tyro
 from rich.console import Console
 
 from wsp_env.cli.diagnose import progress
+from wsp_env.cli.out import OutFolder
 from wsp_env.cli.pages import Pages
 from wsp_env.diagnosis import Diagnosis, diagnose
 from wsp_env.diagnosis.changes import friction_change, mechanism_changes, sentence, tau_change
@@ -28,7 +29,7 @@ def main(
     first: tyro.conf.Positional[Path],
     second: tyro.conf.Positional[Path],
     /,
-    out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("out/compared"),
+    out: OutFolder = Path("out/compared"),
     tuned_only: tyro.conf.FlagCreatePairsOff[bool] = False,
     workers: int = os.cpu_count() or 1,
     as_json: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,

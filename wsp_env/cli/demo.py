@@ -2,13 +2,13 @@
 
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import tyro
 from rich.console import Console
 from rich.markup import escape
 
 from wsp_env.cli.demo_stops import found_section, policy_section, worlds
+from wsp_env.cli.out import OutFile
 from wsp_env.cli.pages import Pages
 from wsp_env.diagnosis import diagnose
 from wsp_env.diagnosis.answer import Diagnosis
@@ -29,7 +29,7 @@ TRUTH = "In the simulator that made these recordings the pads' friction falls wi
 
 
 def main(
-    out: Annotated[Path, tyro.conf.arg(metavar="FILE")] = Path("out/demo.html"),
+    out: OutFile = Path("out/demo.html"),
     page: Pages = PageOptions(),
 ) -> None:
     """From recorded stops to the physics that their validation concealed; two minutes at the very first run, then half of one.

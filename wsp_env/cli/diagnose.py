@@ -20,6 +20,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from wsp_env.cli.folder import make_campaign
+from wsp_env.cli.out import OutFolder
 from wsp_env.cli.pages import Pages
 from wsp_env.cli.workers import WorkersOption, executor_of
 from wsp_env.diagnosis.creep_curves import CreepDiagnosis
@@ -45,7 +46,7 @@ _REPORT_EVERY = 0.1  # share of the whole after which progress is reported to a 
 def main(
     campaigns: tyro.conf.Positional[tuple[Path, ...]],
     /,
-    out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("out/diagnosis"),
+    out: OutFolder = Path("out/diagnosis"),
     effort: float = 1.0,
     seed: int = 0,
     workers: int = os.cpu_count() or 1,

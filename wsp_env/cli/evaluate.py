@@ -17,6 +17,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from wsp_env.cli.out import OutFolder
 from wsp_env.cli.pages import Pages
 from wsp_env.cli.plant_options import PhysicsOptions
 from wsp_env.cli.workers import WorkersOption, executor_of
@@ -89,7 +90,7 @@ def main(
     stops: Annotated[ProgrammeOptions, tyro.conf.arg(name="")] = ProgrammeOptions(),
     workers: WorkersOption = Workers(),
     plant: Annotated[PhysicsOptions, tyro.conf.arg(name="")] = PhysicsOptions(),
-    out: Path = Path("out/evaluate"),
+    out: OutFolder = Path("out/evaluate"),
     page: Pages = PageOptions(),
     json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
 ) -> None:

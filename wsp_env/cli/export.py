@@ -6,6 +6,7 @@ from typing import Annotated
 
 import tyro
 
+from wsp_env.cli.out import OutFile, OutFolder
 from wsp_env.export.fmu import write_fmu
 from wsp_env.export.make import make_unit, write_c, write_template
 from wsp_env.export.plant import PlantOptions
@@ -33,7 +34,7 @@ class C:
     """How the plant is run."""
     single: tyro.conf.FlagCreatePairsOff[bool] = False
     """Floats in place of doubles."""
-    out: Path = Path("out/export")
+    out: OutFolder = Path("out/export")
     """Folder of the files."""
 
     def unit(self) -> Unit:
@@ -53,7 +54,7 @@ class C:
 class Fmu(C):
     """Write an FMU for co-simulation, FMI 2.0 or 3.0, with its source and a binary for this machine."""
 
-    out: Path = Path("out/wsp.fmu")
+    out: OutFile = Path("out/wsp.fmu")
     """The file."""
     fmi: int = 2
     """Version, 2 or 3."""
@@ -71,7 +72,7 @@ class Fmu(C):
 class Template:
     """Write the header and a template of a WSP of one's own in C."""
 
-    out: Path = Path("my_wsp")
+    out: OutFolder = Path("my_wsp")
     """Folder of the files."""
 
     def run(self) -> None:

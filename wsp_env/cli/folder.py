@@ -36,10 +36,13 @@ def make_campaign(folder: Path, vehicle: str, out: Path | None, console: Console
     Raises
     ------
     CampaignError
-        where no stop is found, or a campaign.toml is there already
+        where no stop is found, a campaign.toml is there already, or `out` has another name
 
     """
     file = out or folder / "campaign.toml"
+    if file.name != "campaign.toml":
+        right = (file if file.is_dir() else file.parent) / "campaign.toml"
+        raise CampaignError(f"{file}: the file of a campaign is called campaign.toml; name {right} with --out")
     if file.exists():
         raise CampaignError(f"{file} exists already; name another file with --out, or remove it")
     known = of_vehicle(find_vehicle(vehicle)) if vehicle else {}

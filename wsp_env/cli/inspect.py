@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 
 from wsp_env.cli.folder import make_campaign, pictured
+from wsp_env.cli.out import OutFile
 from wsp_env.cli.pages import Pages
 from wsp_env.output import ready, write_text
 from wsp_env.parameters.quantity import ParameterError
@@ -22,7 +23,7 @@ _WIDTH = 160  # of the table in a file or a pipe
 def main(
     file: tyro.conf.Positional[Path],
     /,
-    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+    out: Annotated[OutFile | None, tyro.conf.arg(metavar="FILE")] = None,
     vehicle: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "",
     page: Pages = PageOptions(),
 ) -> None:

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress
 
+from wsp_env.cli.out import OutFolder
 from wsp_env.cli.pages import Pages
 from wsp_env.cli.plant_options import PlantOptions
 from wsp_env.cli.workers import WorkersOption, executor_of
@@ -66,7 +67,7 @@ def main(
     braked: Annotated[BrakedOptions, tyro.conf.arg(name="")] = BrakedOptions(),
     plant: Annotated[PlantOptions, tyro.conf.arg(name="")] = PlantOptions(),
     workers: WorkersOption = Workers(),
-    out: Path = Path("out/replay"),
+    out: OutFolder = Path("out/replay"),
     page: Pages = PageOptions(),
     json_: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
 ) -> None:

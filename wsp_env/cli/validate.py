@@ -7,6 +7,7 @@ from typing import Annotated
 
 import tyro
 
+from wsp_env.cli.out import OutFile
 from wsp_env.cli.pages import Pages
 from wsp_env.output import ready
 from wsp_env.parameters.quantity import ParameterError
@@ -24,7 +25,7 @@ _WIDTH = 160  # of tables in a file or a pipe
 def main(
     campaign: tyro.conf.Positional[Path],
     /,
-    out: Annotated[Path, tyro.conf.arg(metavar="FILE")] = Path("out/validation.html"),
+    out: OutFile = Path("out/validation.html"),
     as_json: Annotated[bool, tyro.conf.arg(name="json"), tyro.conf.FlagCreatePairsOff] = False,
     fixed_mu_cd: tyro.conf.FlagCreatePairsOff[bool] = False,
     controller: str = "",
