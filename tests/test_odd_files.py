@@ -132,6 +132,12 @@ def points_at_thousands(folder, columns):
     (folder / "a.csv").write_text(text_of({name: list(map(german, values)) for name, values in columns.items()}, ";"))
 
 
+def commas_in_quotes(folder, columns):
+    """Commas between the cells and, in quotes, within them; lines on the test before."""
+    table = {name: [f'"{value}"'.replace(".", ",") for value in values] for name, values in rounded(columns).items()}
+    (folder / "a.csv").write_text("Messfahrt 1\n" + text_of(table))
+
+
 def one_name_in_two_groups(folder, columns):
     """A signal recorded at two rates: https://github.com/danielhrisca/asammdf/issues/8."""
     import asammdf
@@ -192,8 +198,8 @@ def lines_on_the_device(folder, columns):
 
 ODD = [
     missing_wheel, dead_wheel, each_at_its_rate, matlab_structure, wide_text, returns_only, times_of_day, code_page_850,
-    names_of_its_own, sixty_channels, lines_ended_twice, points_at_thousands, one_name_in_two_groups, union_of_clocks,
-    delimiters_at_the_end, unit_of_the_time_alone, words_for_a_value, lines_on_the_device,
+    names_of_its_own, sixty_channels, lines_ended_twice, points_at_thousands, commas_in_quotes, one_name_in_two_groups,
+    union_of_clocks, delimiters_at_the_end, unit_of_the_time_alone, words_for_a_value, lines_on_the_device,
 ]  # fmt: skip
 
 

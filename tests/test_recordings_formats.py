@@ -194,6 +194,17 @@ def test_quoted_and_padded_numbers_are_read(tmp_path, columns):
     assert_allclose(run.brake_torque_nm[:, 3], columns["axle4_brake_torque_nm"])
 
 
+def test_what_is_in_quotes_is_one_cell(tmp_path):
+    """Commas in quotes are no separators, points in such numbers part thousands, and a short line counts for nothing."""
+    (tmp_path / "a.csv").write_text('t,n,note\n"0,5","1.234,5","a, b"\n1,"1.234",\n"1,5","7"\n')
+    found = readers.open_file(tmp_path / "a.csv").read(["t", "n"])
+    assert_allclose(found["t"].values, [0.5, 1.0, np.nan])
+    assert_allclose(found["n"].values, [1234.5, 1234.0, np.nan])
+    (tmp_path / "b.csv").write_text('t,n\n"0,5","1,5"\n"1,0","1,6","2,5"\n')
+    with pytest.raises(CampaignError, match="line 3 has 3 cells, the header 2"):
+        readers.open_file(tmp_path / "b.csv").read(["t", "n"])
+
+
 def test_units_stated_in_the_file_are_used(tmp_path, columns):
     table = columns | {"v [km/h]": 3.6 * columns["vehicle_speed_mps"]}
     del table["vehicle_speed_mps"]

@@ -1,4 +1,4 @@
-"""Recordings as text: CSV with commas, semicolons or tabs, and decimal commas with the latter two.
+"""Recordings as text: CSV with commas, semicolons or tabs, and decimal commas with the latter two or in quotes.
 
 Before the line of names there may be lines on the test, and after it one line of units, as many loggers write them.
 """
@@ -52,9 +52,10 @@ class Csv(ChannelFile):
             raise CampaignError(f"{file} is empty or no CSV table: its first line is not text")
         if twice := sorted({name for name in named if named.count(name) > 1}):
             raise CampaignError(f"{file}: two columns are called {', '.join(map(repr, twice))}; give each a name of its own")
-        body = "\n".join(lines[self._skip :])
-        commas, points = (len(re.findall(rf"\d{mark}\d", body)) for mark in (",", r"\."))
-        self._decimal_comma = self._separator != "," and commas > points
+        cells = [cell for line in lines[self._skip :] for cell in _cells(line, self._separator)]
+        commas, points = (len(re.findall(rf"\d{mark}\d", "\n".join(cells))) for mark in (",", r"\."))
+        self._decimal_comma = commas > points
+        self._is_quoted = any(self._separator in cell for cell in cells)  # else a quote is a sign like any other
         self.first_line = self._skip + 1
         stated = layout.units or [""] * len(self._names)
         first = _cells(lines[self._skip], self._separator) if self._skip < len(lines) else []
@@ -72,7 +73,8 @@ class Csv(ChannelFile):
         if frame.height == 0:
             raise CampaignError(f"{self.file} is empty: it has a header but no samples")
         short = self._short(frame.height) if frame[last].null_count() else np.zeros(0, dtype=bool)
-        unread = [name for name in names if frame[name].null_count()]
+        quoted_commas = self._is_quoted and self._decimal_comma
+        unread = [name for name in names if quoted_commas or frame[name].null_count()]
         if unread:  # a number in quotes or blanks, a text, an empty cell, a short line
             text = self._scan(dict.fromkeys(self._names, pl.String), sorted(unread, key=self._names.index))
             frame = frame.with_columns(_numbers(text[name], self._decimal_comma) for name in unread)
@@ -96,8 +98,8 @@ class Csv(ChannelFile):
                 schema=schema,
                 columns=[self._names.index(name) for name in names],
                 separator=self._separator,
-                decimal_comma=self._decimal_comma,
-                quote_char=None,
+                decimal_comma=self._decimal_comma and self._separator != ",",
+                quote_char='"' if self._is_quoted else None,
                 ignore_errors=True,
                 encoding="utf8-lossy",
             )
@@ -112,23 +114,25 @@ class Csv(ChannelFile):
     def _short(self, rows: int) -> np.ndarray:
         """Return which rows (rows,) have fewer cells than the header."""
         short: np.ndarray = np.zeros(rows, dtype=bool)
-        separators, separator = len(self._names) - 1, self._separator.encode()
         with self._open() as stream:
             for row, line in enumerate(stream, start=-self._skip):
-                if 0 <= row < rows and line.count(separator) < separators:
+                if 0 <= row < rows and self._width(line) < len(self._names):
                     short[row] = True
         return short
+
+    def _width(self, line: bytes) -> int:
+        """Return the number of cells of a line."""
+        if self._is_quoted:
+            return len(_cells(line.decode(errors="replace"), self._separator))
+        return line.count(self._separator.encode()) + 1
 
     def _long_line(self) -> str:
         """Say which line has more cells than the header."""
         cells = len(self._names)
-        separator = self._separator.encode()
         with self._open() as stream:
             for number, line in enumerate(stream, start=1):
-                if number > self._skip and line.count(separator) >= cells:
-                    return (
-                        f"line {number} has {line.count(separator) + 1} cells, the header {cells}; correct or remove that line"
-                    )
+                if number > self._skip and (width := self._width(line)) > cells:
+                    return f"line {number} has {width} cells, the header {cells}; correct or remove that line"
         return ""
 
 
@@ -146,7 +150,7 @@ def _layout(lines: list[str]) -> _Layout:
         separator = _separator(lines[numbers])
         for number in range(first, numbers):
             cells = _cells(lines[number], separator)
-            as_many = lines[numbers].count(separator) + 1 == len(cells) or _ends_open(lines[numbers], separator, len(cells))
+            as_many = len(_cells(lines[numbers], separator)) == len(cells) or _ends_open(lines[numbers], separator, len(cells))
             if as_many and all(cells[:-1]):
                 header = number
                 break
@@ -179,7 +183,8 @@ def _cells(line: str, separator: str) -> list[str]:
 
 def _ends_open(line: str, separator: str, cells: int) -> bool:
     """Whether a line ends in one separator more than it needs for so many cells."""
-    return line.count(separator) == cells and not line.rsplit(separator, 1)[1].strip()
+    found = _cells(line, separator)
+    return len(found) == cells + 1 and not found[-1]
 
 
 def _units(line: str, separator: str, columns: int) -> list[str]:
