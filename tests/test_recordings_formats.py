@@ -291,6 +291,22 @@ def test_channels_at_other_rates_come_to_one_clock(tmp_path, columns):
     assert tune(campaign).tau_m_per_J == pytest.approx(2e-4, rel=0.05)
 
 
+@pytest.mark.parametrize("suffix", [".mat", ".parquet"])
+@pytest.mark.parametrize("share", [0.01, 0.5, 0.99])
+def test_a_file_whose_end_is_missing_is_refused_with_what_to_do(tmp_path, columns, suffix, share):
+    import scipy.io
+
+    file = tmp_path / f"A1{suffix}"
+    if suffix == ".mat":
+        scipy.io.savemat(file, columns)
+    else:
+        pl.DataFrame(columns).write_parquet(file)
+    whole = file.read_bytes()
+    file.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(CampaignError, match="export it again"):
+        readers.open_file(file)
+
+
 @pytest.mark.parametrize("suffix", [".mf4", ".mat", ".parquet", ".xyz", ".csv"])
 @pytest.mark.parametrize("content", [b"", b"\x00" * 2000, b"MDF     4.10    " + b"\xff" * 3000, b"MATLAB 7.3" + b" " * 900])
 def test_files_that_are_none(tmp_path, suffix, content):

@@ -11,6 +11,7 @@ from typing import Any
 from wsp_env.recordings.errors import CampaignError
 from wsp_env.recordings.readers.apart import Apart
 from wsp_env.recordings.readers.channel_file import ChannelFile
+from wsp_env.recordings.readers.third_party import AGAIN
 
 #: Suffixes of files -> module of this package that reads them.
 FORMATS = {
@@ -52,7 +53,7 @@ def open_file(file: Path) -> ChannelFile:
     reader = readers[suffix]
     opened: ChannelFile = Apart(file, reader) if reader in NATIVE else _module(reader).open_file(file)
     if not opened.units:
-        raise CampaignError(f"{file} holds no channels")
+        raise CampaignError(f"{file} holds no channels: no vector of numbers is in it, or its end is missing; {AGAIN}")
     if len(opened.units) > MOST_CHANNELS:
         raise CampaignError(f"{file} has {len(opened.units)} channels, more than {MOST_CHANNELS}: export those of a stop only")
     return opened

@@ -7,6 +7,7 @@ import polars as pl
 
 from wsp_env.recordings.errors import CampaignError, first_line
 from wsp_env.recordings.readers.channel_file import ChannelFile, Samples
+from wsp_env.recordings.readers.third_party import AGAIN
 from wsp_env.recordings.units import stated_unit
 
 #: What polars raises for a damaged file; in about one of a thousand it panics, which is no `Exception`.
@@ -20,8 +21,8 @@ class Parquet(ChannelFile):
         try:
             names = list(pl.read_parquet_schema(file))
         except _UNREADABLE as error:
-            hint = "" if _begins_as_parquet(file) else "; if it is text, give it a name that ends in .csv"
-            raise CampaignError(f"{file} is empty or no Parquet table: {first_line(error)}{hint}") from None
+            remedy = AGAIN if _begins_as_parquet(file) else "if it is text, give it a name that ends in .csv"
+            raise CampaignError(f"{file} is empty or no Parquet table: {first_line(error)}; {remedy}") from None
         super().__init__(file, {name: stated_unit(name) for name in names})
 
     def read(self, names: list[str]) -> dict[str, Samples]:
@@ -29,7 +30,7 @@ class Parquet(ChannelFile):
         try:
             frame = pl.read_parquet(self.file, columns=names)
         except _UNREADABLE as error:
-            raise CampaignError(f"{self.file} cannot be read: {first_line(error)}") from None
+            raise CampaignError(f"{self.file} cannot be read: {first_line(error)}; {AGAIN}") from None
         if frame.height == 0:
             raise CampaignError(f"{self.file} is empty: it has columns but no samples")
         return {name: Samples(_floats(frame.drop_in_place(name))) for name in names}

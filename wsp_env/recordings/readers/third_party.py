@@ -18,6 +18,9 @@ from numpy.typing import ArrayLike
 
 from wsp_env.recordings.errors import CampaignError, first_line
 
+#: What to do about a damaged file.
+AGAIN = "copy it again from where it was recorded, or export it again"
+
 
 def vector(file: Path, name: str, values: ArrayLike) -> np.ndarray:
     """Return the samples of a channel as floats (n,), masked ones as nan; `CampaignError` for samples that are no numbers."""
@@ -54,4 +57,4 @@ def one_sentence(file: Path, what: str) -> Iterator[None]:
     finally:
         sys.unraisablehook = hook
     if problem:
-        raise CampaignError(f"{file} is damaged or not {what}: {problem}")
+        raise CampaignError(f"{file} is damaged or not {what}: {problem}; {AGAIN}")
