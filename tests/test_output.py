@@ -140,6 +140,13 @@ def test_a_folder_is_refused_where_a_file_is_written(command, capsys):
     assert said == "wsp: --out new/ names a folder, but this command writes a file; name a file in it with --out\n"
 
 
+@pytest.mark.parametrize("option", [["--output", "x"], ["--output=x"]])
+def test_who_writes_output_is_told_the_name_of_the_option(option, capsys):
+    with pytest.raises(SystemExit):
+        main(["diagnose", "x", *option])
+    assert "commands that write files take --out, not --output" in capsys.readouterr().err
+
+
 def kept(stops=2):
     values = {name: np.zeros(stops) for name in results._EACH_STOP}
     return values | {name: np.zeros((5, stops)) for name in results._KEYS if name not in values}

@@ -68,6 +68,10 @@ def _run(name: str, *rest: str) -> int:
             warnings.simplefilter("always", CampaignWarning)
             warnings.showwarning = _warned
             tyro.cli(command, prog=f"wsp {name}", args=rest)
+    except SystemExit:
+        if "--output" in (word.partition("=")[0] for word in rest):  # too unlike "--out" for tyro to propose it
+            print("wsp: commands that write files take --out, not --output", file=sys.stderr)
+        raise
     except (ParameterError, CampaignError, OutputError, ClusterError, ModuleNotFoundError) as error:  # the last: no extra
         return _failed(str(error))
     except BrokenPipeError:  # nobody reads on, as in `wsp ... | head`
