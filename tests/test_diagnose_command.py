@@ -42,6 +42,12 @@ def test_a_file_in_place_of_the_folder_is_refused_before_the_work(below, tmp_pat
     assert file.read_text(encoding="utf-8") == "kept"
 
 
+def test_the_help_says_how_many_folders(capsys):
+    with pytest.raises(SystemExit):
+        main(["diagnose", "--help"])
+    assert "wsp diagnose [-h] [OPTIONS] FOLDER [FOLDER ...]" in capsys.readouterr().out
+
+
 def test_an_answer_does_without_its_page_where_plotly_is_missing(tmp_path, capsys):
     earlier = tmp_path / "report.html"
     earlier.write_text("of an earlier answer", encoding="utf-8")

@@ -44,7 +44,7 @@ _REPORT_EVERY = 0.1  # share of the whole after which progress is reported to a 
 
 
 def main(
-    campaigns: tyro.conf.Positional[tuple[Path, ...]],
+    campaigns: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER [FOLDER ...]")],
     /,
     out: OutFolder = Path("out/diagnosis"),
     effort: float = 1.0,
