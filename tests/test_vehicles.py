@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import warnings
 
 import gymnasium as gym
 import numpy as np
@@ -262,7 +263,8 @@ def test_axle_positions_that_do_not_rise_are_refused(tmp_path, monkeypatch, plac
 def test_the_campaigns_own_vehicle_brakes_whatever_has_as_many_axles(tmp_path, monkeypatch):
     campaign = campaign_of(tmp_path / "c", 4, monkeypatch, "axle_positions_m = [1.0, 2.8, 9.0, 10.8]")
     monkeypatch.setitem(VEHICLES, "wagon", dataclasses.replace(COACH, name="wagon", brake=dataclasses.replace(COACH.brake)))
-    braked = Task(conditions=conditions(campaign)).make_vehicle("bogie")
+    with pytest.warns(UserWarning, match="vehicle of the conditions brakes, with 4 axles, and not the bogie"):
+        braked = Task(conditions=conditions(campaign)).make_vehicle("bogie")
     assert braked.axle_positions_m == pytest.approx((0.0, 1.8, 8.0, 9.8))
     assert braked.name == "synthetic"
     slow = dataclasses.replace(COACH, brake=dataclasses.replace(COACH.brake, dead_time_s=0.2))
@@ -322,9 +324,14 @@ def test_the_vehicle_of_a_model_is_braked_with(tmp_path):
 
 def test_the_vehicle_of_a_model_goes_before_the_ids_and_a_named_one_before_both(tmp_path):
     path = model_file(tmp_path)
-    assert gym.make("wsp_env/Bogie-v1", model=path).unwrapped.batch.vehicle.axles == 4
-    assert gym.make("wsp_env/Train-v1", model=path, coaches=3).unwrapped.batch.vehicle.mass_kg == 156_000.0
-    named = gym.make("wsp_env/Bogie-v1", model=path, vehicle="bogie").unwrapped.batch.vehicle
+    with pytest.warns(
+        UserWarning, match=r"model\.json brakes, with 4 axles, and not the bogie .* vehicle='bogie' brakes the bogie"
+    ):
+        assert gym.make("wsp_env/Bogie-v1", model=path).unwrapped.batch.vehicle.axles == 4
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert gym.make("wsp_env/Train-v1", model=path, coaches=3).unwrapped.batch.vehicle.mass_kg == 156_000.0
+        named = gym.make("wsp_env/Bogie-v1", model=path, vehicle="bogie").unwrapped.batch.vehicle
     assert named == dataclasses.replace(BOGIE, contact=dataclasses.replace(BOGIE.contact, kinetic_friction_r=0.3))
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -176,7 +177,10 @@ class Task:
         return read_model(self.model) if self.model else None
 
     def make_vehicle(self, name: str) -> Vehicle:
-        """Return what brakes: the vehicle of that name, or what `model`, `conditions` and `vehicle` say; `coaches` of it."""
+        """Return what brakes: the vehicle of that name, or what `model`, `conditions` and `vehicle` say; `coaches` of it.
+
+        Warns where a model or conditions bring a vehicle with another number of axles.
+        """
         replayed = dict(self.conditions.get("vehicle", {}))
         if isinstance(self.vehicle, str):
             vehicle = find_vehicle(self.vehicle)
@@ -186,6 +190,13 @@ class Task:
             vehicle = find_vehicle(name)
             vehicle = self.modelled.own_vehicle(vehicle) if self.modelled else vehicle
         vehicle = replace(vehicle, replayed, "conditions: vehicle parameter")
+        if not isinstance(self.vehicle, str) and vehicle.axles != find_vehicle(name).axles:
+            whose = "the conditions" if replayed else f"model {self.model}"
+            warnings.warn(
+                f"the vehicle of {whose} brakes, with {vehicle.axles} axle{'s' * (vehicle.axles > 1)}, and not the {name} of "
+                f"the environment's id; vehicle={name!r} brakes the {name} under the same law",
+                stacklevel=2,
+            )
         values = {} if isinstance(self.vehicle, str) else self.vehicle
         return train(find_vehicle(values, vehicle), self.coaches)
 
