@@ -37,20 +37,27 @@ def test_the_command_compares(tmp_path, capsys):
     assert cli.main(["compare", "--tau", "0"]) == 2
 
 
-@pytest.mark.parametrize(
-    "code",
-    [
-        "import os\n\nos._exit(3)\n",
-        "import os\n\n\nclass Dies:\n    def reset(self, n, vehicle):\n        os._exit(3)\n\n"
-        "    def act(self, seen):\n        pass\n",
-    ],
-    ids=["loaded", "begun"],
-)
+DIES = """\
+import os
+
+
+class Dies:
+    def reset(self, n, vehicle):
+        os._exit(3)
+
+    def act(self, seen):
+        pass
+"""
+
+
+@pytest.mark.parametrize("code", ["import os\n\nos._exit(3)\n", DIES], ids=["loaded", "begun"])
 def test_a_controller_that_ends_its_process_is_named(code, tmp_path, capsys):
     file = tmp_path / "[" / "bold].py"  # no markup
     file.parent.mkdir()
     file.write_text(code)
     page = tmp_path / "compare.html"
     assert cli.main(["compare", "--controller", f"{file}:Dies", "--vehicle", "wheelset", "--out", str(page)]) == 2
-    assert f"{file}:Dies: ended the process it ran in, twice" in capsys.readouterr().err
+    why = "ended the process it ran in, twice" if code == DIES else "it calls os._exit(3)"
+    assert f"{file}:Dies" in (said := capsys.readouterr().err)
+    assert why in said
     assert not page.exists()

@@ -97,6 +97,20 @@ def test_a_file_that_never_ends_is_not_waited_for(tmp_path, monkeypatch):
         load(str(tmp_path / "endless.py"))
 
 
+@pytest.mark.parametrize(
+    "code",
+    ["import os\n\nos._exit(3)\n", "from os import _exit\n\n\nclass Dies:\n    def __init__(self):\n        _exit(3)\n\n"
+     "    def reset(self, n, vehicle):\n        pass\n\n    def act(self, seen):\n        pass\n"],
+    ids=["loaded", "made"],
+)  # fmt: skip
+def test_a_file_that_ends_the_process_is_refused(tmp_path, code):
+    (tmp_path / "dies.py").write_text(code)
+    end = os._exit
+    with pytest.raises(ParameterError, match=r"it calls os\._exit\(3\); a controller must not end its process"):
+        load(str(tmp_path / "dies.py"))
+    assert os._exit is end
+
+
 def task(what):
     """Do what a controller may do in its process."""
     if what == "dies":

@@ -178,6 +178,14 @@ def test_command_brakes_in_closed_loop(demo, tmp_path, capsys, monkeypatch):
     assert "never sample by sample" in page.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
+def test_a_controller_that_ends_its_process_is_named(tmp_path):
+    file = tmp_path / "dies.py"
+    file.write_text("class Dies:\n    def reset(self, n, vehicle):\n        __import__('os')._exit(3)\n\n    act = reset\n")
+    with pytest.raises(SystemExit, match=r"dies\.py failed: ended the process it ran in, twice"):
+        main(["validate", str(demo_campaign()), "--controller", str(file), "--json"])
+
+
 def test_controllers_that_cannot_brake_here(tmp_path, capsys):
     assert main(["validate", str(demo_campaign()), "--controller", "rule-based", "--fixed-mu-cd"]) == 2
     assert "leave out --fixed-mu-cd" in capsys.readouterr().err

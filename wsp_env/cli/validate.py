@@ -9,6 +9,7 @@ import tyro
 
 from wsp_env.cli.out import OutFile
 from wsp_env.cli.pages import Pages
+from wsp_env.executor import Processes
 from wsp_env.output import ready
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import Campaign, read_campaign
@@ -99,7 +100,7 @@ def _closed_loop(campaign: Campaign, controller: str, smoothing: Smoothing) -> d
     """Let the controller brake under each run's conditions; as fast as the recorded stops are compared."""
     from wsp_env.evaluation.replay import RECORDED, replay
 
-    result = replay(campaign, {controller: {}}, smoothing=smoothing)
+    result = replay(campaign, {controller: {}}, smoothing=smoothing, executor=Processes(1))
     for message in result.failures.values():
         sys.exit(f"wsp: {controller} failed: {message}")
     slips = {(c.stop, c.who): c.slip_mps[c.speed_mps > smoothing.least_speed_mps] for c in result.courses}

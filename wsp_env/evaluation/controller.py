@@ -9,11 +9,13 @@ import contextlib
 import dataclasses
 import importlib
 import importlib.util
+import os
 import sys
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, NoReturn, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -131,7 +133,7 @@ def _is_number(value: object) -> bool:
 
 def _made(name: str, made: object, *parameters: object) -> object:
     try:
-        with limited(LOADING_LIMIT_S):
+        with limited(LOADING_LIMIT_S), _staying():
             return made(*parameters) if isinstance(made, type) else made
     except TookTooLongError:
         raise ParameterError(f"controller {name!r} {_TOO_LONG}") from None
@@ -150,7 +152,7 @@ def _module(name: str, place: str) -> ModuleType:
         module = importlib.util.module_from_spec(spec)
         sys.modules[spec.name] = module  # dataclasses look their module up there
         try:
-            with _beside(path), limited(LOADING_LIMIT_S):
+            with _beside(path), limited(LOADING_LIMIT_S), _staying():
                 spec.loader.exec_module(module)
         except TookTooLongError:
             raise ParameterError(f"controller {name!r}: {place} {_TOO_LONG}") from None
@@ -166,6 +168,23 @@ def _module(name: str, place: str) -> ModuleType:
             f"controller {name!r} was not found ({error}); valid: {', '.join(SHORT_NAMES)}, package.module:Class, "
             "file.py:Class, the folder of a policy"
         ) from None
+
+
+@contextlib.contextmanager
+def _staying() -> Iterator[None]:
+    """Make an error of os._exit in this thread, which would end the process without a word."""
+    end, here = os._exit, threading.get_ident()
+
+    def refuse(status: int) -> NoReturn:
+        if threading.get_ident() != here:  # that of `wsp_env.child`, whose parent is gone
+            end(status)
+        raise SystemExit(f"it calls os._exit({status}); a controller must not end its process")
+
+    os._exit = refuse
+    try:
+        yield
+    finally:
+        os._exit = end
 
 
 @contextlib.contextmanager
