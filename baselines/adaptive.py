@@ -17,7 +17,7 @@ from wsp_env.observer.guard import Guard
 from wsp_env.observer.observation import Memory, Observer, ObserverConstants, constants_of, memory_of
 from wsp_env.observer.worth import believe, slip_worth_its_price, weights_of
 from wsp_env.parameters.quantity import ParameterError, quantity
-from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.parameters.vehicle import Vehicle, check_vehicle
 from wsp_env.plant.command import APPLIES, HOLDS, VENTS
 from wsp_env.plant.port import Measurement
 
@@ -86,6 +86,7 @@ class AdaptiveController:
 
     def reset(self, n: int, vehicle: Vehicle) -> None:
         """Begin n new stops."""
+        check_vehicle(vehicle)
         self._vehicle = vehicle
         self._first: Measurement | None = None
         self._begun = False

@@ -14,7 +14,7 @@ import numpy as np
 from baselines.reference_speed import ReferenceParameters, ReferenceSpeed
 from baselines.safety_timer import SafetyParameters, SafetyTimer
 from wsp_env.parameters.quantity import quantity
-from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.parameters.vehicle import Vehicle, check_vehicle
 from wsp_env.plant.command import APPLIES, VENTS
 from wsp_env.plant.port import Measurement
 
@@ -97,6 +97,7 @@ class RuleBasedWSP:
 
     def reset(self, n: int, vehicle: Vehicle) -> None:
         """Begin n new stops."""
+        check_vehicle(vehicle)
         shape = (n, vehicle.axles)
         self.wheels = ReferenceSpeed(self.parameters, n, vehicle)
         self._state = np.full(shape, APPLY)

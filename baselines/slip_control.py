@@ -11,7 +11,7 @@ import numpy as np
 from baselines.reference_speed import ReferenceParameters, ReferenceSpeed
 from baselines.safety_timer import SafetyParameters, SafetyTimer
 from wsp_env.parameters.quantity import quantity
-from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.parameters.vehicle import Vehicle, check_vehicle
 from wsp_env.plant.command import APPLIES, HOLDS, VENTS
 from wsp_env.plant.port import Measurement
 
@@ -48,6 +48,7 @@ class SlipController:
 
     def reset(self, n: int, vehicle: Vehicle) -> None:
         """Begin n new stops."""
+        check_vehicle(vehicle)
         shape = (n, vehicle.axles)
         self._brake = vehicle.brake
         self.wheels = ReferenceSpeed(self.parameters, n, vehicle)

@@ -1,6 +1,7 @@
 """What every controller must do, and the rules of the rule-based one."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from wsp_env.parameters.uic_z1 import BOGIE, COACH, WHEELSET
 from wsp_env.plant.port import Measurement, Stop
 
 INTERVAL_S = 0.02
+TRAINED = Path(__file__).parents[1] / "agents" / "trained"
 PROTECTING = [RuleBasedWSP, SlipController, ExtremumSeeker, AdaptiveController]
 
 
@@ -61,6 +63,12 @@ def test_short_names_give_controllers_with_checked_parameters(name):
     else:
         with pytest.raises(ParameterError, match="no parameters"):
             load(name, {"any": 1.0})
+
+
+@pytest.mark.parametrize("name", [*(name for name in SHORT_NAMES if name != "none"), str(TRAINED / "bogie")])
+def test_a_vehicles_name_is_no_vehicle(name):
+    with pytest.raises(ParameterError, match=r"vehicle = 'bogie' must be a Vehicle; .*find_vehicle"):
+        load(name).reset(1, "bogie")
 
 
 def slippery(vehicle):

@@ -11,7 +11,7 @@ import numpy as np
 
 from wsp_env.evaluation.isolated import DECISION_LIMIT_S, OPENING_LIMIT_S, Isolated, NativeError
 from wsp_env.parameters.quantity import ParameterError
-from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.parameters.vehicle import Vehicle, check_vehicle
 from wsp_env.plant.port import Measurement
 
 #: Files in native code, by their ending.
@@ -58,6 +58,7 @@ class NativeController:
 
     def reset(self, n: int, vehicle: Vehicle) -> None:
         """Begin n new stops of a vehicle."""
+        check_vehicle(vehicle)
         self._axles = vehicle.axles
         self._opened().ask({"do": "reset", "n": n, "vehicle": described(vehicle)}, OPENING_LIMIT_S)
 

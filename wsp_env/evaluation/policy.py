@@ -19,7 +19,7 @@ from wsp_env.observer.observation import Observer
 from wsp_env.parameters.document import DocumentError, read_json
 from wsp_env.parameters.quantity import ParameterError, number, shown
 from wsp_env.parameters.uic_z1 import VEHICLES
-from wsp_env.parameters.vehicle import Vehicle
+from wsp_env.parameters.vehicle import Vehicle, check_vehicle
 from wsp_env.plant.port import Measurement
 
 #: Version of the contract's form; another one is refused.
@@ -196,6 +196,7 @@ class Policy:
 
     def check(self, vehicle: Vehicle, interval_s: float, pressure_sensors: bool) -> None:
         """Raise `ParameterError` for another number of axles, another interval of measurements [s] or missing sensors."""
+        check_vehicle(vehicle)
         if vehicle.axles != self.contract.axles:
             raise ParameterError(
                 f"the policy is for the {self.contract.axles} axles of a {self.contract.vehicle}, the {vehicle.name} has "

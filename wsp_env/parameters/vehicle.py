@@ -123,6 +123,14 @@ class Vehicle(Checked):
 _FARTHEST_M = 5.0
 
 
+def check_vehicle(given: object) -> None:
+    """Raise `ParameterError` for what is no `Vehicle`, such as the name of one."""
+    if not isinstance(given, Vehicle):
+        raise ParameterError(
+            f"vehicle = {shown(given)} must be a Vehicle; wsp_env.parameters.vehicle_file.find_vehicle gives the one of a name"
+        )
+
+
 def _farthest(positions_m: tuple[float, ...]) -> float:
     """Return the largest distance of neighbours [m]; 0 of a single axle."""
     return max((behind - ahead for ahead, behind in itertools.pairwise(positions_m)), default=0.0)
