@@ -36,6 +36,7 @@ def main(
     """Tune on the tune group, score the validate group, simulate every stop with its recorded brake torque.
 
     With a controller, every stop also in closed loop under the recorded conditions, compared by the slide's statistics only.
+    What a diagnosis has found is not part of the law: wsp replay --model simulates the stops with it.
 
     Parameters
     ----------
