@@ -56,7 +56,9 @@ def _of_forces(balances: Replica, removed: np.ndarray, effect: np.ndarray) -> np
     """
     segment, acting = balances.rows.segment, removed.copy()
     for one in np.unique(segment[segment >= 0]):
-        acting[segment == one] = np.abs(np.gradient(effect[segment == one]))
+        mine = segment == one
+        if mine.sum() > 1:  # of a single row there is no rate
+            acting[mine] = np.abs(np.gradient(effect[mine]))
     return acting
 
 
