@@ -281,6 +281,16 @@ def test_two_stops_say_nothing_of_a_drift(campaign):
     assert "rail_drift" not in {one.name for one in variants(two)}
 
 
+def test_the_only_size_of_a_mechanism_of_the_contact_is_also_searched_at_its_typical_value(balances):
+    """Half the stiffness has another effect than a tenth less, five times; forces and places are searched as they were."""
+    steps = {}
+    for one in variants(balances):
+        steps.setdefault(one.name, set()).update(np.abs(one.moves()[:1]))
+    assert steps["initial_slope"] == {0.125, 0.5}
+    assert max(steps["flash_temperature"]) == 1e-3
+    assert all(len(steps[name]) == 1 for name in ("vehicle_mass", "adhesion_patch", "falling_friction") if name in steps)
+
+
 @pytest.fixture(scope="module")
 def replica(balances):
     return baseline(balances)

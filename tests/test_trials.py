@@ -35,7 +35,7 @@ def test_what_those_before_explain_better_is_no_merit_of_the_next(monkeypatch, o
     screen = SimpleNamespace(found=[seen], second={}, whitening=None)
     before = Fitted(switched(Model(2e-4, (0.06,)), GAIN, np.array([0.05])), (GAIN,), (), (), 0.0)
     with ThreadPoolExecutor(1) as pool:
-        ((one,),) = trials.trials_of(None, screen, before, None, pool, None)
+        ((one,),) = trials.trials_of(None, screen, before, None, pool)
     assert one.reduction == pytest.approx(2.0 * expected)
     assert one.evidence == pytest.approx(5.0 + expected - 5.0)
 
@@ -55,32 +55,33 @@ def test_a_refit_begins_where_the_way_to_the_linear_step_leaves_least(monkeypatc
     monkeypatch.setattr(trials, "net_effect", lambda *_: StopChange(0.02, 0.0))
     screen = SimpleNamespace(found=[found(GRADIENT, 5.0)], second={}, whitening=None)
     with ThreadPoolExecutor(1) as pool:
-        list(trials.trials_of(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None, pool, None))
+        list(trials.trials_of(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None, pool))
     assert begun[1] == pytest.approx(best)
 
 
-def test_the_next_are_refitted_only_when_they_are_asked_for(monkeypatch):
+def test_names_come_first_and_further_terms_only_when_they_are_asked_for(monkeypatch):
     """Delays take no place of another; they are tried with the first."""
-    names = ["sanding", "vehicle_mass", "wheelset_inertia", "pad_friction", "flash_temperature", "falling_friction"]
-    few = [found(Variant(name, GRADIENT.sizes, {}), 60.0 - i) for i, name in enumerate(names)]
+    names = [found(Variant(name, GRADIENT.sizes, {}), 20.0) for name in ("sanding", "vehicle_mass", "pad_friction")]
+    unnamed = [
+        found(Variant("discovered", ("coefficient_1",), {"slot_1": 0.0, "feature_1": float(i)}, (100.0,), f"by {i}"), 60.0 - i)
+        for i in range(trials.REFITTED + 2)
+    ]
     delays = [
         found(Variant(name, ("lag_s",), {}), evidence) for name, evidence in (("brake_delay", 70.0), ("wheel_speed_lag", -9.0))
     ]
     refitted = []
     monkeypatch.setattr(trials, "refit", lambda _, model, variants, __: Fitted(model, tuple(variants), (), (), 100.0))
-    best_fit = SimpleNamespace(
-        about=None, fitted=SimpleNamespace(model=None), variant=None, null_model=None, reduction=9.0, weights=None
-    )
-    for name in ("_fit_on_replica", "_fit_on_own_replica"):
-        monkeypatch.setattr(trials, name, lambda *said: refitted.append(said[-1].name) or best_fit)
+    best_fit = SimpleNamespace(fitted=SimpleNamespace(model=None), variant=None, null_model=None, reduction=9.0)
+    monkeypatch.setattr(trials, "_fit_on_replica", lambda *said: refitted.append(said[-1].name) or best_fit)
     monkeypatch.setattr(trials, "net_effect", lambda *_: StopChange(0.02, 0.0))
     monkeypatch.setattr(trials, "refined", lambda variant: variant)
-    screen = SimpleNamespace(found=[*few, *delays], second={}, whitening=None)
+    screen = SimpleNamespace(found=[*names, *unnamed, *delays], second={}, whitening=None)
     with ThreadPoolExecutor(1) as pool:
-        some = trials.trials_of(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None, pool, None)
-        assert {one.listed.name for one in next(some)} == {*names[:4], "brake_delay", "wheel_speed_lag"}
-        assert len(refitted) == 6
-        assert {one.listed.name for one in next(some)} == set(names[4:])
+        some = trials.trials_of(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None, pool)
+        first = {one.name for one in (*names, *unnamed[: trials.REFITTED], *delays)}
+        assert {one.listed.title for one in next(some)} == first
+        assert len(refitted) == len(first)
+        assert {one.listed.title for one in next(some)} == {one.name for one in unnamed[trials.REFITTED :]}
         assert next(some, None) is None
 
 
@@ -99,7 +100,7 @@ def test_terms_that_differ_only_in_their_axles_do_not_keep_others_from_a_trial(m
     screen = SimpleNamespace(found=[*groups, *others], second={}, whitening=None)
     accepted = Fitted(Model(2e-4, (0.06,)), (GAIN,), (), (), 100.0)
     with ThreadPoolExecutor(1) as pool:
-        (tried,) = trials.trials_of(None, screen, accepted, None, pool, None)
+        (tried,) = trials.trials_of(None, screen, accepted, None, pool)
     assert {one.listed.title for one in tried} == {groups[5].name, *(one.name for one in others)}
 
 
@@ -120,15 +121,6 @@ def test_of_a_term_that_follows_the_torque_only_what_no_late_brake_explains_coun
     assert [found[name].evidence for name in ("f", "brake_delay", "wheel_speed_lag")] == [80.0, late, 500.0]
 
 
-@pytest.mark.parametrize(("milliseconds", "deviation", "within"), [(5.0, 2.0, True), (9.0, 2.0, False), (-30.0, 1.0, False)])
-def test_a_time_below_a_sample_is_not_looked_at_further(milliseconds, deviation, within):
-    clock = Variant("clock_offset", ("offset_s",), {})
-    fitted = Fitted(None, (clock,), (np.array([1e-3 * milliseconds]),), (np.array([[1e-6 * deviation**2]]),), 0.0)
-    assert trials._in_a_sample(fitted, 0.01) == within
-    other = dataclasses.replace(fitted, variants=(GRADIENT,))
-    assert not trials._in_a_sample(other, 1e9)
-
-
 def test_a_form_at_its_end_is_left_for_one_that_is_not(monkeypatch):
     """A patch whose edges would be as long as they may be, though it fits best, is taken as it was searched."""
     patch = Variant("adhesion_patch", ("change",), {"start_m": 300.0, "length_m": 60.0, "edge_m": 1.0}, (-0.3,))
@@ -143,7 +135,7 @@ def test_a_form_at_its_end_is_left_for_one_that_is_not(monkeypatch):
     monkeypatch.setattr(trials, "cost", lambda *_: 0.0)
     one = dataclasses.replace(found(patch, 5.0), reduction=20.0)
     start = Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0)
-    tried = trials._fit_on_replica(None, None, start, None, one)
+    tried = trials._fit_on_replica(None, start, None, one)
     assert tried.variant.sizes == ("change",)
     assert tried.reduction == pytest.approx(20.0)
 
@@ -197,7 +189,7 @@ def test_where_a_replica_fits_worse_half_of_the_way_is_gone(monkeypatch):
 
 
 @pytest.mark.parametrize("truth", [0.0098, 0.0152, 0.031])
-def test_what_ran_away_settles_anew_from_the_share_that_fits_best_about_its_own_replica(monkeypatch, truth):
+def test_what_a_refit_has_lost_begins_at_the_share_that_fits_best_about_its_own_replica(monkeypatch, truth):
     """A gradient that the straight line puts at 20 per mille; the fit about a replica goes from there to a valley beside it."""
 
     def refit(replica, model, variants, _):
@@ -210,7 +202,7 @@ def test_what_ran_away_settles_anew_from_the_share_that_fits_best_about_its_own_
     monkeypatch.setattr(convergence, "replica_of", lambda _, model, __: model.choice[GRADIENT.name]["rise"])
     monkeypatch.setattr(convergence, "refit", refit)
     ran = Fitted(switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.02])), (GRADIENT,), (), (), 5000.0)
-    _, fitted = convergence.converge_rescaled(None, ran, GRADIENT, None)
+    fitted = convergence.rescaled(None, ran, GRADIENT, None, (0.5, 0.75, 1.25, 1.5))
     assert fitted.values[0][0] == pytest.approx(truth)
     assert fitted.cost == pytest.approx(100.0)
 

@@ -28,4 +28,4 @@ def found(variant: Variant, evidence: float) -> Found:
 def trial(variant: Variant, evidence: float, multiple: float = 2.0) -> Trial:
     size = StopChange(0.01 * multiple, 0.0)
     null_model = Model(2e-4, (0.06,))
-    return Trial(found(variant, evidence), variant, variant, None, evidence, null_model, 2.0 * evidence, size, 0.0, PLAIN, None)
+    return Trial(found(variant, evidence), variant, variant, None, evidence, null_model, 2.0 * evidence, size, 0.0)

@@ -21,6 +21,9 @@ _STEP = 0.25
 #: Further steps of a rolled distance (a memory) that are searched, as multiples of the first: the effect is nonlinear, and a
 #: step of one metre does not show the effect of ten metres.
 _FADING = (4.0, 16.0)
+#: The same for the only size of a mechanism of the contact: it is also searched at its typical value. Half the stiffness of the
+#: contact has another effect than a tenth less, five times.
+_BENDING = (1.0 / _STEP,)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,10 +89,14 @@ def variants(balances: Balances | Replica) -> Iterator[Variant]:
     for name, card in LIBRARY.items():
         if name not in closed:
             sizes = tuple(size.name for size in card.sizes if size.fitted)
-            fades = len(sizes) == 1 and parameter_of(name, sizes[0]).rolled
+            further: tuple[float, ...] = ()
+            if len(sizes) == 1 and parameter_of(name, sizes[0]).rolled:
+                further = _FADING
+            elif len(sizes) == 1 and card.signature.acts_on == "contact":
+                further = _BENDING
             for fixed in card.signature.variants(recorded):
                 yield Variant(name, sizes, fixed)
-                for ratio in _FADING if fades else ():
+                for ratio in further if not _located(name, fixed) else ():
                     yield Variant(name, sizes, fixed, (ratio * step(name, sizes[0]),))
 
 
@@ -117,10 +124,15 @@ def near(variant: Variant) -> Variant:
 
 def refined(variant: Variant) -> Variant:
     """Return the variant with the parameters that locate it (place, band, time) free as well."""
-    free = {name: value for name, value in variant.fixed.items() if parameter_of(variant.name, name).refit_step}
+    free = _located(variant.name, variant.fixed)
     fixed = {name: value for name, value in variant.fixed.items() if name not in free}
     steps = (*variant.moves(), *(step(variant.name, name) for name in free)) if variant.steps else ()
     return Variant(variant.name, (*variant.sizes, *free), fixed, steps, variant.family)
+
+
+def _located(mechanism: str, fixed: dict[str, float]) -> dict[str, float]:
+    """Return those of the fixed parameters that say where a mechanism acts, and that a refit may move."""
+    return {name: value for name, value in fixed.items() if parameter_of(mechanism, name).refit_step}
 
 
 def switched(model: Model, variant: Variant, values: np.ndarray) -> Model:

@@ -28,9 +28,6 @@ _CONTRACTION = 0.5
 #: Standard deviations of a sum of squares by which a model must fit worse on its own replica to count as diverged (assumption:
 #: by chance, this happens once in a thousand).
 _DIVERGED = 3.0
-#: Shares of a mechanism's size at which a diverged fit is restarted: with a nonlinear effect, the linear estimate about the
-#: baseline is too small or too large.
-_SHARES = (0.5, 0.75, 1.25, 1.5)
 #: Largest numbers of estimates of the nuisance sizes about the law alone, and of replicas under each of them.
 _SIZE_ESTIMATES, _LAW_REPLICAS = 2, 4
 #: Relative change of tau and mu_cd at which the law alone has converged: it moves a stop by some 0.1 % (assumption).
@@ -141,10 +138,8 @@ def largest_change(before: Fitted, after: Fitted) -> float:
     return float(np.abs(moves(before, after)).max())
 
 
-def converge_rescaled(
-    recorded: Balances, fitted: Fitted, variant: Variant, weights: Weights, shares: Sequence[float] = _SHARES
-) -> tuple[Replica, Fitted]:  # fmt: skip
-    """Iterate again, starting from the share of a mechanism's size on whose own replica the model fits best."""
+def rescaled(recorded: Balances, fitted: Fitted, variant: Variant, weights: Weights, shares: Sequence[float]) -> Fitted:
+    """Return a model fitted on that replica of its own, with a share of a mechanism's size, on which it fits best."""
     others = [one for one in fitted.variants if one is not variant]
     tried = []
     for share in shares:
@@ -152,7 +147,7 @@ def converge_rescaled(
         replica = replica_of(recorded, model, weights)
         tried.append((refit(replica, model, others, weights), replica))
     best, replica = min(tried, key=lambda one: one[0].cost)
-    return converge(recorded, refit(replica, best.model, fitted.variants, weights), weights)
+    return refit(replica, best.model, fitted.variants, weights)
 
 
 def _scaled(variant: Variant, values: np.ndarray, share: float) -> np.ndarray:

@@ -37,9 +37,9 @@ class Evidence:
 
     Parameters
     ----------
-    groups : nuisances; the last group counts as common, so that its posterior is available
     columns : (n, K) raw candidate columns
     base : (n,) raw residuals
+    last : whether the last group counts as common, so that its posterior is available
 
     """
 
@@ -49,8 +49,10 @@ class Evidence:
         whitening: Whitening,
         groups: Sequence[Group],
         base: np.ndarray,
-        columns: np.ndarray,
+        columns: np.ndarray | None = None,
+        last: bool = False,
     ) -> None:
+        columns = np.zeros((len(base), 0)) if columns is None else columns
         self.names = [group.name for group in groups]
         self.fixed = np.array([group.fixed for group in groups])
         self.most = np.array([group.most for group in groups])
@@ -66,7 +68,7 @@ class Evidence:
         white = whitened(groups, whitening, balances.rows.run)
         every = white.beside(np.column_stack([whitening(columns), whitening(base)]))
         self.nuisances = white.width
-        self.order = every.order(1 + columns.shape[1] + counts[-1])
+        self.order = every.order(1 + columns.shape[1] + (counts[-1] if last else 0))
         self.common = self.order.common[self.order.common < self.nuisances]  # nuisances of more than one run
         self._kind, self._parts = balances.rows.noise, every.parts(self.order)
         self.used = [k for k in range(len(NOISES)) if (self._kind == k).any()]

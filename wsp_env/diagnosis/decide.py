@@ -22,13 +22,7 @@ from wsp_env.diagnosis.form_errors import FormErrorThreshold
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.noise import NoiseParameters
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.retest import (
-    LARGE_CHANGE,
-    EqualTerms,
-    Retested,
-    converge_reweighted,
-    retest,
-)
+from wsp_env.diagnosis.retest import LARGE_CHANGE, Retested, Side, converge_reweighted, own_side, retest
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
 from wsp_env.diagnosis.structure import structured
 from wsp_env.diagnosis.trials import (
@@ -117,13 +111,13 @@ def select(
             break
         progress(f"refitting {len(accepted) + 1} of {MOST}")
         rejects = functools.partial(_is_rejected, replica, accepted, seen)
-        equal = EqualTerms(replica, seen, fitted, weights)
-        retest_trial = functools.partial(retest, replica, seen, weights, equal=equal)
+        here = Side(replica, seen, weights, seen.noise, (fitted.model, fitted.variants))
+        retest_trial = functools.partial(retest, here, seen)
         threshold = FormErrorThreshold(
             replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen
         )
-        batches = trials_of(replica, seen, fitted, weights, pool, equal.deviance)
-        best, rejected, trials = best_of(batches, rejects, retest_trial, equal, threshold, pool, not accepted)
+        batches = trials_of(replica, seen, fitted, weights, pool)
+        best, rejected, trials = best_of(batches, rejects, retest_trial, threshold, pool, not accepted)
         if best is None:
             left = left or [
                 one
@@ -141,8 +135,7 @@ def select(
         others = [one for one in trials if one.listed.title not in {*rejected, best.trial.listed.title}]
         sure = [one for one in others if log_odds(one.listed, one.evidence) > threshold(one)]
         searched = [one for one in seen.found if one.name not in rejected]
-        first_tried = next(one for one in trials if one.listed.title == best.trial.listed.title)
-        named = Accepted(best.trial, *posterior(_larger_evidence(best.trial, first_tried), others, searched), tuple(sure))
+        named = Accepted(best.trial, *posterior(best.trial, others, searched), tuple(sure))
         replica, fitted, accepted = _forward_step([*accepted, named], best, weights, seen)
         replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen)
         # The missing mechanism had enlarged all nuisances, and these had reduced its size: estimate both again.
@@ -216,20 +209,18 @@ def _exchanged(
         for better in sorted(tried, key=lambda rival: -rival.evidence):
             if better.evidence <= before + INDISTINCT or bool(better.listed.family) > bool(one.trial.listed.family):
                 break
-            retested = None if at_bound(better.variant, better.fitted.model) else retest(replica, seen, weights, better)
-            if retested is None or retested.suspended is not None:
+            if at_bound(better.variant, better.fitted.model):
+                continue
+            side = Side(replica, seen, weights, ReplicaNoise(replica, seen).noise, (rest.model, others))
+            retested = retest(side, seen, better)
+            if retested is None:
                 continue
             if log_odds(retested.trial.listed, retested.trial.evidence) > SURE:
                 kept = [other for other in accepted if other is not one]
                 others_tried = [*tried, dataclasses.replace(one.trial, evidence=before)]
-                named = Accepted(retested.trial, *posterior(_larger_evidence(retested.trial, better), others_tried, ()))
+                named = Accepted(retested.trial, *posterior(retested.trial, others_tried, ()))
                 return _sized(retested.replica, retested.trial.fitted, [*kept, named], seen)
     return replica, fitted, accepted
-
-
-def _larger_evidence(retested: Trial, tried: Trial) -> Trial:
-    """Return the trial with more evidence: competitors were also tried on the earlier, linear replica."""
-    return max(retested, tried, key=lambda one: one.evidence)
 
 
 def _sized(
@@ -244,15 +235,15 @@ def _backward_elimination(
     replica: Replica, accepted: list[Accepted], fitted: Fitted, seen: Screen
 ) -> tuple[list[Accepted], Fitted]:
     """Remove earlier mechanisms that are no longer sure with the last one present: the better of two names may come second."""
-    if len(accepted) < 2:
-        return accepted, fitted
-    weights = weights_of(replica, seen)
     for one in accepted[:-1]:
-        full = refit(replica, fitted.model, fitted.variants, weights)
-        others = [variant for variant in fitted.variants if variant is not one.trial.variant]
-        reduced = refit(replica, without(fitted.model, one.trial.variant), others, weights)
-        if log_odds(one.trial.listed, 0.5 * (reduced.cost - full.cost) - one.trial.penalty) <= SURE:
-            accepted, fitted = [other for other in accepted if other is not one], reduced
+        variant, weights = one.trial.variant, weights_of(replica, seen)
+        others = [other for other in fitted.variants if other is not variant]
+        reduced = refit(replica, without(fitted.model, variant), others, weights)
+        rest, left = own_side(replica, reduced, seen)
+        here = Side(replica, seen, weights, ReplicaNoise(replica, seen).noise)
+        both = [side.compare([fitted.model], variant, fitted.variants)[0] for side in (rest, here)]
+        if log_odds(one.trial.listed, 0.5 * min(both) - one.trial.penalty) <= SURE:
+            accepted, fitted, replica = [other for other in accepted if other is not one], left, rest.replica
     return accepted, fitted
 
 
@@ -262,12 +253,15 @@ def _is_rejected(replica: Replica, accepted: Sequence[Accepted], seen: Screen, t
 
 
 def _compensates(replica: Replica, trial: Trial, accepted: Sequence[Accepted], seen: Screen) -> bool:
-    """Whether a mechanism makes an earlier one grow by more than `GROWN`; a truly missing mechanism would not."""
+    """Whether a mechanism makes an earlier one grow by more than `GROWN`; a truly missing mechanism would not.
+
+    An earlier one that was too small to matter may grow as if it had just mattered: the missing one had hidden it.
+    """
 
     def size(model: Model, one: Accepted) -> float:
         return net_effect(replica, model, one.trial.variant, seen.whitening).multiple
 
-    return any(size(trial.fitted.model, one) > GROWN * size(trial.null_model, one) for one in accepted)
+    return any(size(trial.fitted.model, one) > GROWN * max(size(trial.null_model, one), MATTERS) for one in accepted)
 
 
 def posterior(best: Trial, trials: Sequence[Trial], found: Sequence[Found]) -> tuple[tuple[str, ...], float]:

@@ -52,7 +52,7 @@ def noise_of(
     """
     plain = replica.whitening(replica.about)
     groups = nuisances(replica, model, base, plain)
-    alone = Evidence(replica, plain, [*groups, *free], base, np.zeros((len(base), 0)))
+    alone = Evidence(replica, plain, [*groups, *free], base)
     if start is None:
         begin = alone.solve()
     else:
@@ -62,8 +62,10 @@ def noise_of(
     return Noise(groups, whitening, coefficients, Sizes(begin.groups[: len(groups)], begin.noise))
 
 
-def noise_from_parameters(parameters: NoiseParameters, replica: Replica, model: Model, base: np.ndarray) -> Noise:
-    """Return the normal variation of a model's residuals (n,) with sizes and colour that are known."""
+def noise_from_parameters(
+    parameters: NoiseParameters, replica: Replica, model: Model, base: np.ndarray, groups: tuple[Group, ...] = ()
+) -> Noise:
+    """Return the normal variation of a model's residuals (n,) with known sizes and colour, and `groups` if known."""
     plain = replica.whitening(replica.about)
     whitening = dataclasses.replace(plain, colour=slide_whitening(replica.rows, parameters.colour))
-    return Noise(nuisances(replica, model, base, plain), whitening, parameters.colour, parameters.sizes)
+    return Noise(groups or nuisances(replica, model, base, plain), whitening, parameters.colour, parameters.sizes)

@@ -17,7 +17,7 @@ from wsp_env.diagnosis.candidates import Candidate, Variant, columns, parameter_
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Evaluation, Model
 from wsp_env.diagnosis.interest import Compared, StopChange, only_sensors
-from wsp_env.diagnosis.noise import EM_UPDATES, NoiseParameters, noise_from_parameters, noise_of
+from wsp_env.diagnosis.noise import EM_UPDATES, Noise, NoiseParameters, noise_from_parameters, noise_of
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.triangular import inverse_of
 from wsp_env.diagnosis.variation import Group, Net, law_columns, segment_columns
@@ -68,6 +68,11 @@ class Screen:
     colour: np.ndarray  # (p,) autoregression of sliding wheels' rows
     found: tuple[Found, ...]  # best first
     second: Mapping[str, Found]  # the second-best variant of each name
+
+    @property
+    def noise(self) -> Noise:
+        """Normal variation about the model."""
+        return Noise(self.groups, self.whitening, self.colour, self.sizes)
 
     @property
     def noise_parameters(self) -> NoiseParameters:
@@ -172,15 +177,22 @@ def screen(
     # The small prior applies to all variants of a mechanism together.
     shares = _shares(named)
     every = [one.columns / one.scale * share for one, share in zip(named, shares, strict=True)]
-    small = Group("small mechanisms", law.net(np.column_stack([nothing, *every]))[0], SMALL, True)
+    small = Group("small mechanisms", _net_by_run(law, np.column_stack([nothing, *every]), replica.rows.run), SMALL, True)
     late = [parameter_of(one.variant.name, name).unit == "s" for one in named for name in one.variant.sizes]
     times = small._replace(columns=small.columns[:, np.array(late, dtype=bool)])
     terms = law.net(np.column_stack([nothing, *(one.columns / one.scale for one in unnamed)]))[0]
-    evidence = Evidence(replica, whitening, [*groups, free, small], base, terms)
+    evidence = Evidence(replica, whitening, [*groups, free, small], base, terms, last=True)
     sizes = evidence.solve(EM_UPDATES, Sizes(np.append(noise.sizes.groups, [1.0, 1.0]), noise.sizes.noise))
     found, second = _judged(evidence, sizes, named, unnamed)
     kept = Sizes(sizes.groups[: len(groups)], sizes.noise)
     return Screen(model, replica.about, base, whitening, groups, small, times, kept, noise.colour, tuple(found), second)
+
+
+def _net_by_run(law: _Law, columns: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """Return columns (n, k) after refitting the law; what acts in one run only stays in it, although tau is common."""
+    runs, place = np.unique(run, return_inverse=True)
+    touched = np.array([columns[run == one].any(axis=0) for one in runs])
+    return np.where(touched[place] | (touched.sum(axis=0) != 1), law.net(columns)[0], 0.0)
 
 
 def net_effect(replica: Replica, model: Model, variant: Variant, whitening: Whitening) -> StopChange:

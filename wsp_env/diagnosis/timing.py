@@ -38,7 +38,7 @@ def times(replica: Replica) -> Times:
     whitening = replica.whitening(replica.about)
     base = replica.raw(replica.baseline)
     groups = nuisances(replica, replica.baseline, base, whitening)
-    evidence = Evidence(replica, whitening, groups, base, np.zeros((len(base), 0)))
+    evidence = Evidence(replica, whitening, groups, base)
     sizes = evidence.solve(_ITERATIONS)
     amplitude = evidence.amplitudes(sizes)
     sample = replica.sample_s

@@ -1,27 +1,26 @@
 """Tries mechanisms: each is refitted together with the accepted ones, and its evidence is computed again."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from typing import NamedTuple
 
 import numpy as np
 
-from wsp_env.diagnosis.candidates import Variant, at_bound, near, parameter_of, refined, switched, without
+from wsp_env.diagnosis.candidates import Variant, at_bound, near, refined, switched, without
 from wsp_env.diagnosis.colour import slide_whitening
-from wsp_env.diagnosis.convergence import converge, converge_rescaled, diverges
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, replica_of, weigh
+from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh
 from wsp_env.diagnosis.interest import StopChange
-from wsp_env.diagnosis.noise import EM_UPDATES, NoiseParameters, noise_of
+from wsp_env.diagnosis.noise import EM_UPDATES, Noise, NoiseParameters, noise_from_parameters, noise_of
 from wsp_env.diagnosis.readings import of_noise
 from wsp_env.diagnosis.replica import OF_TIME, OF_TORQUE, Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect
 from wsp_env.diagnosis.variation import Group, nuisances
 from wsp_env.plant.mechanisms import ALL
 
-#: Number of mechanisms that are refitted at a time, apart from delays; the next ones follow only if none of these holds.
+#: Number of terms that are refitted at a time, beside all names; the next ones follow only if none of these holds.
 REFITTED = 4
 #: Shares of the linear step that are tried as start of a refit.
 _SHARES = (2.0, 1.0, 0.5, 0.25, 0.1)
@@ -54,11 +53,9 @@ class Trial:
     fitted: Fitted
     evidence: float  # including what the refit explains beyond the linear search
     null_model: Model  # model without it, fitted in the same way
-    reduction: float  # of chi-square (of the deviance, if `corrects_recordings`), by the refit
+    reduction: float  # of the sum of squares
     size: StopChange  # net
     penalty: float  # half of the reduction less the evidence: the cost of its sizes and variants
-    weights: Weights  # with which it was fitted
-    about: Replica  # to which it was fitted
 
 
 def form_of(variant: Variant) -> float:
@@ -78,11 +75,6 @@ def corrects_recordings(variant: Variant) -> bool:
     return on_a_sensor(variant) or variant.name in OF_TIME
 
 
-def changes_noise(variant: Variant) -> bool:
-    """Whether a mechanism changes the noise of the residuals, by the factor of dw/dt in them."""
-    return "inertia" in ALL[variant.name].acts
-
-
 def log_odds(variant: Variant, evidence: float) -> float:
     """Log posterior odds that a mechanism, or a term without a name, is missing."""
     return evidence + (PRIOR_TERM if variant.family else PRIOR)
@@ -95,14 +87,11 @@ def _kind(variant: Variant) -> tuple[str | float, ...]:
 
 
 def trials_of(
-    replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor, without_it: Callable[[], float]
+    replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor
 ) -> Iterator[list[Trial]]:  # fmt: skip
-    """Refit the promising mechanisms, a few at a time; yield the trials, best first.
+    """Refit the promising mechanisms: all names and a few terms, then further terms; yield the trials, best first.
 
-    Parameters
-    ----------
-    without_it : returns the least deviance of the accepted model, also with nuisance sizes of its own
-
+    A name may explain most although others explain more linearly: all are refitted before one is accepted.
     """
     kinds: dict[tuple[str | float, ...], Found] = {}  # of terms that differ only in their axles, the best is tried
     for each in sorted(seen.found, key=lambda one: -log_odds(one.candidate.variant, one.evidence)):
@@ -112,24 +101,22 @@ def trials_of(
     delays, late = [one for one in seen.found if one.name in OF_TIME], 0.0
 
     def trial(one: Found) -> Trial:
-        if corrects_recordings(one.candidate.variant):
-            tried = _fit_on_own_replica(replica, seen, start, weights, without_it, one)
-        else:
-            tried = _fit_on_replica(replica, seen, start, weights, one)
+        tried = _fit_on_replica(replica, start, weights, one)
         penalty = 0.5 * one.reduction - one.evidence
-        size = net_effect(tried.about, tried.fitted.model, tried.variant, seen.whitening)
+        size = net_effect(replica, tried.fitted.model, tried.variant, seen.whitening)
         return Trial(
             one, one.candidate.variant, tried.variant, tried.fitted, 0.5 * tried.reduction - penalty, tried.null_model,
-            tried.reduction, size, penalty, tried.weights, tried.about,
+            tried.reduction, size, penalty,
         )  # fmt: skip
 
     while left:
-        promising = left[:REFITTED]
+        names = [one for one in left if not one.candidate.variant.family]
+        promising = names + [one for one in left if one.candidate.variant.family][:REFITTED]
         # Delays are the least linear effects, and the linear search may miss them: try them with whatever is found first. Late
         # wheel speeds are also equivalent to a late brake with an early clock.
         in_time = any(one.name in OF_TIME or _follows_torque(one.candidate.variant) for one in promising)
         if delays and (in_time or not fitted.variants):
-            promising = [*[one for one in left if one.name not in OF_TIME][:REFITTED], *delays]
+            promising = [*[one for one in promising if one.name not in OF_TIME], *delays]
             delays = []
         left = [one for one in left if one not in promising]
         # A refit moves the location of a mechanism only locally; the second-best place or band may be the better start.
@@ -171,15 +158,13 @@ def _follows_torque(variant: Variant) -> bool:
 class _BestFit(NamedTuple):
     """The best fit of a mechanism beside the accepted ones."""
 
-    about: Replica
     variant: Variant  # with the parameters that the refit moves as sizes
     fitted: Fitted
     null_model: Model  # model without it, fitted in the same way
-    reduction: float  # decrease of the deviance
-    weights: Weights
+    reduction: float  # decrease of the sum of squares
 
 
-def _fit_on_replica(replica: Replica, seen: Screen, start: Fitted, weights: Weights, one: Found) -> _BestFit:
+def _fit_on_replica(replica: Replica, start: Fitted, weights: Weights, one: Found) -> _BestFit:
     """Fit a mechanism, starting at those shares of its linear step that fit best.
 
     The linear step may be wrong, and a refit of the location may improve it or lose it.
@@ -201,49 +186,7 @@ def _fit_on_replica(replica: Replica, seen: Screen, start: Fitted, weights: Weig
     # The accepted mechanisms may fit better now for another reason; this is not due to the tried one.
     alone = refit(replica, without(best.model, free), start.variants, weights)
     null_fit = min(start, alone, key=lambda one: one.cost)
-    return _BestFit(replica, free, best, null_fit.model, null_fit.cost - best.cost, weights)
-
-
-def accepted_deviance(replica: Replica, seen: Screen, start: Fitted, weights: Weights) -> float:
-    """Return the least deviance of the accepted model: on the present replica, or on its own with new nuisance sizes."""
-    own = replica_of(replica.recorded, start.model, weights)
-    mine = ReplicaNoise(own, seen).weights()
-    return min(weights.deviance(start), mine.deviance(refit(own, start.model, start.variants, mine)))
-
-
-def _fit_on_own_replica(
-    replica: Replica, seen: Screen, start: Fitted, weights: Weights, without_it: Callable[[], float], one: Found
-) -> _BestFit:  # fmt: skip
-    """Fit a mechanism on sensors, or a delay, on its own replicas with nuisance sizes estimated there.
-
-    A model without it cannot fit recordings that are corrected for it. If something is late, all nuisances seem larger, for
-    example the stiffness of the contact from run to run. Both models are therefore compared by their deviances. `without_it` is
-    the least deviance without the mechanism, also with nuisance sizes of its own.
-    """
-    listed = one.candidate.variant
-    variant = near(listed)
-    variants = (*start.variants, variant)
-    model = switched(start.model, variant, variant.null() - one.amplitude * listed.moves())
-    first = Replica(replica.recorded, model)
-    near_by = weights_of(first, seen)
-    begun = refit(first, model, variants, near_by)
-    gained = weights.deviance(start) - near_by.deviance(begun)
-    if log_odds(listed, one.evidence + 0.5 * max(gained - one.reduction, 0.0)) <= 0.0 or _in_a_sample(begun, replica.sample_s):
-        return _BestFit(first, variant, begun, start.model, min(gained, 0.0), near_by)  # seen neither linearly nor nearby
-    about, fitted = converge(replica.recorded, begun, near_by)
-    if diverges(fitted, begun.cost):
-        about, fitted = converge_rescaled(replica.recorded, begun, variant, near_by)
-    mine = ReplicaNoise(about, seen).weights()
-    again = refit(about, fitted.model, variants, mine)
-    gained = without_it() - mine.deviance(again) if np.isfinite(fitted.cost) else -np.inf  # if the iteration converged
-    return _BestFit(about, variant, again, start.model, gained, mine)
-
-
-def _in_a_sample(fitted: Fitted, sample_s: float) -> bool:
-    """Whether the last mechanism of a fit is a time that is significantly below one sample; such times are not resolved."""
-    variant, spread = fitted.variants[-1], np.sqrt(np.diag(fitted.covariance[-1]))
-    times = [parameter_of(variant.name, name).unit == "s" for name in variant.sizes]
-    return all(times) and bool((np.abs(fitted.values[-1] - variant.null()) + 2.0 * spread < sample_s).all())
+    return _BestFit(free, best, null_fit.model, null_fit.cost - best.cost)
 
 
 def weights_of(replica: Replica, seen: Screen, forms: Sequence[Group] = ()) -> Weights:
@@ -266,22 +209,29 @@ class ReplicaNoise:
     Parameters
     ----------
     seen : the screen that knows the small mechanisms, and from whose sizes the estimate starts
+    model : whose residuals they are; None: the one about which the replica was made
+    like : noise about a similar model; its colour is taken, and its nuisances if there are any; None: both are estimated
 
     """
 
-    def __init__(self, replica: Replica, seen: Screen) -> None:
-        base = replica.raw(replica.about)
-        self._replica, self._noise = replica, noise_of(replica, replica.about, base, start=seen.sizes)
-        self._groups, before = [*self._noise.groups, seen.small], self._noise.sizes
-        evidence = Evidence(replica, self._noise.whitening, self._groups, base, np.zeros((len(base), 0)))
+    def __init__(self, replica: Replica, seen: Screen, model: Model | None = None, like: Noise | None = None) -> None:
+        model = model or replica.about
+        base = replica.raw(model)
+        if like is None:
+            self.noise = noise_of(replica, model, base, start=seen.sizes)
+        else:
+            known = NoiseParameters(seen.sizes, like.colour)
+            self.noise = noise_from_parameters(known, replica, model, base, like.groups)
+        self._replica, self._groups, before = replica, [*self.noise.groups, seen.small], self.noise.sizes
+        evidence = Evidence(replica, self.noise.whitening, self._groups, base)
         self._sizes = evidence.solve(EM_UPDATES, Sizes(np.append(before.groups, 1.0), before.noise))
 
     @property
     def parameters(self) -> NoiseParameters:
         """What it tells about the noise of similar residuals."""
-        return NoiseParameters(Sizes(self._sizes.groups[:-1], self._sizes.noise), self._noise.colour)
+        return NoiseParameters(Sizes(self._sizes.groups[:-1], self._sizes.noise), self.noise.colour)
 
     def weights(self, forms: Sequence[Group] = ()) -> Weights:
         """Return the weights of the residuals, with form errors `forms`."""
         sizes = Sizes(np.concatenate([self._sizes.groups, np.ones(len(forms))]), self._sizes.noise)
-        return weigh(self._replica, self._noise.whitening, [*self._groups, *forms], sizes)
+        return weigh(self._replica, self.noise.whitening, [*self._groups, *forms], sizes)
