@@ -34,25 +34,27 @@ def best_of(
 ) -> Contest:  # fmt: skip
     """Return the best trial of the first batch; in the first round, of the first batch in which one holds.
 
-    All promising trials are tested from both sides (`retest_trial`), where they may change places. There, the log odds must
-    exceed `threshold`, and `rejects` must be false.
+    All promising names are tested from both sides (`retest_trial`), where they may change places, then those terms that may
+    replace the best name. There, the log odds must exceed `threshold`, and `rejects` must be false.
     """
     rejected: dict[str, float] = {}
     trials: list[Trial] = []
     for some in batches:
-        promising = _promising(some, threshold)
-        tested = pool.map(lambda one: None if rejects(one) else retest_trial(one), promising)
-        held: list[Retested] = []
         last = {one.listed.title: one for one in some}
-        for one, retested in zip(promising, tested, strict=True):
-            title = one.listed.title
-            if retested is not None:
-                last[title] = retested.trial
-            odds = log_odds(one.listed, last[title].evidence)
-            if retested is not None and odds > threshold(retested.trial) and not rejects(retested.trial):
-                held.append(retested)
-            else:
-                rejected[title] = odds
+        held: list[Retested] = []
+        names = [one for one in some if not one.listed.family]
+        for kind in (names, [one for one in some if one.listed.family]):
+            promising = _promising(kind, some, threshold, held)
+            tested = pool.map(lambda one: None if rejects(one) else retest_trial(one), promising)
+            for one, retested in zip(promising, tested, strict=True):
+                title = one.listed.title
+                if retested is not None:
+                    last[title] = retested.trial
+                odds = log_odds(one.listed, last[title].evidence)
+                if retested is not None and odds > threshold(retested.trial) and not rejects(retested.trial):
+                    held.append(retested)
+                else:
+                    rejected[title] = odds
         trials += last.values()
         if held:
             first = preferred([one.trial for one in held])[0]
@@ -62,12 +64,15 @@ def best_of(
     return Contest(None, rejected, trials)
 
 
-def _promising(some: Sequence[Trial], threshold: Callable[[Trial], float]) -> list[Trial]:
-    """Return the trials that may hold and be the best.
+def _promising(
+    some: Sequence[Trial], among: Sequence[Trial], threshold: Callable[[Trial], float], held: Sequence[Retested]
+) -> list[Trial]:
+    """Return those of `some` that may hold and be the best of all, beside what holds.
 
     A name that explains little here, because it is nonlinear or hidden by nuisances, may explain most about its own replica.
     """
-    least = max((one.evidence for one in some), default=0.0) / _MOST_GAINED
+    least = max((one.evidence for one in among), default=0.0)
+    least = max([least, *(one.trial.evidence / (1.0 - FORM) ** 2 for one in held)]) / _MOST_GAINED
 
     def may_hold(one: Trial) -> bool:
         if not one.listed.family and log_odds(one.listed, one.found.evidence) > 0.0:

@@ -122,7 +122,7 @@ def retest(here: Side, seen: Screen, trial: Trial) -> Retested | None:
     """
     own, fitted = own_side(here.replica, trial.fitted, seen)
     held = _judged(here, seen, trial, own, fitted)
-    if held is not None and log_odds(trial.listed, held.trial.evidence) > SURE:
+    if trial.listed.family or (held is not None and log_odds(trial.listed, held.trial.evidence) > SURE):
         return held
     # About a replica without a strongly nonlinear mechanism, a refit may lead away from it.
     begin = rescaled(here.replica.recorded, _linear(trial), trial.variant, here.weights, _MULTIPLES)
