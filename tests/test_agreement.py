@@ -36,7 +36,7 @@ def asked(monkeypatch):
 
     def ask(y: np.ndarray, x: np.ndarray, nuisance: np.ndarray, form: float = 0.0, slides: object = False) -> Agreement:
         one = Replica(y, x, np.broadcast_to(slides, len(x)))
-        projector = Projector(nuisance[:, None] * SIZE_OF_NUISANCE, np.ones(1, dtype=bool), one.rows.run)
+        projector = Projector.of(nuisance[:, None] * SIZE_OF_NUISANCE, np.ones(1, dtype=bool), one.rows.run)
         return agreement(one, False, None, Weights(Whitening(np.ones(len(x)), ()), np.ones(len(x)), projector), form)
 
     return ask

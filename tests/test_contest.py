@@ -7,24 +7,35 @@ import pytest
 from trial_cases import GAIN, GRADIENT, TERM, trial
 
 from wsp_env.diagnosis.contest import best_of
-from wsp_env.diagnosis.retest import Retested
+from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.fitting import Fitted
+from wsp_env.diagnosis.retest import AboutItself, Retested, Step
 from wsp_env.diagnosis.trials import SURE, log_odds
 
+NULL = Model(2e-4, (0.06,))
 INLINE = ThreadPoolExecutor(1)
 EVIDENCE = {"brake_gain_imbalance": 40.0, "track_gradient": 50.0, "brake torque by braking": 60.0}
 THREE = [trial(one, EVIDENCE[one.title]) for one in (GAIN, GRADIENT, TERM)]
 
 
-def contest(batches, evidence=None, rejects=lambda one: False, first_round=True, asked=None):
-    """Ask for the best, where the evidence from both sides is given by title; None: it is cancelled by nuisances."""
+def contest(batches, evidence=None, rejects=lambda one: False, first_round=True, asked=None, squares=None):
+    """Ask for the best, where the evidence from both sides is given by title; None: it is cancelled by nuisances.
 
-    def retest(one):
+    About its own replica each leaves `squares` by title, or as many as the others.
+    """
+
+    def about(one):
+        cost = (squares or {}).get(one.listed.title, 1000.0)
+        return AboutItself(one, Step(None, None, Fitted(NULL, (), (), (), cost)))
+
+    def retest(own):
+        one = own.trial
         if asked is not None:
             asked.append(one.listed)
         value = (EVIDENCE | (evidence or {}))[one.listed.title]
         return None if value is None else Retested(dataclasses.replace(one, evidence=value), None)
 
-    return best_of(batches, rejects, retest, lambda one: SURE, INLINE, first_round)
+    return best_of(batches, rejects, about, retest, lambda one: SURE, INLINE, first_round)
 
 
 def test_what_is_refused_is_told_and_the_next_best_is_taken():
@@ -93,3 +104,20 @@ def test_the_next_batch_is_tried_if_nothing_holds_in_the_first_round(first_round
     assert (best and best.trial.listed) == expected
     assert [one.listed for one in trials] == ([GRADIENT, GAIN] if first_round else [GRADIENT])
     assert len(list(batches)) == (1 if first_round else 2)  # need not be made
+
+
+@pytest.mark.parametrize(
+    ("squares", "holds", "tested", "refused"),
+    [
+        (1130.0, True, [GRADIENT, GAIN], []),  # sums of 1000 squares scatter by 45
+        (1140.0, True, [GRADIENT], [GAIN]),
+        (1140.0, False, [GRADIENT, GAIN], [GRADIENT]),  # what does not hold replaces nothing
+        (900.0, True, [GAIN, GRADIENT], []),
+    ],
+)
+def test_what_fits_distinctly_worse_about_itself_than_what_holds_is_not_tested(squares, holds, tested, refused):
+    asked = []
+    evidence = {} if holds else {GRADIENT.title: None}
+    _, rejected, _ = contest([THREE[:2]], evidence, asked=asked, squares={GAIN.title: squares})
+    assert asked == tested
+    assert list(rejected) == [one.title for one in refused]

@@ -31,7 +31,7 @@ def test_projection_is_the_augmented_least_squares(seed, nuisances, wanted):
     rng = np.random.default_rng(seed)
     z, x, y = rng.standard_normal((40, nuisances)), rng.standard_normal((40, wanted)), rng.standard_normal(40)
     prior = rng.random(nuisances) < 0.5
-    projector = Projector(z, prior)
+    projector = Projector.of(z, prior)
     cost = float(projector.inner(y[:, None], y[:, None])[0, 0])
     assert cost == pytest.approx(augmented_cost(z, prior, y), rel=1e-9)
     found = fit(projector.inner(x, x), projector.inner(x, y[:, None])[:, 0])
@@ -51,7 +51,7 @@ def test_an_inverse_by_its_factor_is_the_inverse(seed, size):
 def test_a_column_that_the_nuisances_span_explains_nothing():
     rng = np.random.default_rng(0)
     z, y = rng.standard_normal((50, 3)), rng.standard_normal(50)
-    projector = Projector(z, np.zeros(3, dtype=bool))
+    projector = Projector.of(z, np.zeros(3, dtype=bool))
     x = z[:, :1] * 2.0
     squares = (x**2).sum(axis=0)
     assert fit(projector.inner(x, x), projector.inner(x, y[:, None])[:, 0], squares).reduction == pytest.approx(0.0, abs=1e-6)

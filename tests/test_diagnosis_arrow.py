@@ -59,7 +59,7 @@ def test_rows_and_runs_may_be_left_out(runs):
 def test_a_projector_is_that_of_the_whole_matrix_with_priors_and_without(seed):
     columns, run = columns_of(seed)
     prior = np.arange(columns.shape[1]) % 3 > 0
-    projector = Projector(columns, prior, run)
+    projector = Projector.of(columns, prior, run)
     normal = columns.T @ columns + np.diag(np.where(prior, 1.0, 1e-9))
     y = np.random.default_rng(seed).standard_normal((len(columns), 3))
     best = np.linalg.solve(normal, columns.T @ y)

@@ -42,7 +42,7 @@ class Linear:
 
     def weights(self) -> Weights:
         n = len(self._data)
-        return Weights(Whitening(np.ones(n), ()), np.ones(n), Projector(self.sound, np.ones(15, dtype=bool)))
+        return Weights(Whitening(np.ones(n), ()), np.ones(n), Projector.of(self.sound, np.ones(15, dtype=bool)))
 
 
 @pytest.mark.parametrize("alike", [0.0, 3.0])

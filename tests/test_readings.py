@@ -109,7 +109,7 @@ def test_the_constant_of_the_deviance_is_the_determinant_of_the_rows_covariance(
     columns = rng.standard_normal((60, 3))
     columns[:30, 1] = columns[30:, 0] = 0.0
     dense = np.eye(60) + columns @ columns.T
-    projector = Projector(columns, np.ones(3, dtype=bool), run)
+    projector = Projector.of(columns, np.ones(3, dtype=bool), run)
     assert projector.logdet == pytest.approx(np.linalg.slogdet(dense)[1])
     weights = Weights(Whitening(np.ones(60), ()), np.ones(60), projector, projector.logdet)
     y = rng.standard_normal(60)

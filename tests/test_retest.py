@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from trial_cases import BENT, GAIN, GRADIENT, PLAIN, trial
+from trial_cases import BENT, GAIN, GRADIENT, PLAIN, TERM, trial
 
 from wsp_env.diagnosis import retest
 from wsp_env.diagnosis.answer import Estimate
@@ -32,7 +32,6 @@ def ask(monkeypatch):
 
     def asked(
         here: float, own: float, shift: float = 0.0, left: float = 20.0, interval: tuple[float, float] = (0.001, 0.003),
-        further: float | None = None,
     ) -> retest.Retested | None:  # fmt: skip
         fitted = Fitted(ON, (GRADIENT,), (np.array([0.002]),), (np.eye(1),), 100.0)
         one = dataclasses.replace(trial(GRADIENT, 30.0), fitted=fitted, penalty=PENALTY)
@@ -41,18 +40,11 @@ def ask(monkeypatch):
             replica = SimpleNamespace(name=name, recorded=None, sample_s=0.01)
             return SimpleNamespace(replica=replica, weights=PLAIN, compare=lambda *_: (less, shift))
 
-        def own_side(replica, fitted, seen):
-            return (side("fit", own) if fitted is one.fitted else side("step", own if further is None else further)), fitted
-
-        monkeypatch.setattr(retest, "own_side", own_side)
-        moved = 2.0 if further is not None else 0.5  # deviations
-        step = dataclasses.replace(fitted, values=(fitted.values[0] + moved,))
-        monkeypatch.setattr(retest, "rescaled", lambda *_: step)
-        monkeypatch.setattr(retest, "_linear", lambda one: one.fitted)
+        monkeypatch.setattr(retest, "own_side", lambda step, seen: (side("own", own), step.fitted))
         monkeypatch.setattr(retest, "estimates", lambda *_: {"rise": Estimate(0.002, "-", interval)})
         monkeypatch.setattr(retest, "net_effect", lambda *_: StopChange(0.04, 0.0))
         monkeypatch.setattr(retest, "agreement", lambda *_: SimpleNamespace(student_evidence=lambda evidence: left))
-        return retest.retest(side("here", here), SEEN, one)
+        return retest.retest(side("here", here), SEEN, retest.AboutItself(one, retest.Step(HERE, fitted, fitted)))
 
     return asked
 
@@ -74,16 +66,31 @@ def test_evidence_is_the_mean_of_both_sides_if_neither_speaks_against_it(ask, he
     assert held.trial.reduction == reduction
     assert held.trial.evidence == 0.5 * reduction - PENALTY
     assert held.trial.size == StopChange(0.04, 0.0)
-    assert held.replica.name == "fit"
+    assert held.replica.name == "own"
 
 
-@pytest.mark.parametrize(("own", "further", "begun"), [(80.0, 900.0, "fit"), (2.0, 80.0, "step"), (2.0, 1.0, "fit")])
-def test_what_a_refit_has_lost_is_sought_from_the_linear_step(ask, own, further, begun):
-    """What is sure from the refit is not sought elsewhere; nor what the step leads back to."""
-    held = ask(80.0, own, further=further)
-    assert held.replica.name == begun
-    assert held.trial.reduction == (2.0 if own == 2.0 and begun == "fit" else 80.0)
-    assert ask(80.0, own).replica.name == "fit"
+@pytest.mark.parametrize(
+    ("variant", "moved", "squares", "begun"),
+    [
+        (GRADIENT, 2.0, 80.0, "step"),  # the refit had lost it
+        (GRADIENT, 2.0, 120.0, "refit"),
+        (GRADIENT, 0.5, 80.0, "refit"),  # the step leads back to the same place
+        (TERM, 2.0, 80.0, "refit"),  # a term is linear
+    ],
+)
+def test_what_a_refit_has_lost_is_sought_from_the_linear_step(monkeypatch, variant, moved, squares, begun):
+    """Of both beginnings that one counts about whose replica less is left; `moved`: deviations between them."""
+    values = {"refit": 0.002, "step": 0.002 + moved}
+    fits = {name: Fitted(ON, (GRADIENT,), (np.array([value]),), (np.eye(1),), 0.0) for name, value in values.items()}
+    monkeypatch.setattr(retest, "rescaled", lambda *_: fits["step"])
+    monkeypatch.setattr(retest, "_linear", lambda one: one.fitted)
+
+    def steps(_, fitted, weights):
+        return retest.Step(HERE, fitted, dataclasses.replace(fitted, cost=100.0 if fitted is fits["refit"] else squares))
+
+    monkeypatch.setattr(retest, "begun", steps)
+    one = dataclasses.replace(trial(variant, 30.0), fitted=fits["refit"])
+    assert retest.about_itself(SimpleNamespace(replica=HERE, weights=PLAIN), one).step.begin is fits[begun]
 
 
 @pytest.mark.parametrize(("interval", "holds"), [((1e-6, 0.004), True), ((-1e-6, 0.004), False)])
@@ -102,7 +109,7 @@ def test_what_shifts_nuisances_or_is_not_alike_in_the_runs_does_not_hold(ask):
 @pytest.fixture
 def side(monkeypatch):
     """Make sides whose fits cost what is said: without the gradient 100, with it so much at rest and with bent forms."""
-    asked: list[tuple[Model, object]] = []
+    asked: list[Model] = []
 
     def made(plain: float = 60.0, bent: float = 60.0, **said: object) -> retest.Side:
         def refit(_, model, variants, weights):
@@ -110,15 +117,14 @@ def side(monkeypatch):
             assert (GRADIENT.name in model.choice) == (GRADIENT in variants)
             return Fitted(model, tuple(variants), (), (), cost - 1e3 * values_in(model, GRADIENT)[0] * (GRADIENT in variants))
 
-        def noise(_, __, model, like):
-            asked.append((model, like))
+        def noise(model):
+            asked.append(model)
             return SimpleNamespace(weights=lambda forms=(): BENT if list(forms) == [GAIN] else PLAIN)
 
         monkeypatch.setattr(retest, "refit", refit)
-        monkeypatch.setattr(retest, "ReplicaNoise", noise)
         monkeypatch.setattr(retest, "forms", lambda _, __, variants, ___: variants)
         monkeypatch.setattr(retest.Side, "_nuisance_chi_square", lambda *_: 0.0)
-        one = retest.Side(HERE, SEEN, PLAIN, "like", **said)
+        one = retest.Side(HERE, SEEN, PLAIN, SimpleNamespace(about=noise), **said)
         one.asked = asked
         return one
 
@@ -138,7 +144,7 @@ def test_the_best_of_several_beginnings_counts_and_each_model_has_sizes_of_its_o
     here = side(without=(NULL, ()))
     assert here.compare([ON, further], GRADIENT, (GRADIENT,))[0] == 50.0
     assert here.compare([ON], GRADIENT, (GRADIENT,))[0] == 42.0
-    assert here.asked == [(model, "like") for model in (NULL, ON, further, ON)]
+    assert here.asked == [NULL, ON, further, ON]
 
 
 @pytest.mark.parametrize(("model", "variants", "expected"), [(ON, (GRADIENT,), 110.0 - 70.0), (NULL, (), 70.0 - 58.0)])
@@ -182,13 +188,12 @@ def test_sizes_are_estimated_on_replicas_that_have_converged(monkeypatch, slope,
         value = tends_to + slope * (values_in(model, GRADIENT) - tends_to)
         return dataclasses.replace(begin, model=switched(model, GRADIENT, value), values=(value,))
 
-    monkeypatch.setattr(retest, "replica_of", lambda recorded, model, weights: ("about", model))
-    monkeypatch.setattr(retest, "weights_of", lambda *_: 0.0035)
+    monkeypatch.setattr(retest, "replica_of", lambda _, model, __: SimpleNamespace(model=model, recorded=None))
     monkeypatch.setattr(retest, "ReplicaNoise", noise)
     monkeypatch.setattr(retest, "refit", refit)
-    own, fitted, _ = retest.converge_reweighted(HERE, begin, SEEN)
+    own, fitted, _ = retest.converge_reweighted(retest.begun(None, begin, 0.0035), SEEN)
     assert own == estimated[-1]
-    assert values_in(own[1], GRADIENT) == pytest.approx(of_sizes, abs=2.0 * deviation)
+    assert values_in(own.model, GRADIENT) == pytest.approx(of_sizes, abs=2.0 * deviation)
     assert fitted.values[0] == pytest.approx(of_sizes, abs=2.0 * deviation)
     assert len(estimated) <= 2
 
@@ -197,7 +202,7 @@ def test_sizes_are_estimated_on_replicas_that_have_converged(monkeypatch, slope,
 def test_what_shifts_a_nuisance_is_no_finding(monkeypatch, cancels, expected):
     """A nuisance of deviation 1 is the mechanism's own effect: it stood in for it, or is needed to cancel it."""
     effect = np.random.default_rng(2).standard_normal(50)
-    projector = Projector(effect[:, None], np.ones(1, dtype=bool))
+    projector = Projector.of(effect[:, None], np.ones(1, dtype=bool))
     weights = Weights(Whitening(np.ones(50), ()), np.ones(50), projector)
     sizes = {True: 0.0, False: 9.0}  # of the recordings' effect
 
@@ -206,6 +211,6 @@ def test_what_shifts_a_nuisance_is_no_finding(monkeypatch, cancels, expected):
             return effect * (sizes[cancels] - 9.0 * ("track_gradient" in model.choice))
 
     monkeypatch.setattr(retest, "refit", lambda _, model, variants, __: Fitted(model, tuple(variants), (), (), 0.0))
-    monkeypatch.setattr(retest, "ReplicaNoise", lambda *_: SimpleNamespace(weights=lambda: weights))
-    shift = retest.Side(Replica(), SEEN, weights, None).compare([ON], GRADIENT, (GRADIENT,))[1]
+    like = SimpleNamespace(about=lambda model: SimpleNamespace(weights=lambda: weights))
+    shift = retest.Side(Replica(), SEEN, weights, like).compare([ON], GRADIENT, (GRADIENT,))[1]
     assert (shift > retest.NUISANCE_SHIFT**2) == expected

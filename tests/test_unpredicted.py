@@ -58,7 +58,7 @@ def test_the_share_that_fits_best_is_removed_within_its_limits(monkeypatch, true
         unpredicted=part, about=LAW, raw=lambda _: true * part + 5.0, without=lambda share: removed.append(share)
     )
     monkeypatch.setattr(fitting, "Replica", lambda *_: replica)
-    constant = Projector(np.ones((200, 1)), np.zeros(1, dtype=bool))
+    constant = Projector.of(np.ones((200, 1)), np.zeros(1, dtype=bool))
     weights = type("Weights", (), {"__call__": lambda _, raw: raw, "projector": constant})()
     fitting.replica_of(None, LAW, weights)
     assert removed == pytest.approx([found], abs=1e-9)

@@ -36,7 +36,7 @@ def change(run: Blocks, model: Surface) -> Change:
     """Find the line across x that explains best what a model leaves of one run, its level free within the model's scatter."""
     unit = model.row_deviation
     y = (run.force - model.level(run)) / unit
-    level = Projector(np.full((len(y), 1), model.run_deviation / unit), np.ones(1, dtype=bool))
+    level = Projector.of(np.full((len(y), 1), model.run_deviation / unit), np.ones(1, dtype=bool))
     x = run.wheels[:, :, 0]
     lines = np.arange(np.floor(x.min() / _FINE), np.ceil(x.max() / _FINE) + 1.0) * _FINE
     best = Change(run.name, 0.0, float("nan"), 0, 0.0)

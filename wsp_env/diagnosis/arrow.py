@@ -126,9 +126,38 @@ class Arrow(NamedTuple):
                 common[np.ix_(used, used)] += one
         return cls(own, cross, common)
 
-    def first(self, columns: np.ndarray) -> "Arrow":
-        """Return the matrix with only the common columns of the given indices."""
-        return Arrow(self.own, tuple(one[:, columns] for one in self.cross), self.common[np.ix_(columns, columns)])
+    def first(self, columns: np.ndarray, own: Sequence[np.ndarray] | None = None) -> "Arrow":
+        """Return the matrix with only the common columns of the given indices, and only the columns `own` (k,) of each run."""
+        if own is None:
+            return Arrow(self.own, tuple(one[:, columns] for one in self.cross), self.common[np.ix_(columns, columns)])
+        blocks = tuple(one[np.ix_(mine, mine)] for one, mine in zip(self.own, own, strict=True))
+        cross = tuple(one[np.ix_(mine, columns)] for one, mine in zip(self.cross, own, strict=True))
+        return Arrow(blocks, cross, self.common[np.ix_(columns, columns)])
+
+    def with_last(self, parts: Sequence[Part], keep: np.ndarray) -> "Arrow":
+        """Return the matrix with another last common column, over the rows `keep` (n,) bool; each part uses it last."""
+        common = self.common.copy()
+        common[-1, :] = common[:, -1] = 0.0
+        cross = []
+        for part, before in zip(parts, self.cross, strict=True):
+            last = part.shared[:, -1] * keep[part.rows]
+            common[part.used[:-1], -1] += part.shared[:, :-1].T @ last
+            common[-1, -1] += last @ last
+            cross.append(np.column_stack([before[:, :-1], part.own.T @ last]))
+        common[-1, :] = common[:, -1]
+        return Arrow(self.own, tuple(cross), common)
+
+    def widened(self) -> "Arrow":
+        """Return the matrix with one more common column, which is zero."""
+        return Arrow(self.own, tuple(np.pad(one, ((0, 0), (0, 1))) for one in self.cross), np.pad(self.common, (0, 1)))
+
+    def square(self, own: Sequence[np.ndarray], common: np.ndarray) -> float:
+        """Return the quadratic form of amplitudes (k,) of each run's own columns and (c,) of the common ones."""
+
+        def of_run(block: np.ndarray, cross: np.ndarray, one: np.ndarray) -> float:
+            return float(one @ (block @ one + 2.0 * (cross @ common)))
+
+        return float(common @ self.common @ common) + sum(map(of_run, self.own, self.cross, own))
 
     def scaled(self, own: Sequence[np.ndarray], common: np.ndarray) -> "Arrow":
         """Return the matrix of scaled columns; factors (k,) for each run's own columns, (c,) for the common ones."""

@@ -4,7 +4,10 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from typing import NamedTuple
 
-from wsp_env.diagnosis.retest import Retested
+import numpy as np
+
+from wsp_env.diagnosis.convergence import diverges
+from wsp_env.diagnosis.retest import AboutItself, Retested
 from wsp_env.diagnosis.trials import FORM, Trial, log_odds
 
 #: Largest ratio of the evidence from both sides to the evidence about the replica without it that is considered (assumption:
@@ -29,32 +32,39 @@ class Contest(NamedTuple):
 
 
 def best_of(
-    batches: Iterable[Sequence[Trial]], rejects: Callable[[Trial], bool], retest_trial: Callable[[Trial], Retested | None],
-    threshold: Callable[[Trial], float], pool: Executor, first_round: bool = True,
+    batches: Iterable[Sequence[Trial]], rejects: Callable[[Trial], bool], about: Callable[[Trial], AboutItself],
+    retest_trial: Callable[[AboutItself], Retested | None], threshold: Callable[[Trial], float], pool: Executor,
+    first_round: bool = True,
 ) -> Contest:  # fmt: skip
     """Return the best trial of the first batch; in the first round, of the first batch in which one holds.
 
-    All promising names are tested from both sides (`retest_trial`), where they may change places, then those terms that may
-    replace the best name. There, the log odds must exceed `threshold`, and `rejects` must be false.
+    Promising names are fitted to replicas of their own (`about`), where they may change places. In the order in which they fit
+    there, they are tested from both sides (`retest_trial`): the log odds must exceed `threshold`, and `rejects` must be false.
+    What fits worse than a name that holds, by more than the scatter of sums of squares, is not tested. The same applies to
+    terms that may replace the best name.
     """
     rejected: dict[str, float] = {}
     trials: list[Trial] = []
     for some in batches:
         last = {one.listed.title: one for one in some}
         held: list[Retested] = []
-        names = [one for one in some if not one.listed.family]
-        for kind in (names, [one for one in some if one.listed.family]):
+        least = np.inf  # sum of squares of what holds
+        for kind in ([one for one in some if not one.listed.family], [one for one in some if one.listed.family]):
             promising = _promising(kind, some, threshold, held)
-            tested = pool.map(lambda one: None if rejects(one) else retest_trial(one), promising)
-            for one, retested in zip(promising, tested, strict=True):
-                title = one.listed.title
-                if retested is not None:
-                    last[title] = retested.trial
-                odds = log_odds(one.listed, last[title].evidence)
-                if retested is not None and odds > threshold(retested.trial) and not rejects(retested.trial):
+            tested = [one for one in promising if not rejects(one)]
+            for one in sorted(pool.map(about, tested), key=lambda one: one.step.fitted.cost):
+                retested = None if diverges(one.step.fitted, least) else retest_trial(one)
+                if retested is None:
+                    continue
+                last[one.trial.listed.title] = retested.trial
+                odds = log_odds(retested.trial.listed, retested.trial.evidence)
+                if odds > threshold(retested.trial) and not rejects(retested.trial):
                     held.append(retested)
-                else:
-                    rejected[title] = odds
+                    least = min(least, one.step.fitted.cost)
+            hold = {one.trial.listed.title for one in held}
+            for title in [one.listed.title for one in promising]:
+                if title not in hold:
+                    rejected[title] = log_odds(last[title].listed, last[title].evidence)
         trials += last.values()
         if held:
             first = preferred([one.trial for one in held])[0]

@@ -1,19 +1,21 @@
 """Variance components of the recordings: sizes of nuisances and noise by restricted maximum likelihood.
 
 Whitened rows y are modelled as y = X a + Z b + e. The columns Z form groups. The amplitudes b of group g have mean 0 and
-standard deviation t_g; e has variance s_k in rows of kind k. Both are estimated from the recordings (EM for the restricted
-likelihood: Laird, Ware 1982; Searle, Casella, McCulloch: Variance components, 1992, chapter 8), with an inverse-gamma prior
-about the values expected of sound recordings. The size of a discrepancy that differs between runs and axles thus follows from
-their scatter. A mechanism gains only from what it explains beyond this scatter, in all runs alike.
+standard deviation t_g; e has variance s_k in rows of kind k. Both are estimated from the recordings by restricted maximum
+likelihood (Harville, Journal of the American Statistical Association 72, 1977, 320), with an inverse-gamma prior about the
+values expected of sound recordings. The size of a discrepancy that differs between runs and axles thus follows from their
+scatter. A mechanism gains only from what it explains beyond this scatter, in all runs alike.
 """
 
+import copy
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from wsp_env.diagnosis.arrow import Arrow, Eliminated, combined
+from wsp_env.diagnosis.arrow import Arrow, Eliminated, Order, Part, combined
 from wsp_env.diagnosis.balances import NOISES, Balances, Whitening
+from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import Group, whitened
 
@@ -21,7 +23,9 @@ from wsp_env.diagnosis.variation import Group, whitened
 _PRIOR_WEIGHT = 4.0
 #: Lower bound of a balance's noise, as a multiple of the noise that the channels show by themselves.
 _LEAST_NOISE = 0.5
-_ITERATIONS = 12
+#: Relative change of the sizes below which they have converged (it changes a deviance by less than one), and the largest number
+#: of iterations.
+_CONVERGED, _ITERATIONS = 0.05, 30
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,6 +69,7 @@ class Evidence:
         self.adds = of_mean * ratio**2 / len(balances.stops)
         counts = [group.columns.shape[1] for group in groups]
         self.group = np.repeat(np.arange(len(groups)), counts)  # (p,)
+        self._whitening = whitening
         white = whitened(groups, whitening, balances.rows.run)
         every = white.beside(np.column_stack([whitening(columns), whitening(base)]))
         self.nuisances = white.width
@@ -75,31 +80,70 @@ class Evidence:
         self.rows = np.bincount(self._kind, minlength=len(NOISES)).astype(float)
         self.products = [Arrow.of(self._parts, len(self.order.common), self._kind == k) for k in self.used]
 
-    def solve(self, iterations: int = _ITERATIONS, start: Sizes | None = None) -> Sizes:
-        """Estimate the sizes by EM iterations, from `start` or the expected sizes; candidate columns are ignored."""
+    def solve(self, start: Sizes | None = None) -> Sizes:
+        """Estimate the sizes, from `start` or the expected sizes; candidate columns are ignored.
+
+        Each size becomes the root of its squares over the number of amplitudes, or of rows, that the data determine.
+        """
         here = np.append(np.arange(len(self.common)), len(self.order.common) - 1)
         products = [one.first(here) for one in self.products]
         begin = start or Sizes(np.ones(len(self.names)), np.ones(len(NOISES)))
         scale, noise = begin.groups, begin.noise.copy()
         counts = np.bincount(self.group, minlength=len(self.names))
-        for _ in range(iterations):
+        for _ in range(_ITERATIONS):
+            before = np.append(scale, noise)
             own, common = self._deviations(scale)
             whole = combined(products, 1.0 / noise[self.used] ** 2).scaled(own, np.append(common, 1.0))
             solved = Eliminated(whole, len(common))
             units, unit = solved.solution(len(common))
             inverse = solved.inverse()
-            second = np.empty(self.nuisances)
-            second[self.common] = (unit**2 + np.diag(inverse.common)) * common**2
-            for mine, amplitude, block, d in zip(self.order.own, units, inverse.own, own, strict=True):
-                second[mine] = (amplitude**2 + np.diag(block)) * d**2
-            total = np.bincount(self.group, weights=second, minlength=len(self.names))
-            new = np.minimum(np.sqrt((total + _PRIOR_WEIGHT) / (counts + _PRIOR_WEIGHT)), self.most)
-            scale = np.where(self.fixed, np.sqrt(1.0 + self.adds * new[self.differences] ** 2), new)
-            # Residual variance of a kind of rows: squares that the nuisances leave, plus the uncertainty of these.
-            left = _moment([d * one for d, one in zip(own, units, strict=True)], common * unit, inverse.scaled(own, common))
+            squares, uncertain = (
+                self._each([one**2 for one in units], unit**2),
+                self._each(map(np.diag, inverse.own), np.diag(inverse.common)),
+            )
+            total = np.bincount(self.group, weights=squares, minlength=len(self.names)) * scale**2
+            prior = np.bincount(self.group, weights=uncertain, minlength=len(self.names))
+            new = np.sqrt((total + _PRIOR_WEIGHT) / (counts - prior + _PRIOR_WEIGHT))
+            # A kind of rows: squares that the nuisances leave, and the number of rows that determine nuisances.
+            amplitudes = [d * one for d, one in zip(own, units, strict=True)], np.append(common * unit, -1.0)
+            covariance = inverse.scaled(own, common).widened()
             for k, one in zip(self.used, products, strict=True):
-                noise[k] = max(np.sqrt((one.inner(left) + _PRIOR_WEIGHT) / (self.rows[k] + _PRIOR_WEIGHT)), _LEAST_NOISE)
+                given = one.inner(covariance) / noise[k] ** 2
+                left = one.square(*amplitudes)
+                noise[k] = max(np.sqrt((left + _PRIOR_WEIGHT) / (self.rows[k] - given + _PRIOR_WEIGHT)), _LEAST_NOISE)
+            new = np.minimum(new, self.most)
+            scale = np.where(self.fixed, np.sqrt(1.0 + self.adds * new[self.differences] ** 2), new)
+            if np.abs(np.log(np.append(scale, noise) / before)).max() < _CONVERGED:
+                break
         return Sizes(scale, noise)
+
+    def about(self, base: np.ndarray) -> "Evidence":
+        """Return the same for other raw residuals (n,)."""
+        white = self._whitening(base)
+        other = copy.copy(self)
+        other._parts = [part._replace(shared=np.column_stack([part.shared[:, :-1], white[part.rows]])) for part in self._parts]
+        other.products = [one.with_last(other._parts, self._kind == k) for k, one in zip(self.used, self.products, strict=True)]
+        return other
+
+    def projector(self, sizes: Sizes, kept: np.ndarray) -> Projector:
+        """Return the projector off the nuisances `kept` (p,) bool, for rows relative to the noise of their kind."""
+        number = np.cumsum(kept) - 1
+        own, common = self._deviations(sizes.groups)
+        mine, shared = [kept[one] for one in self.order.own], np.flatnonzero(kept[self.common])
+        place = np.full(len(self.order.common), -1)
+        place[shared] = np.arange(len(shared))
+        parts = []
+        for part, inside, d in zip(self._parts, mine, own, strict=True):
+            noise = sizes.noise[self._kind[part.rows], None]
+            stays = place[part.used] >= 0
+            columns = part.shared[:, stays] / noise * common[part.used[stays]]
+            parts.append(Part(part.rows, part.own[:, inside] / noise * d[inside], place[part.used[stays]], columns))
+        whole = combined([one.first(shared, mine) for one in self.products], 1.0 / sizes.noise[self.used] ** 2)
+        arrow = whole.scaled([d[inside] for d, inside in zip(own, mine, strict=True)], common[shared])
+        order = Order(
+            tuple(number[one[inside]] for one, inside in zip(self.order.own, mine, strict=True)), number[self.common[shared]]
+        )
+        return Projector(parts, order, Eliminated(arrow, len(shared)))
 
     def eliminated(self, sizes: Sizes) -> Eliminated:
         """Return the normal equations of all columns for given sizes, with the runs' own columns eliminated."""
@@ -128,22 +172,15 @@ class Evidence:
     def amplitudes(self, sizes: Sizes) -> np.ndarray:
         """Return the posterior means (p,) of the nuisances' amplitudes, relative to their expected standard deviations."""
         units, unit = self.eliminated(sizes).solution(len(self.order.common) - 1)
+        return self._each(units, unit) * sizes.groups[self.group]
+
+    def _each(self, own: Iterable[np.ndarray], common: np.ndarray) -> np.ndarray:
+        """Return the values (p,) of all nuisances, from those of each run's own ones and of the common ones."""
         result = np.empty(self.nuisances)
-        for mine, one in zip((*self.order.own, self.common), (*units, unit), strict=True):
-            result[mine] = one * sizes.groups[self.group[mine]]
+        for mine, one in zip((*self.order.own, self.common), (*own, common), strict=True):
+            result[mine] = one
         return result
 
     def _deviations(self, scale: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
         """Return the standard deviations of the runs' own nuisances and of the common ones."""
         return [scale[self.group[mine]] for mine in self.order.own], scale[self.group[self.common]]
-
-
-def _moment(own: Sequence[np.ndarray], common: np.ndarray, covariance: Arrow) -> Arrow:
-    """Return E[(b, -1)(b, -1)'] of the amplitudes b; its inner product with the rows' products is the residual square sum."""
-    last = np.append(common, -1.0)
-    wide = np.pad(covariance.common, (0, 1))
-    return Arrow(
-        tuple(block + np.outer(one, one) for block, one in zip(covariance.own, own, strict=True)),
-        tuple(np.pad(block, ((0, 0), (0, 1))) + np.outer(one, last) for block, one in zip(covariance.cross, own, strict=True)),
-        wide + np.outer(last, last),
-    )

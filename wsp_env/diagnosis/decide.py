@@ -22,7 +22,7 @@ from wsp_env.diagnosis.form_errors import FormErrorThreshold
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.noise import NoiseParameters
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.retest import LARGE_CHANGE, Retested, Side, converge_reweighted, own_side, retest
+from wsp_env.diagnosis.retest import LARGE_CHANGE, Retested, Side, about_itself, begun, converge_reweighted, own_side, retest
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
 from wsp_env.diagnosis.structure import structured
 from wsp_env.diagnosis.trials import (
@@ -111,13 +111,13 @@ def select(
             break
         progress(f"refitting {len(accepted) + 1} of {MOST}")
         rejects = functools.partial(_is_rejected, replica, accepted, seen)
-        here = Side(replica, seen, weights, seen.noise, (fitted.model, fitted.variants))
-        retest_trial = functools.partial(retest, here, seen)
+        here = Side(replica, seen, weights, ReplicaNoise(replica, seen, like=seen.noise), (fitted.model, fitted.variants))
+        both = functools.partial(about_itself, here), functools.partial(retest, here, seen)
         threshold = FormErrorThreshold(
             replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen
         )
         batches = trials_of(replica, seen, fitted, weights, pool)
-        best, rejected, trials = best_of(batches, rejects, retest_trial, threshold, pool, not accepted)
+        best, rejected, trials = best_of(batches, rejects, *both, threshold, pool, not accepted)
         if best is None:
             left = left or [
                 one
@@ -168,7 +168,7 @@ def _converge_all(
     if not any(corrects_recordings(one.trial.listed) for one in accepted):
         noise = ReplicaNoise(replica, seen)
         return *converge(replica.recorded, fitted, noise.weights()), noise.parameters
-    own, again, noise = converge_reweighted(replica, fitted, seen)
+    own, again, noise = converge_reweighted(begun(replica.recorded, fitted, weights_of(replica, seen)), seen)
     return own, again, noise.parameters
 
 
@@ -211,8 +211,8 @@ def _exchanged(
                 break
             if at_bound(better.variant, better.fitted.model):
                 continue
-            side = Side(replica, seen, weights, ReplicaNoise(replica, seen).noise, (rest.model, others))
-            retested = retest(side, seen, better)
+            side = Side(replica, seen, weights, ReplicaNoise(replica, seen), (rest.model, others))
+            retested = retest(side, seen, about_itself(side, better))
             if retested is None:
                 continue
             if log_odds(retested.trial.listed, retested.trial.evidence) > SURE:
@@ -239,8 +239,8 @@ def _backward_elimination(
         variant, weights = one.trial.variant, weights_of(replica, seen)
         others = [other for other in fitted.variants if other is not variant]
         reduced = refit(replica, without(fitted.model, variant), others, weights)
-        rest, left = own_side(replica, reduced, seen)
-        here = Side(replica, seen, weights, ReplicaNoise(replica, seen).noise)
+        rest, left = own_side(begun(replica.recorded, reduced, weights), seen)
+        here = Side(replica, seen, weights, ReplicaNoise(replica, seen))
         both = [side.compare([fitted.model], variant, fitted.variants)[0] for side in (rest, here)]
         if log_odds(one.trial.listed, 0.5 * min(both) - one.trial.penalty) <= SURE:
             accepted, fitted, replica = [other for other in accepted if other is not one], left, rest.replica

@@ -8,7 +8,7 @@ import numpy as np
 from wsp_env.diagnosis import candidates
 from wsp_env.diagnosis.balances import Balances, Whitening
 from wsp_env.diagnosis.candidates import Variant
-from wsp_env.diagnosis.covariance import Sizes
+from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.gls import Projector, fit
 from wsp_env.diagnosis.replica import Replica
@@ -63,6 +63,14 @@ def weigh(
     return Weighing(balances, whitening, groups, sizes)(None)
 
 
+def weights_from(
+    balances: Balances | Replica, whitening: Whitening, groups: Sequence[Group], sizes: Sizes, evidence: Evidence
+) -> Weights:  # fmt: skip
+    """Return the same weights of all rows, computed from the inner products of rows and `groups`."""
+    kept = np.concatenate([left_to_weights(balances, group) for group in groups])
+    return _weights(whitening, sizes.noise[balances.rows.noise], evidence.projector(sizes, kept))
+
+
 class Weighing:
     """Weights of some rows, for given sizes of groups and noise; None: the expected ones."""
 
@@ -71,26 +79,30 @@ class Weighing:
     ) -> None:  # fmt: skip
         self._whitening = whitening
         self._noise = np.ones(len(balances.rows)) if sizes is None else sizes.noise[balances.rows.noise]
-        groups = [_left_to_the_weights(balances, group) for group in groups]
+        groups = [group._replace(columns=group.columns[:, left_to_weights(balances, group)]) for group in groups]
         self._columns = whitened(groups, whitening, balances.rows.run, self._noise, None if sizes is None else sizes.groups)
 
     def __call__(self, keep: np.ndarray | None) -> Weights:
         """Return the weights of the rows `keep` (n,) bool; None: all."""
         columns = self._columns if keep is None else self._columns.kept(keep)
-        projector = Projector(columns, np.ones(columns.width, dtype=bool))
-        scale = self._noise if self._whitening.colour is None else self._noise / self._whitening.colour.diagonal()
-        constant = 2.0 * float(np.log(scale if keep is None else scale[keep]).sum()) + projector.logdet
-        return Weights(self._whitening, self._noise, projector, constant)
+        return _weights(self._whitening, self._noise, Projector.of(columns, np.ones(columns.width, dtype=bool)), keep)
 
 
-def _left_to_the_weights(balances: Balances | Replica, group: Group) -> Group:
-    """Return a group without the columns that a refit fits; mu_cd of a run that hardly slides stays a nuisance."""
+def _weights(whitening: Whitening, noise: np.ndarray, projector: Projector, keep: np.ndarray | None = None) -> Weights:
+    """Return weights with the constant of their deviance."""
+    scale = noise if whitening.colour is None else noise / whitening.colour.diagonal()
+    constant = 2.0 * float(np.log(scale if keep is None else scale[keep]).sum()) + projector.logdet
+    return Weights(whitening, noise, projector, constant)
+
+
+def left_to_weights(balances: Balances | Replica, group: Group) -> np.ndarray:
+    """Mask (k,) of a group's columns that a refit does not fit; mu_cd of a run that hardly slides stays a nuisance."""
     if group.name not in ("tau", "mu_cd"):
-        return group
+        return np.ones(group.columns.shape[1], dtype=bool)
     free = free_parameters(balances)
     run = balances.rows.run[(group.columns != 0.0).argmax(axis=0)]  # of each column; each mu_cd belongs to one run
-    kept = ~(free[:1] if group.name == "tau" else free[1 + run])
-    return group._replace(columns=group.columns[:, kept])
+    result: np.ndarray = ~(np.repeat(free[:1], len(run)) if group.name == "tau" else free[1 + run])
+    return result
 
 
 def baseline(recorded: Balances) -> Replica:

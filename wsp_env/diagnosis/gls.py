@@ -6,10 +6,11 @@ reduction of chi-square is the decrease of the sum of squares, in the prior's me
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
-from wsp_env.diagnosis.arrow import Arrow, ByRun, Eliminated
+from wsp_env.diagnosis.arrow import Arrow, ByRun, Eliminated, Order, Part
 
 _NOTHING = 1e-11  # share of a nuisance column's largest square below which a direction carries no information
 
@@ -19,23 +20,36 @@ class Projector:
 
     Parameters
     ----------
-    columns : (n, p) whitened; those with a prior are scaled by its standard deviation
-    prior : (p,) bool, columns with a prior
-    run : (n,) int, the run of each row; used if many columns concern one run only; not needed if stored by run
+    parts : the nuisances' columns run by run, whitened; those with a prior are scaled by its standard deviation
+    order : of the columns
+    solved : their normal equations
+    unit : (p,) factors by which the columns were scaled beyond that; None: 1
 
     """
 
-    def __init__(self, columns: np.ndarray | ByRun, prior: np.ndarray, run: np.ndarray | None = None) -> None:
+    def __init__(self, parts: Sequence[Part], order: Order, solved: Eliminated, unit: np.ndarray | None = None) -> None:
+        self._parts, self._order, self._solved = parts, order, solved
+        self._unit = np.ones(sum(map(len, order.own)) + len(order.common)) if unit is None else unit
+
+    @classmethod
+    def of(cls, columns: np.ndarray | ByRun, prior: np.ndarray, run: np.ndarray | None = None) -> "Projector":
+        """Return the projector off whitened columns (n, p), of which those of `prior` (p,) bool have a prior.
+
+        Parameters
+        ----------
+        run : (n,) int, the run of each row; used if many columns concern one run only; not needed if stored by run
+
+        """
         if not isinstance(columns, ByRun):
             columns = ByRun.of(columns, np.zeros(len(columns), dtype=int) if run is None else run)
-        self._unit = np.ones(len(prior))
+        unit = np.ones(len(prior))
         if not prior.all():  # a free direction gets a prior so wide that it carries almost no information
-            self._unit[~prior] = (_NOTHING * max(float(columns.squares().max(initial=0.0)), 1.0)) ** -0.5
-            columns = columns.scaled(self._unit)
-        self._order = columns.order(0)
-        self._parts = columns.parts(self._order)
-        common = len(self._order.common)
-        self._solved = Eliminated(Arrow.of(self._parts, common), common)
+            unit[~prior] = (_NOTHING * max(float(columns.squares().max(initial=0.0)), 1.0)) ** -0.5
+            columns = columns.scaled(unit)
+        order = columns.order(0)
+        parts = columns.parts(order)
+        common = len(order.common)
+        return cls(parts, order, Eliminated(Arrow.of(parts, common), common), unit)
 
     @property
     def logdet(self) -> float:

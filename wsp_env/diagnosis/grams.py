@@ -56,7 +56,7 @@ class Runs:
         for r in range(len(names)):
             rows, mine = run == r, own == r
             # Equivalent to Projector.inner, whose sparse products are slow for dense columns.
-            inner = z[rows].T @ Projector(columns[np.ix_(rows, mine)], prior[mine]).rest(z[rows])
+            inner = z[rows].T @ Projector.of(columns[np.ix_(rows, mine)], prior[mine]).rest(z[rows])
             # Columns within the span of the run's own nuisances leave only rounding errors.
             spanned = np.diag(inner) < _LEFT * np.einsum("nk,nk->k", z[rows], z[rows])
             inner[spanned, :] = inner[:, spanned] = 0.0
@@ -79,7 +79,7 @@ class Runs:
         """Return the projector off all nuisances and given candidates."""
         columns, prior = self.nuisances
         every = np.column_stack([columns, *(self.candidates[i] for i in given)])
-        return Projector(every, np.concatenate([prior, np.zeros(every.shape[1] - len(prior), dtype=bool)]))
+        return Projector.of(every, np.concatenate([prior, np.zeros(every.shape[1] - len(prior), dtype=bool)]))
 
     def predicted(self, given: Sequence[int], free: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Return the reduction of the sum of squares by each free candidate, beside the given ones, in runs not fitted.

@@ -13,9 +13,6 @@ from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import Group, nuisances
 
-#: EM iterations that update the sizes after the noise was whitened and the small mechanisms were added.
-EM_UPDATES = 6
-
 
 class NoiseParameters(NamedTuple):
     """What is known about the normal variation of similar residuals."""
@@ -53,10 +50,7 @@ def noise_of(
     plain = replica.whitening(replica.about)
     groups = nuisances(replica, model, base, plain)
     alone = Evidence(replica, plain, [*groups, *free], base)
-    if start is None:
-        begin = alone.solve()
-    else:
-        begin = alone.solve(EM_UPDATES, Sizes(np.append(start.groups, np.ones(len(free))), start.noise))
+    begin = alone.solve(None if start is None else Sizes(np.append(start.groups, np.ones(len(free))), start.noise))
     coefficients = colour(replica.rows, alone, begin)
     whitening = dataclasses.replace(plain, colour=slide_whitening(replica.rows, coefficients))
     return Noise(groups, whitening, coefficients, Sizes(begin.groups[: len(groups)], begin.noise))

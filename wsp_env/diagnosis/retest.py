@@ -13,16 +13,16 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.diagnosis.agreement import agreement
+from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import Variant, switched, values_in, without
 from wsp_env.diagnosis.convergence import largest_change, midpoint, moves, rescaled
 from wsp_env.diagnosis.estimates import estimates, intervals_contain_null, within_a_sample
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit, replica_of
 from wsp_env.diagnosis.form_errors import forms
-from wsp_env.diagnosis.noise import Noise
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Screen, net_effect
-from wsp_env.diagnosis.trials import SURE, ReplicaNoise, Trial, form_of, log_odds, weights_of
+from wsp_env.diagnosis.trials import SURE, ReplicaNoise, Trial, form_of, log_odds
 
 #: Change of a mechanism with new nuisance sizes, in standard deviations, from which on its replica is made again.
 LARGE_CHANGE = 1.0
@@ -33,6 +33,21 @@ _REWEIGHTED, _STEPS = 3, 4
 _MULTIPLES = (1.0, 2.0, 4.0)
 #: Additional shift of the nuisances by a mechanism, in standard deviations, above which it is rejected: nuisances cancel it.
 NUISANCE_SHIFT = 4.0
+
+
+class Step(NamedTuple):
+    """A replica, the fit from which it was made, and the fit to it."""
+
+    replica: Replica
+    begin: Fitted
+    fitted: Fitted
+
+
+class AboutItself(NamedTuple):
+    """A trial, and its fit to a replica of its own."""
+
+    trial: Trial
+    step: Step
 
 
 class Retested(NamedTuple):
@@ -64,7 +79,7 @@ class Side:
     """
 
     def __init__(
-        self, replica: Replica, seen: Screen, weights: Weights, like: Noise,
+        self, replica: Replica, seen: Screen, weights: Weights, like: ReplicaNoise,
         without: tuple[Model, Sequence[Variant]] | None = None, known: Weighted | None = None,
     ) -> None:  # fmt: skip
         self.replica, self.weights = replica, weights
@@ -76,7 +91,7 @@ class Side:
         if self._known and list(self._known.fitted.variants) == list(variants):
             return self._known
         first = refit(self.replica, model, variants, self.weights)
-        noise = ReplicaNoise(self.replica, self._seen, first.model, self._like)
+        noise = self._like.about(first.model)
         weights = noise.weights()
         fitted = refit(self.replica, first.model, variants, weights)
         return Weighted(fitted, noise, weights.deviance(fitted))
@@ -106,34 +121,38 @@ class Side:
         return float(amplitudes @ amplitudes)  # in prior deviations
 
 
-def own_side(replica: Replica, fitted: Fitted, seen: Screen) -> tuple[Side, Fitted]:
-    """Return the side of a model that was fitted to another replica, and its fit there."""
-    own, again, noise = converge_reweighted(replica, fitted, seen)
+def about_itself(here: Side, trial: Trial) -> AboutItself:
+    """Return a trial about a replica of its own, with the weights of the other side.
+
+    About a replica without a strongly nonlinear mechanism, a refit may lead away from it. A name is tried from its refit and
+    from its linear step; what fits better counts.
+    """
+    first = begun(here.replica.recorded, trial.fitted, here.weights)
+    if trial.listed.family:
+        return AboutItself(trial, first)
+    begin = rescaled(here.replica.recorded, _linear(trial), trial.variant, here.weights, _MULTIPLES)
+    if largest_change(first.fitted, begin) <= LARGE_CHANGE:
+        return AboutItself(trial, first)
+    further = begun(here.replica.recorded, begin, here.weights)
+    return AboutItself(trial, min(first, further, key=lambda one: one.fitted.cost))
+
+
+def own_side(step: Step, seen: Screen) -> tuple[Side, Fitted]:
+    """Return the side of a model about itself, and its fit there."""
+    own, again, noise = converge_reweighted(step, seen)
     weights = noise.weights()
     known = Weighted(again, noise, weights.deviance(again))
-    return Side(own, seen, weights, noise.noise, known=known), again
+    return Side(own, seen, weights, noise, known=known), again
 
 
-def retest(here: Side, seen: Screen, trial: Trial) -> Retested | None:
+def retest(here: Side, seen: Screen, one: AboutItself) -> Retested | None:
     """Return a trial with its size and evidence from both sides; None if nuisances cancel it.
 
     The evidence is the mean of both sides, or the smaller one if a side speaks against it. If the parts of the recordings
     disagree so that it is no longer sure, it is the reduced one.
     """
-    own, fitted = own_side(here.replica, trial.fitted, seen)
-    held = _judged(here, seen, trial, own, fitted)
-    if trial.listed.family or (held is not None and log_odds(trial.listed, held.trial.evidence) > SURE):
-        return held
-    # About a replica without a strongly nonlinear mechanism, a refit may lead away from it.
-    begin = rescaled(here.replica.recorded, _linear(trial), trial.variant, here.weights, _MULTIPLES)
-    if largest_change(fitted, begin) <= LARGE_CHANGE:
-        return held
-    further = _judged(here, seen, trial, *own_side(here.replica, begin, seen))
-    return max((one for one in (held, further) if one is not None), key=lambda one: one.trial.evidence, default=None)
-
-
-def _judged(here: Side, seen: Screen, trial: Trial, own: Side, fitted: Fitted) -> Retested | None:
-    """Return a trial with its size and evidence from both sides, if it is `fitted` on its own one; None if it is cancelled."""
+    own, fitted = own_side(one.step, seen)
+    trial = one.trial
     model, variant, variants = fitted.model, trial.variant, fitted.variants
     about_own, shift = own.compare([model], variant, variants)
     if shift > NUISANCE_SHIFT**2:
@@ -166,34 +185,35 @@ def _linear(trial: Trial) -> Fitted:
     return dataclasses.replace(trial.fitted, model=switched(trial.null_model, trial.variant, values))
 
 
-def converge_reweighted(replica: Replica, fitted: Fitted, seen: Screen) -> tuple[Replica, Fitted, ReplicaNoise]:
-    """Iterate replicas, then estimate the nuisance sizes, until the fit with these belongs to the replica.
+def converge_reweighted(step: Step, seen: Screen) -> tuple[Replica, Fitted, ReplicaNoise]:
+    """Estimate the nuisance sizes, then iterate replicas, until the fit with these sizes belongs to the replica.
 
     Return the last replica, the fit to it, and its noise.
     """
-    weights, like = weights_of(replica, seen), None
-    for _ in range(_REWEIGHTED):
-        own, begin = _steps(replica, fitted, weights)
-        noise = ReplicaNoise(own, seen, like=like)
+    like, fitted = None, step.begin
+    for turn in range(_REWEIGHTED):
+        if turn:
+            step = begun(step.replica.recorded, fitted, weights)
+        noise = ReplicaNoise(step.replica, seen, like=like)
         like = noise.noise._replace(groups=())  # which depend on the replica
         weights = noise.weights()
-        fitted = refit(own, begin.model, begin.variants, weights)
-        if largest_change(begin, fitted) < LARGE_CHANGE:
+        fitted = refit(step.replica, step.begin.model, step.begin.variants, weights)
+        if largest_change(step.begin, fitted) < LARGE_CHANGE:
             break
-    return own, fitted, noise
+    return step.replica, fitted, noise
 
 
-def _steps(replica: Replica, fitted: Fitted, weights: Weights) -> tuple[Replica, Fitted]:
-    """Return the last of a few replicas, each made from the fit to the previous one, and the fit from which it was made.
+def begun(recorded: Balances, fitted: Fitted, weights: Weights) -> Step:
+    """Return the last of a few replicas, each made from the fit to the previous one.
 
     A step that turns back is halved.
     """
     last = np.zeros(1)
     for _ in range(_STEPS):
-        begin, own = fitted, replica_of(replica.recorded, fitted.model, weights)
+        begin, own = fitted, replica_of(recorded, fitted.model, weights)
         again = refit(own, begin.model, begin.variants, weights)
         step = moves(begin, again)
         if np.abs(step).max() < LARGE_CHANGE:
             break
         fitted, last = midpoint(begin, again) if (step * last).sum() < 0.0 else again, step
-    return own, begin
+    return Step(own, begin, again)

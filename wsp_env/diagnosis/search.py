@@ -17,7 +17,7 @@ from wsp_env.diagnosis.candidates import Candidate, Variant, columns, parameter_
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Evaluation, Model
 from wsp_env.diagnosis.interest import Compared, StopChange, only_sensors
-from wsp_env.diagnosis.noise import EM_UPDATES, Noise, NoiseParameters, noise_from_parameters, noise_of
+from wsp_env.diagnosis.noise import Noise, NoiseParameters, noise_from_parameters, noise_of
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.triangular import inverse_of
 from wsp_env.diagnosis.variation import Group, Net, law_columns, segment_columns
@@ -182,7 +182,7 @@ def screen(
     times = small._replace(columns=small.columns[:, np.array(late, dtype=bool)])
     terms = law.net(np.column_stack([nothing, *(one.columns / one.scale for one in unnamed)]))[0]
     evidence = Evidence(replica, whitening, [*groups, free, small], base, terms, last=True)
-    sizes = evidence.solve(EM_UPDATES, Sizes(np.append(noise.sizes.groups, [1.0, 1.0]), noise.sizes.noise))
+    sizes = evidence.solve(Sizes(np.append(noise.sizes.groups, [1.0, 1.0]), noise.sizes.noise))
     found, second = _judged(evidence, sizes, named, unnamed)
     kept = Sizes(sizes.groups[: len(groups)], sizes.noise)
     return Screen(model, replica.about, base, whitening, groups, small, times, kept, noise.colour, tuple(found), second)

@@ -20,8 +20,6 @@ from wsp_env.recordings import Campaign
 
 #: Share of a sample below which a shift of the channels has no visible effect.
 _LEAST = 0.1
-#: Iterations for the sizes of the nuisances; only their order of magnitude matters.
-_ITERATIONS = 4
 
 
 class Times(NamedTuple):
@@ -39,7 +37,7 @@ def times(replica: Replica) -> Times:
     base = replica.raw(replica.baseline)
     groups = nuisances(replica, replica.baseline, base, whitening)
     evidence = Evidence(replica, whitening, groups, base)
-    sizes = evidence.solve(_ITERATIONS)
+    sizes = evidence.solve()
     amplitude = evidence.amplitudes(sizes)
     sample = replica.sample_s
     found = []

@@ -1,5 +1,6 @@
 """Tries mechanisms: each is refitted together with the accepted ones, and its evidence is computed again."""
 
+import copy
 import dataclasses
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
@@ -11,9 +12,9 @@ from wsp_env.diagnosis.candidates import Variant, at_bound, near, refined, switc
 from wsp_env.diagnosis.colour import slide_whitening
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh
+from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh, weights_from
 from wsp_env.diagnosis.interest import StopChange
-from wsp_env.diagnosis.noise import EM_UPDATES, Noise, NoiseParameters, noise_from_parameters, noise_of
+from wsp_env.diagnosis.noise import Noise, NoiseParameters, noise_from_parameters, noise_of
 from wsp_env.diagnosis.readings import of_noise
 from wsp_env.diagnosis.replica import OF_TIME, OF_TORQUE, Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect
@@ -222,9 +223,20 @@ class ReplicaNoise:
         else:
             known = NoiseParameters(seen.sizes, like.colour)
             self.noise = noise_from_parameters(known, replica, model, base, like.groups)
-        self._replica, self._groups, before = replica, [*self.noise.groups, seen.small], self.noise.sizes
-        evidence = Evidence(replica, self.noise.whitening, self._groups, base)
-        self._sizes = evidence.solve(EM_UPDATES, Sizes(np.append(before.groups, 1.0), before.noise))
+        self._replica, self._groups = replica, [*self.noise.groups, seen.small]
+        self._evidence = Evidence(replica, self.noise.whitening, self._groups, base)
+        self._sizes = self._estimated()
+
+    def _estimated(self) -> Sizes:
+        before = self.noise.sizes
+        return self._evidence.solve(Sizes(np.append(before.groups, 1.0), before.noise))
+
+    def about(self, model: Model) -> "ReplicaNoise":
+        """Return the same for the residuals of another model: with sizes of its own, the same nuisances and colour."""
+        other = copy.copy(self)
+        other._evidence = self._evidence.about(self._replica.raw(model))
+        other._sizes = other._estimated()
+        return other
 
     @property
     def parameters(self) -> NoiseParameters:
@@ -233,5 +245,7 @@ class ReplicaNoise:
 
     def weights(self, forms: Sequence[Group] = ()) -> Weights:
         """Return the weights of the residuals, with form errors `forms`."""
+        if not forms:
+            return weights_from(self._replica, self.noise.whitening, self._groups, self._sizes, self._evidence)
         sizes = Sizes(np.concatenate([self._sizes.groups, np.ones(len(forms))]), self._sizes.noise)
         return weigh(self._replica, self.noise.whitening, [*self._groups, *forms], sizes)
