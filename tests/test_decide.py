@@ -119,7 +119,9 @@ def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, h
     monkeypatch.setattr(decide, "begun", lambda _, fitted, __: fitted)
     monkeypatch.setattr(decide, "own_side", lambda fitted, _: (side(without), fitted))
     first, last = (decide.Accepted(trial(one, 40.0), (one.name,), 1.0) for one in (GRADIENT, GAIN))
-    accepted, fitted = decide._backward_elimination(SimpleNamespace(recorded=None), [first, last], whole, SimpleNamespace(whitening=None))
+    accepted, fitted = decide._backward_elimination(
+        SimpleNamespace(recorded=None), [first, last], whole, SimpleNamespace(whitening=None)
+    )
     lost = min(here, without) < 10.0
     assert [one.name for one in accepted] == (["brake_gain_imbalance"] if lost else ["track_gradient", "brake_gain_imbalance"])
     assert fitted.variants == ((GAIN,) if lost else (GRADIENT, GAIN))

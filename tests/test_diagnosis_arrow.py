@@ -68,6 +68,21 @@ def test_a_projector_is_that_of_the_whole_matrix_with_priors_and_without(seed):
     assert projector.inner(y, y[:, :2]) == pytest.approx(y.T @ (y - columns @ best)[:, :2], rel=1e-5, abs=1e-5)
 
 
+@given(st.integers(0, 10_000))
+@settings(deadline=None, max_examples=10)
+def test_further_columns_beside_a_projector_are_as_if_they_had_been_in_it(seed):
+    columns, run = columns_of(seed)
+    prior = np.ones(columns.shape[1], dtype=bool)
+    whole = Projector.of(columns, prior, run)
+    bordered = Projector.of(columns[:, :-2], prior[:-2], run).beside(columns[:, -2:])
+    y = np.random.default_rng(seed).standard_normal((len(columns), 3))
+    assert bordered.logdet == pytest.approx(whole.logdet)
+    assert bordered.inner(y, y[:, :2]) == pytest.approx(whole.inner(y, y[:, :2]))
+    for one in (y, y[:, 0]):
+        assert bordered.rest(one) == pytest.approx(whole.rest(one))
+        assert bordered.amplitudes(one) == pytest.approx(whole.amplitudes(one))
+
+
 def test_the_last_columns_stay_whole_even_if_they_concern_one_run():
     columns, run = columns_of(1)
     columns[run != 0, -SIDES:] = 0.0

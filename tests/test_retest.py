@@ -17,6 +17,7 @@ from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.noise import Noise
 from wsp_env.diagnosis.trials import PRIOR, SURE
+from wsp_env.diagnosis.variation import Group
 
 #: What is asked of a replica and of a screen.
 HERE = SimpleNamespace(name="here", recorded=None, sample_s=0.01)
@@ -119,10 +120,11 @@ def side(monkeypatch):
 
         def noise(model):
             asked.append(model)
-            return SimpleNamespace(weights=lambda forms=(): BENT if list(forms) == [GAIN] else PLAIN)
+            return SimpleNamespace(weights=lambda: PLAIN)
 
         monkeypatch.setattr(retest, "refit", refit)
-        monkeypatch.setattr(retest, "forms", lambda _, __, variants, ___: variants)
+        bends = [Group("form", np.ones((1, 2)), 0.2, True)]
+        monkeypatch.setattr(retest, "forms", lambda _, __, variants, ___: bends if list(variants) == [GAIN] else [])
         monkeypatch.setattr(retest.Side, "_nuisance_chi_square", lambda *_: 0.0)
         one = retest.Side(HERE, SEEN, PLAIN, SimpleNamespace(about=noise), **said)
         one.asked = asked

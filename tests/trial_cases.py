@@ -13,8 +13,9 @@ from wsp_env.diagnosis.trials import Trial
 GRADIENT = Variant("track_gradient", ("rise",), {})
 GAIN = Variant("brake_gain_imbalance", ("gain",), {"axle": 2.0})
 TERM = Variant("discovered", ("coefficient_1",), {"slot_1": 0.0}, (100.0,), "brake torque by braking")
-#: Weights whose deviance is the cost alone; a second one.
-PLAIN, BENT = (SimpleNamespace(deviance=lambda fitted: fitted.cost) for _ in range(2))
+#: Weights whose deviance is the cost alone; the same beside further nuisances.
+BENT = SimpleNamespace(deviance=lambda fitted: fitted.cost)
+PLAIN = SimpleNamespace(deviance=lambda fitted: fitted.cost, beside=lambda columns: BENT)
 
 
 def candidate(variant: Variant = GRADIENT, k: int = 1) -> Candidate:

@@ -38,6 +38,11 @@ class Weights:
         """
         return fitted.cost + self.constant
 
+    def beside(self, columns: np.ndarray) -> "Weights":
+        """Return the same with a few further nuisances (n, k), scaled by their standard deviations."""
+        projector = self.projector.beside(self(columns))
+        return dataclasses.replace(self, projector=projector, constant=self.constant + projector.logdet - self.projector.logdet)
+
     def __call__(self, raw: np.ndarray) -> np.ndarray:
         """Return rows (n,) or (n, k) whitened."""
         white = self.whitening(raw)

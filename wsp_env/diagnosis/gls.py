@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wsp_env.diagnosis.arrow import Arrow, ByRun, Eliminated, Order, Part
+from wsp_env.diagnosis.triangular import solved
 
 _NOTHING = 1e-11  # share of a nuisance column's largest square below which a direction carries no information
 
@@ -87,6 +88,42 @@ class Projector:
         for mine, one in zip((*self._order.own, self._order.common), (*own, common), strict=True):
             result[mine] = one * self._unit[mine, None]
         return result.reshape(-1, *y.shape[1:])
+
+    def beside(self, columns: np.ndarray) -> "Beside":
+        """Return the projector that also removes a few further columns (n, k), with a prior of deviation 1."""
+        return Beside(self, columns)
+
+
+class Beside(Projector):
+    """A projector off the nuisances of another one and a few further columns, which come last."""
+
+    def __init__(self, projector: Projector, columns: np.ndarray) -> None:
+        self._projector, self._columns, self._freed = projector, columns, projector.rest(columns)
+        self._factor = np.linalg.cholesky(columns.T @ self._freed + np.eye(columns.shape[1]))
+
+    @property
+    def logdet(self) -> float:
+        """As for the projector."""
+        return self._projector.logdet + 2.0 * float(np.log(np.diag(self._factor)).sum())
+
+    def inner(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """As for the projector."""
+        left, right = (solved(self._factor, self._freed.T @ one) for one in (a, b))
+        result: np.ndarray = self._projector.inner(a, b) - left.T @ right
+        return result
+
+    def rest(self, y: np.ndarray) -> np.ndarray:
+        """As for the projector."""
+        return self._projector.rest(y - self._columns @ self._further(y))
+
+    def amplitudes(self, y: np.ndarray) -> np.ndarray:
+        """As for the projector."""
+        further = self._further(y)
+        return np.concatenate([self._projector.amplitudes(y - self._columns @ further), further])
+
+    def _further(self, y: np.ndarray) -> np.ndarray:
+        """Best amplitudes (k,) or (k, m) of the further columns."""
+        return solved(self._factor, solved(self._factor, self._freed.T @ y), True)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -20,6 +20,7 @@ from wsp_env.diagnosis.estimates import estimates, intervals_contain_null, withi
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit, replica_of
 from wsp_env.diagnosis.form_errors import forms
+from wsp_env.diagnosis.noise import Noise
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Screen, net_effect
 from wsp_env.diagnosis.trials import SURE, ReplicaNoise, Trial, form_of, log_odds
@@ -61,7 +62,7 @@ class Weighted(NamedTuple):
     """A model fitted to a replica with nuisance sizes estimated from its own residuals."""
 
     fitted: Fitted
-    noise: ReplicaNoise
+    weights: Weights
     deviance: float
 
 
@@ -91,10 +92,9 @@ class Side:
         if self._known and list(self._known.fitted.variants) == list(variants):
             return self._known
         first = refit(self.replica, model, variants, self.weights)
-        noise = self._like.about(first.model)
-        weights = noise.weights()
+        weights = self._like.about(first.model).weights()
         fitted = refit(self.replica, first.model, variants, weights)
-        return Weighted(fitted, noise, weights.deviance(fitted))
+        return Weighted(fitted, weights, weights.deviance(fitted))
 
     def compare(self, models: Sequence[Model], variant: Variant, variants: Sequence[Variant]) -> tuple[float, float]:
         """Return by how much a mechanism reduces the deviance beside the others, and increases the nuisances' chi-square.
@@ -113,7 +113,10 @@ class Side:
 
     def _bent(self, one: Weighted, others: Sequence[Variant]) -> float:
         """Return the deviance with form errors of other mechanisms."""
-        weights = one.noise.weights(forms(self.replica, one.fitted.model, others, self._seen.whitening))
+        bent = forms(self.replica, one.fitted.model, others, self._seen.whitening)
+        if not bent:
+            return one.deviance
+        weights = one.weights.beside(np.column_stack([group.columns * group.expected for group in bent]))
         return weights.deviance(refit(self.replica, one.fitted.model, one.fitted.variants, weights))
 
     def _nuisance_chi_square(self, model: Model) -> float:
@@ -141,7 +144,7 @@ def own_side(step: Step, seen: Screen) -> tuple[Side, Fitted]:
     """Return the side of a model about itself, and its fit there."""
     own, again, noise = converge_reweighted(step, seen)
     weights = noise.weights()
-    known = Weighted(again, noise, weights.deviance(again))
+    known = Weighted(again, weights, weights.deviance(again))
     return Side(own, seen, weights, noise, known=known), again
 
 
@@ -190,9 +193,11 @@ def converge_reweighted(step: Step, seen: Screen) -> tuple[Replica, Fitted, Repl
 
     Return the last replica, the fit to it, and its noise.
     """
-    like, fitted = None, step.begin
-    for turn in range(_REWEIGHTED):
-        if turn:
+    like: Noise | None = None
+    weights: Weights | None = None
+    fitted = step.begin
+    for _ in range(_REWEIGHTED):
+        if weights is not None:
             step = begun(step.replica.recorded, fitted, weights)
         noise = ReplicaNoise(step.replica, seen, like=like)
         like = noise.noise._replace(groups=())  # which depend on the replica

@@ -18,7 +18,7 @@ from wsp_env.diagnosis.noise import Noise, NoiseParameters, noise_from_parameter
 from wsp_env.diagnosis.readings import of_noise
 from wsp_env.diagnosis.replica import OF_TIME, OF_TORQUE, Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect
-from wsp_env.diagnosis.variation import Group, nuisances
+from wsp_env.diagnosis.variation import nuisances
 from wsp_env.plant.mechanisms import ALL
 
 #: Number of terms that are refitted at a time, beside all names; the next ones follow only if none of these holds.
@@ -190,18 +190,18 @@ def _fit_on_replica(replica: Replica, start: Fitted, weights: Weights, one: Foun
     return _BestFit(free, best, null_fit.model, null_fit.cost - best.cost)
 
 
-def weights_of(replica: Replica, seen: Screen, forms: Sequence[Group] = ()) -> Weights:
-    """Return the weights of a screen, with mechanisms at sizes too small to matter, and with form errors `forms`.
+def weights_of(replica: Replica, seen: Screen) -> Weights:
+    """Return the weights of a screen, with mechanisms at sizes too small to matter.
 
     If other wheels slide on the replica than on the screen's, or its rows have other noise, the nuisances are computed again
     with the same sizes.
     """
-    sizes = Sizes(np.concatenate([seen.sizes.groups, np.ones(1 + len(forms))]), seen.sizes.noise)
+    sizes = Sizes(np.append(seen.sizes.groups, 1.0), seen.sizes.noise)
     whitening, groups = seen.whitening, seen.groups
     if of_noise(replica.about) != of_noise(seen.about):
         whitening = dataclasses.replace(replica.whitening(replica.about), colour=slide_whitening(replica.rows, seen.colour))
         groups = nuisances(replica, replica.about, replica.raw(replica.about), whitening)
-    return weigh(replica, whitening, [*groups, seen.small, *forms], sizes)
+    return weigh(replica, whitening, [*groups, seen.small], sizes)
 
 
 class ReplicaNoise:
@@ -243,9 +243,6 @@ class ReplicaNoise:
         """What it tells about the noise of similar residuals."""
         return NoiseParameters(Sizes(self._sizes.groups[:-1], self._sizes.noise), self.noise.colour)
 
-    def weights(self, forms: Sequence[Group] = ()) -> Weights:
-        """Return the weights of the residuals, with form errors `forms`."""
-        if not forms:
-            return weights_from(self._replica, self.noise.whitening, self._groups, self._sizes, self._evidence)
-        sizes = Sizes(np.concatenate([self._sizes.groups, np.ones(len(forms))]), self._sizes.noise)
-        return weigh(self._replica, self.noise.whitening, [*self._groups, *forms], sizes)
+    def weights(self) -> Weights:
+        """Return the weights of the residuals."""
+        return weights_from(self._replica, self.noise.whitening, self._groups, self._sizes, self._evidence)
