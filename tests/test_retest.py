@@ -71,23 +71,24 @@ def test_evidence_is_the_mean_of_both_sides_if_neither_speaks_against_it(ask, he
 
 
 @pytest.mark.parametrize(
-    ("variant", "moved", "squares", "begun"),
+    ("variant", "moved", "begins", "ends", "begun"),
     [
-        (GRADIENT, 2.0, 80.0, "step"),  # the refit had lost it
-        (GRADIENT, 2.0, 120.0, "refit"),
-        (GRADIENT, 0.5, 80.0, "refit"),  # the step leads back to the same place
-        (TERM, 2.0, 80.0, "refit"),  # a term is linear
+        (GRADIENT, 2.0, 90.0, 80.0, "step"),  # the refit had lost it
+        (GRADIENT, 2.0, 90.0, 120.0, "refit"),
+        (GRADIENT, 2.0, 110.0, 80.0, "refit"),  # what begins worse is not followed
+        (GRADIENT, 0.5, 90.0, 80.0, "refit"),  # the step leads back to the same place
+        (TERM, 2.0, 90.0, 80.0, "refit"),  # a term is linear
     ],
 )
-def test_what_a_refit_has_lost_is_sought_from_the_linear_step(monkeypatch, variant, moved, squares, begun):
+def test_what_a_refit_has_lost_is_sought_from_the_linear_step(monkeypatch, variant, moved, begins, ends, begun):
     """Of both beginnings that one counts about whose replica less is left; `moved`: deviations between them."""
-    values = {"refit": 0.002, "step": 0.002 + moved}
-    fits = {name: Fitted(ON, (GRADIENT,), (np.array([value]),), (np.eye(1),), 0.0) for name, value in values.items()}
+    at = {"refit": 0.002, "step": 0.002 + moved}
+    fits = {name: Fitted(ON, (GRADIENT,), (np.array([value]),), (np.eye(1),), begins) for name, value in at.items()}
     monkeypatch.setattr(retest, "rescaled", lambda *_: fits["step"])
     monkeypatch.setattr(retest, "_linear", lambda one: one.fitted)
 
     def steps(_, fitted, weights):
-        return retest.Step(HERE, fitted, dataclasses.replace(fitted, cost=100.0 if fitted is fits["refit"] else squares))
+        return retest.Step(HERE, fitted, dataclasses.replace(fitted, cost=100.0 if fitted is fits["refit"] else ends))
 
     monkeypatch.setattr(retest, "begun", steps)
     one = dataclasses.replace(trial(variant, 30.0), fitted=fits["refit"])

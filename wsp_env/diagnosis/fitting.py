@@ -1,7 +1,8 @@
 """Fits the law and mechanisms to the balances, with all nuisances."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -167,9 +168,9 @@ def refit(
     state = _State(balances, model, tuple(variants), weights, keep, free_parameters(balances))
     least = 0
     for _ in range(_ITERATIONS):
-        move = state.damped()
+        system = state.system()
         for level in range(least, len(_DAMPINGS)):
-            tried = state.at(move(_DAMPINGS[level]))
+            tried = state.at(state.moved(system, _DAMPINGS[level]))
             if tried.cost <= state.cost:
                 break
         else:
@@ -177,13 +178,21 @@ def refit(
         better, state, least = state.cost - tried.cost, tried, max(level - 1, 0)
         if better < 0.05:
             break
-    return state.fitted()
+    return state.fitted(system)
 
 
 def cost(balances: Balances | Replica, model: Model, weights: Weights) -> float:
     """Return the sum of squares that a model leaves after projection off the nuisances."""
     y = weights(balances.raw(model))[:, None]
     return float(weights.projector.inner(y, y)[0, 0])
+
+
+class _System(NamedTuple):
+    """Normal equations of a fit: the variants' columns come first, then those of the law."""
+
+    gram: np.ndarray  # (k, k)
+    against: np.ndarray  # (k,) products of the columns with the rows
+    steps: np.ndarray  # of the variants' parameters
 
 
 @dataclasses.dataclass
@@ -209,8 +218,8 @@ class _State:
         """Return the same fit at another model."""
         return dataclasses.replace(self, model=model)
 
-    def _system(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the Gram matrix (k, k) of variants' and law's columns, their products (k,) with the rows, and the steps."""
+    def system(self) -> _System:
+        """Return the normal equations."""
         columns, steps = [np.zeros((len(self.base), 0))], [np.zeros(0)]
         for one in self.variants:
             columns.append(candidates.columns(self.balances, self.model, self.base, one))
@@ -225,36 +234,32 @@ class _State:
         gram[np.diag_indices_from(gram)] += np.where(np.arange(len(gram)) < own, 0.0, 1.0)  # priors of the law's parameters
         if self.moves[0]:
             against[own] += self.tau
-        return gram, against, np.concatenate(steps)
+        return _System(gram, against, np.concatenate(steps))
 
-    def damped(self) -> Callable[[float], Model]:
-        """Return the function damping -> model after a Gauss-Newton step; a long step is shortened in its direction."""
-        gram, against, steps = self._system()
-        squares = np.diag(gram).copy()
+    def moved(self, system: _System, damping: float) -> Model:
+        """Return the model after a Gauss-Newton step; a long step is shortened in its direction."""
+        steps, gram = system.steps, system.gram
+        amplitude = fit(gram + damping * np.diag(np.diag(gram)), system.against).amplitude
         highest = 0.9 * self.balances.campaign.contact.kinetic_friction_r
+        change, step = -amplitude[: len(steps)] * steps, np.zeros(len(self.moves))
+        step[self.moves] = -amplitude[len(steps) :]
+        step *= [LOG_TAU, *[MU_CD] * (len(step) - 1)]
+        share = min(1.0, _LARGEST_STEP / max(float(np.abs(step).max()), 1e-12))
+        mu = tuple(float(min(m * np.exp(share * x), highest)) for m, x in zip(self.model.mu_cd, step[1:], strict=True))
+        found = dataclasses.replace(self.model, tau=self.model.tau * float(np.exp(share * step[0])), mu_cd=mu)
+        first = 0
+        for one in self.variants:
+            values = candidates.values_in(self.model, one) + share * change[first : first + len(one.sizes)]
+            first += len(one.sizes)
+            found = candidates.switched(found, one, values)
+        return found
 
-        def moved(damping: float) -> Model:
-            amplitude = fit(gram + damping * np.diag(squares), against).amplitude
-            change, step = -amplitude[: len(steps)] * steps, np.zeros(len(self.moves))
-            step[self.moves] = -amplitude[len(steps) :]
-            step *= [LOG_TAU, *[MU_CD] * (len(step) - 1)]
-            share = min(1.0, _LARGEST_STEP / max(float(np.abs(step).max()), 1e-12))
-            mu = tuple(float(min(m * np.exp(share * x), highest)) for m, x in zip(self.model.mu_cd, step[1:], strict=True))
-            found = dataclasses.replace(self.model, tau=self.model.tau * float(np.exp(share * step[0])), mu_cd=mu)
-            first = 0
-            for one in self.variants:
-                values = candidates.values_in(self.model, one) + share * change[first : first + len(one.sizes)]
-                first += len(one.sizes)
-                found = candidates.switched(found, one, values)
-            return found
-
-        return moved
-
-    def fitted(self) -> Fitted:
+    def fitted(self, system: _System) -> Fitted:
+        """Return the fit, with the covariances at the beginning of the last step, which was small."""
         covariances = []
         if self.variants:
-            gram, against, steps = self._system()
-            whole = fit(gram, against).covariance[: len(steps), : len(steps)] * np.outer(steps, steps)
+            steps = system.steps
+            whole = fit(system.gram, system.against).covariance[: len(steps), : len(steps)] * np.outer(steps, steps)
             first = 0
             for one in self.variants:
                 part = slice(first, first + len(one.sizes))

@@ -134,7 +134,7 @@ def about_itself(here: Side, trial: Trial) -> AboutItself:
     if trial.listed.family:
         return AboutItself(trial, first)
     begin = rescaled(here.replica.recorded, _linear(trial), trial.variant, here.weights, _MULTIPLES)
-    if largest_change(first.fitted, begin) <= LARGE_CHANGE:
+    if begin.cost >= first.fitted.cost or largest_change(first.fitted, begin) <= LARGE_CHANGE:
         return AboutItself(trial, first)
     further = begun(here.replica.recorded, begin, here.weights)
     return AboutItself(trial, min(first, further, key=lambda one: one.fitted.cost))
