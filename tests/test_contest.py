@@ -107,17 +107,19 @@ def test_the_next_batch_is_tried_if_nothing_holds_in_the_first_round(first_round
 
 
 @pytest.mark.parametrize(
-    ("squares", "holds", "tested", "refused"),
+    ("squares", "evidence", "tested", "refused"),
     [
-        (1130.0, True, [GRADIENT, GAIN], []),  # sums of 1000 squares scatter by 45
-        (1140.0, True, [GRADIENT], [GAIN]),
-        (1140.0, False, [GRADIENT, GAIN], [GRADIENT]),  # what does not hold replaces nothing
-        (900.0, True, [GAIN, GRADIENT], []),
+        (1130.0, 50.0, [GRADIENT, GAIN], []),  # sums of 1000 squares scatter by 45
+        (1140.0, 50.0, [GRADIENT], [GAIN]),
+        (1140.0, 39.0, [GRADIENT, GAIN], []),  # the gain explains 40 nats about the model without it
+        (1140.0, None, [GRADIENT, GAIN], [GRADIENT]),  # what does not hold replaces nothing
+        (900.0, 50.0, [GAIN, GRADIENT], []),
     ],
 )
-def test_what_fits_distinctly_worse_about_itself_than_what_holds_is_not_tested(squares, holds, tested, refused):
+def test_what_explains_less_and_fits_distinctly_worse_about_itself_than_what_holds_is_not_tested(
+    squares, evidence, tested, refused
+):
     asked = []
-    evidence = {} if holds else {GRADIENT.title: None}
-    _, rejected, _ = contest([THREE[:2]], evidence, asked=asked, squares={GAIN.title: squares})
+    _, rejected, _ = contest([THREE[:2]], {GRADIENT.title: evidence}, asked=asked, squares={GAIN.title: squares})
     assert asked == tested
     assert list(rejected) == [one.title for one in refused]

@@ -217,3 +217,23 @@ def test_what_shifts_a_nuisance_is_no_finding(monkeypatch, cancels, expected):
     like = SimpleNamespace(about=lambda model: SimpleNamespace(weights=lambda: weights))
     shift = retest.Side(Replica(), SEEN, weights, like).compare([ON], GRADIENT, (GRADIENT,))[1]
     assert (shift > retest.NUISANCE_SHIFT**2) == expected
+
+
+@pytest.mark.parametrize(
+    ("costs", "made"), [((100.0, 90.0, 80.0, 75.0), 4), ((100.0, 140.0, 130.0, 143.0), 3), ((100.0, 143.0), 1)]
+)
+def test_replicas_are_made_until_one_fits_the_recordings_worse(monkeypatch, costs, made):
+    """Sums of 100 squares scatter by 14."""
+    left = iter(costs)
+
+    def refit(own, model, variants, weights):
+        value = values_in(model, GRADIENT) + 0.002  # two deviations
+        return Fitted(switched(model, GRADIENT, value), (GRADIENT,), (value,), (1e-6 * np.eye(1),), next(left))
+
+    monkeypatch.setattr(retest, "replica_of", lambda _, model, __: model)
+    monkeypatch.setattr(retest, "refit", refit)
+    begin = Fitted(NULL, (GRADIENT,), (np.zeros(1),), (np.eye(1),), 0.0)
+    step = retest.begun(None, begin, PLAIN)
+    assert step.fitted.cost == costs[made - 1]
+    assert step.begin.values[0] == pytest.approx(0.002 * (made - 1))
+    assert values_in(step.replica, GRADIENT) == pytest.approx(step.begin.values[0])

@@ -40,27 +40,28 @@ def best_of(
 
     Promising names are fitted to replicas of their own (`about`), where they may change places. In the order in which they fit
     there, they are tested from both sides (`retest_trial`): the log odds must exceed `threshold`, and `rejects` must be false.
-    What fits worse than a name that holds, by more than the scatter of sums of squares, is not tested. The same applies to
-    terms that may replace the best name.
+    A name that explains less here than one that holds explains from both sides, and fits worse about itself by more than the
+    scatter of sums of squares, is not tested. The same applies to terms that may replace the best name.
     """
     rejected: dict[str, float] = {}
     trials: list[Trial] = []
     for some in batches:
         last = {one.listed.title: one for one in some}
         held: list[Retested] = []
-        least = np.inf  # sum of squares of what holds
+        most, least = 0.0, np.inf  # evidence and sum of squares of what holds
         for kind in ([one for one in some if not one.listed.family], [one for one in some if one.listed.family]):
             promising = _promising(kind, some, threshold, held)
             tested = [one for one in promising if not rejects(one)]
             for one in sorted(pool.map(about, tested), key=lambda one: one.step.fitted.cost):
-                retested = None if diverges(one.step.fitted, least) else retest_trial(one)
+                worse = one.trial.evidence < most and diverges(one.step.fitted, least)
+                retested = None if worse else retest_trial(one)
                 if retested is None:
                     continue
                 last[one.trial.listed.title] = retested.trial
                 odds = log_odds(retested.trial.listed, retested.trial.evidence)
                 if odds > threshold(retested.trial) and not rejects(retested.trial):
                     held.append(retested)
-                    least = min(least, one.step.fitted.cost)
+                    most, least = max(most, retested.trial.evidence), min(least, one.step.fitted.cost)
             hold = {one.trial.listed.title for one in held}
             for title in [one.listed.title for one in promising]:
                 if title not in hold:

@@ -45,7 +45,7 @@ from wsp_env.diagnosis.thinning import averaged
 from wsp_env.plant.mechanisms import ALL, discovered
 from wsp_env.plant.mechanisms.terms import Feature
 
-_NEWTON = 12
+_NEWTON, _CONVERGED = 12, 1e-6  # iterations of the required slip, and its change [m/s] at which it has converged
 _FLAT_S = 0.5  # averaging time of the curve's flatness [s], so that it does not follow noise
 OF_TIME = tuple(name for name, card in ALL.items() if any(one.unit == "s" and one.fitted for one in card.sizes))
 #: Features that follow the course of the torque, as delays do.
@@ -338,7 +338,7 @@ def _required_slips(
 
     slips = [np.zeros_like(one.slip) for one in found]
     for _ in range(_NEWTON):
-        there = at(slips)
+        there, before = at(slips), slips
         slips = [
             np.clip(
                 one.slip + (_required_adhesion(one) - one.adhesion) / np.maximum(one.slope, 0.05 / v),
@@ -347,6 +347,8 @@ def _required_slips(
             )
             for one, v in zip(there, speeds, strict=True)
         ]
+        if max(float(np.abs(new - old).max()) for new, old in zip(slips, before, strict=True)) < _CONVERGED:
+            break
     measured = at([np.clip(slip, 0.0, None) for slip in true])
     shares = []
     for one, other, slip, v, stop in zip(there, measured, true, speeds, balances.sources, strict=True):

@@ -15,7 +15,7 @@ import numpy as np
 from wsp_env.diagnosis.agreement import agreement
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import Variant, switched, values_in, without
-from wsp_env.diagnosis.convergence import largest_change, midpoint, moves, rescaled
+from wsp_env.diagnosis.convergence import diverges, largest_change, midpoint, moves, rescaled
 from wsp_env.diagnosis.estimates import estimates, intervals_contain_null, within_a_sample
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit, replica_of
@@ -209,16 +209,20 @@ def converge_reweighted(step: Step, seen: Screen) -> tuple[Replica, Fitted, Repl
 
 
 def begun(recorded: Balances, fitted: Fitted, weights: Weights) -> Step:
-    """Return the last of a few replicas, each made from the fit to the previous one.
+    """Return the last of a few replicas, each made from the fit to the previous one, until one fits the recordings worse.
 
     A step that turns back is halved.
     """
-    last = np.zeros(1)
+    last, found, least = np.zeros(1), None, np.inf
     for _ in range(_STEPS):
         begin, own = fitted, replica_of(recorded, fitted.model, weights)
         again = refit(own, begin.model, begin.variants, weights)
-        step = moves(begin, again)
+        if diverges(again, least):
+            break
+        least = min(least, again.cost)
+        found, step = Step(own, begin, again), moves(begin, again)
         if np.abs(step).max() < LARGE_CHANGE:
             break
         fitted, last = midpoint(begin, again) if (step * last).sum() < 0.0 else again, step
-    return Step(own, begin, again)
+    assert found is not None
+    return found
