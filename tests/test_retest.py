@@ -33,9 +33,11 @@ def ask(monkeypatch):
 
     def asked(
         here: float, own: float, shift: float = 0.0, left: float = 20.0, interval: tuple[float, float] = (0.001, 0.003),
+        itself: float = 100.0,
     ) -> retest.Retested | None:  # fmt: skip
         fitted = Fitted(ON, (GRADIENT,), (np.array([0.002]),), (np.eye(1),), 100.0)
-        one = dataclasses.replace(trial(GRADIENT, 30.0), fitted=fitted, penalty=PENALTY)
+        one = dataclasses.replace(trial(GRADIENT, 30.0), fitted=fitted, reduction=6.0, penalty=PENALTY)
+        fitted = dataclasses.replace(fitted, cost=itself)
 
         def side(name, less):
             replica = SimpleNamespace(name=name, recorded=None, sample_s=0.01)
@@ -68,6 +70,13 @@ def test_evidence_is_the_mean_of_both_sides_if_neither_speaks_against_it(ask, he
     assert held.trial.evidence == 0.5 * reduction - PENALTY
     assert held.trial.size == StopChange(0.04, 0.0)
     assert held.replica.name == "own"
+
+
+@pytest.mark.parametrize(("itself", "reduction"), [(67.0, 4300.5), (73.0, 1.0)])
+def test_a_side_that_speaks_against_a_better_fit_does_not_count_alone(ask, itself, reduction):
+    """A memory that does not show about a replica without it. Without it 106 squares are left there; 70 scatter by 12."""
+    assert ask(1.0, 8600.0, itself=itself).trial.reduction == reduction
+    assert ask(8600.0, 1.0, itself=itself).trial.reduction == 1.0  # not needed about itself
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wsp_env.diagnosis.convergence import diverges
+from wsp_env.diagnosis.convergence import fits_worse
 from wsp_env.diagnosis.retest import AboutItself, Retested
 from wsp_env.diagnosis.trials import FORM, Trial, log_odds
 
@@ -53,7 +53,7 @@ def best_of(
             promising = _promising(kind, some, threshold, held)
             tested = [one for one in promising if not rejects(one)]
             for one in sorted(pool.map(about, tested), key=lambda one: one.step.fitted.cost):
-                worse = one.trial.evidence < most and diverges(one.step.fitted, least)
+                worse = one.trial.evidence < most and fits_worse(one.step.fitted.cost, least)
                 retested = None if worse else retest_trial(one)
                 if retested is None:
                     continue

@@ -25,9 +25,9 @@ _CONVERGED = 0.5
 #: Largest ratio of last to first change at which the iteration counts as converging: if the changes are not halved within the
 #: largest number of replicas, it does not converge (assumption).
 _CONTRACTION = 0.5
-#: Standard deviations of a sum of squares by which a model must fit worse on its own replica to count as diverged (assumption:
-#: by chance, this happens once in a thousand).
-_DIVERGED = 3.0
+#: Standard deviations of a sum of squares by which a model must fit worse than another (assumption: by chance, this happens
+#: once in a thousand).
+_WORSE = 3.0
 #: Largest numbers of estimates of the nuisance sizes about the law alone, and of replicas under each of them.
 _SIZE_ESTIMATES, _LAW_REPLICAS = 2, 4
 #: Relative change of tau and mu_cd at which the law alone has converged: it moves a stop by some 0.1 % (assumption).
@@ -85,7 +85,7 @@ def converge(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Repl
     for made in range(1, _REPLICAS[1] + 1):
         replica = replica_of(recorded, fitted.model, weights)
         one = _Iterate(replica, fitted, refit(replica, fitted.model, fitted.variants, weights))
-        if last is not None and diverges(one.fitted, least):
+        if last is not None and fits_worse(one.fitted.cost, least):
             if largest_change(last.about, fitted) < _CONVERGED:
                 break
             fitted = midpoint(last.about, fitted)
@@ -117,12 +117,12 @@ def _law_fit(iterate: _Iterate, weights: Weights) -> Fitted:
     return dataclasses.replace(iterate.fitted, model=law.model, values=iterate.about.values, cost=law.cost)
 
 
-def diverges(fitted: Fitted, before: float) -> bool:
-    """Whether a model on its own replica fits worse than a sum of squares `before`, by more than the scatter of such a sum.
+def fits_worse(cost: float, other: float) -> bool:
+    """Whether a model on its own replica leaves more squares than another one on its own, by more than such sums scatter.
 
     On its own replica, any model is right by construction. The evidence there does not show a diverged mechanism, the fit does.
     """
-    return fitted.cost > before + _DIVERGED * float(np.sqrt(2.0 * before))
+    return cost > other + _WORSE * float(np.sqrt(2.0 * other))
 
 
 def moves(before: Fitted, after: Fitted) -> np.ndarray:

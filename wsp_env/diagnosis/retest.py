@@ -15,7 +15,7 @@ import numpy as np
 from wsp_env.diagnosis.agreement import agreement
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import Variant, switched, values_in, without
-from wsp_env.diagnosis.convergence import diverges, largest_change, midpoint, moves, rescaled
+from wsp_env.diagnosis.convergence import fits_worse, largest_change, midpoint, moves, rescaled
 from wsp_env.diagnosis.estimates import estimates, intervals_contain_null, within_a_sample
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit, replica_of
@@ -49,6 +49,11 @@ class AboutItself(NamedTuple):
 
     trial: Trial
     step: Step
+
+    @property
+    def fits_better(self) -> bool:
+        """Whether it leaves distinctly less of the recordings than the model without it, each about itself."""
+        return fits_worse(self.trial.fitted.cost + self.trial.reduction, self.step.fitted.cost)
 
 
 class Retested(NamedTuple):
@@ -151,8 +156,9 @@ def own_side(step: Step, seen: Screen) -> tuple[Side, Fitted]:
 def retest(here: Side, seen: Screen, one: AboutItself) -> Retested | None:
     """Return a trial with its size and evidence from both sides; None if nuisances cancel it.
 
-    The evidence is the mean of both sides, or the smaller one if a side speaks against it. If the parts of the recordings
-    disagree so that it is no longer sure, it is the reduced one.
+    The evidence is the mean of both sides. If a side speaks against it, this side counts alone, but the side without it only
+    unless the model with it fits distinctly better, each about itself. If the parts of the recordings disagree so that it is no
+    longer sure, the evidence is the reduced one.
     """
     own, fitted = own_side(one.step, seen)
     trial = one.trial
@@ -166,7 +172,7 @@ def retest(here: Side, seen: Screen, one: AboutItself) -> Retested | None:
         apart = largest_change(trial.fitted, fitted) > LARGE_CHANGE
         both.append(here.compare([trial.fitted.model, model] if apart else [model], variant, variants)[0])
     reduction, least = float(np.mean(both)), min(both)
-    if 0.5 * least <= trial.penalty:
+    if 0.5 * least <= trial.penalty and not one.fits_better:
         reduction = least
     found = estimates(own.replica, fitted, variant, own.weights, reduction)
     if intervals_contain_null(found, variant) or within_a_sample(found, variant, own.replica.sample_s):
@@ -217,7 +223,7 @@ def begun(recorded: Balances, fitted: Fitted, weights: Weights) -> Step:
     for _ in range(_STEPS):
         begin, own = fitted, replica_of(recorded, fitted.model, weights)
         again = refit(own, begin.model, begin.variants, weights)
-        if diverges(again, least):
+        if fits_worse(again.cost, least):
             break
         least = min(least, again.cost)
         found, step = Step(own, begin, again), moves(begin, again)
