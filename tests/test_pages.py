@@ -161,3 +161,13 @@ def test_a_page_on_paper(tmp_path):
     page(tmp_path, pdf=True, excel=True)
     assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF")
     assert {file.name for file in tmp_path.iterdir()} == {"page.html", "page.pdf", "page.xlsx"}
+
+
+@pytest.mark.parametrize(("shared", "labels"), [(True, 1), (False, 2)])
+def test_panels_with_a_common_axis_have_its_numbers_once(shared, labels):
+    objects, subplots = plotly()
+    figure = subplots.make_subplots(rows=2, shared_xaxes=shared)
+    for row in (1, 2):
+        figure.add_trace(objects.Scatter(x=[0.0, 7777.0], y=[1.0, 2.0]), row=row, col=1)
+    figure.update_xaxes(tickvals=[7777.0])
+    assert picture(figure).count(">7777.0<") == labels

@@ -79,6 +79,8 @@ def _panel(canvas: Any, layout: Any, pair: tuple[str, str], height: float) -> An
         axis.set_inverted(one.autorange == "reversed")
         if one.tickvals is not None:
             axis.set_ticks(list(one.tickvals), labels=[str(text) for text in one.ticktext or one.tickvals], minor=False)
+        if one.showticklabels is False:
+            axis.set_tick_params(which="both", labelbottom=False, labelleft=False)
         if one.range is not None:
             low, high_ = (10.0**edge if one.type == "log" else edge for edge in one.range)
             getattr(panel, f"set_{axis.axis_name}lim")(low, high_)
