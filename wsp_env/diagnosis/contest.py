@@ -4,8 +4,6 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from typing import NamedTuple
 
-import numpy as np
-
 from wsp_env.diagnosis.convergence import fits_worse
 from wsp_env.diagnosis.retest import AboutItself, Retested
 from wsp_env.diagnosis.trials import FORM, Trial, log_odds
@@ -48,12 +46,13 @@ def best_of(
     for some in batches:
         last = {one.listed.title: one for one in some}
         held: list[Retested] = []
-        most, least = 0.0, np.inf  # evidence and sum of squares of what holds
+        marks: list[tuple[float, float]] = []  # evidence and sum of squares of what holds
         for kind in ([one for one in some if not one.listed.family], [one for one in some if one.listed.family]):
             promising = _promising(kind, some, threshold, held)
             tested = [one for one in promising if not rejects(one)]
             for one in sorted(pool.map(about, tested), key=lambda one: one.step.fitted.cost):
-                worse = one.trial.evidence < most and fits_worse(one.step.fitted.cost, least)
+                cost = one.step.fitted.cost
+                worse = any(one.trial.evidence < most and fits_worse(cost, least) for most, least in marks)
                 retested = None if worse else retest_trial(one)
                 if retested is None:
                     continue
@@ -61,7 +60,7 @@ def best_of(
                 odds = log_odds(retested.trial.listed, retested.trial.evidence)
                 if odds > threshold(retested.trial) and not rejects(retested.trial):
                     held.append(retested)
-                    most, least = max(most, retested.trial.evidence), min(least, one.step.fitted.cost)
+                    marks.append((retested.trial.evidence, cost))
             hold = {one.trial.listed.title for one in held}
             for title in [one.listed.title for one in promising]:
                 if title not in hold:

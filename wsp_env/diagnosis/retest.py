@@ -157,8 +157,8 @@ def retest(here: Side, seen: Screen, one: AboutItself) -> Retested | None:
     """Return a trial with its size and evidence from both sides; None if nuisances cancel it.
 
     The evidence is the mean of both sides. If a side speaks against it, this side counts alone, but the side without it only
-    unless the model with it fits distinctly better, each about itself. If the parts of the recordings disagree so that it is no
-    longer sure, the evidence is the reduced one.
+    unless the model with it fits distinctly better, each about itself. If the parts of the recordings leave it no longer sure,
+    the evidence is what they leave.
     """
     own, fitted = own_side(one.step, seen)
     trial = one.trial
