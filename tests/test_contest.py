@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from trial_cases import GAIN, GRADIENT, TERM, trial
 
+from wsp_env.diagnosis.candidates import Variant
 from wsp_env.diagnosis.contest import best_of
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted
@@ -123,3 +124,14 @@ def test_what_explains_less_and_fits_distinctly_worse_about_itself_than_what_hol
     _, rejected, _ = contest([THREE[:2]], {GRADIENT.title: evidence}, asked=asked, squares={GAIN.title: squares})
     assert asked == tested
     assert list(rejected) == [one.title for one in refused]
+
+
+def test_fit_and_evidence_to_beat_are_those_of_one_name():
+    """The gain fits better than the mass and explains less, the gradient explains more and fits as well."""
+    mass = Variant("vehicle_mass", ("change",), {})
+    asked = []
+    contest(
+        [[*THREE[:2], trial(mass, 45.0)]], {mass.title: 45.0}, asked=asked,
+        squares={GAIN.title: 900.0, GRADIENT.title: 1000.0, mass.title: 1100.0},
+    )  # fmt: skip
+    assert asked == [GAIN, GRADIENT, mass]
