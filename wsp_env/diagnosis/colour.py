@@ -7,8 +7,8 @@ if friction fell with slip. If the part predicted from earlier rows is subtracte
 beginning of the row does not depend on it.
 
 The noise is modelled as one autoregression for all wheels and runs, estimated from the recordings. Its autocovariances are
-those of the residuals plus the part that the fitted nuisances removed (expectation step of the restricted likelihood, as for
-the sizes in `wsp_env.diagnosis.covariance`). Schwarz's criterion selects the order (Annals of Statistics 6, 1978).
+those of the residuals plus the part that the fitted nuisances removed (expectation step of the restricted likelihood).
+Schwarz's criterion selects the order (Annals of Statistics 6, 1978).
 """
 
 from collections.abc import Sequence

@@ -255,7 +255,7 @@ class _State:
         return found
 
     def fitted(self, system: _System) -> Fitted:
-        """Return the fit, with the covariances at the beginning of the last step, which was small."""
+        """Return the fit, with the covariances at the beginning of the last step, small unless iterations ran out."""
         covariances = []
         if self.variants:
             steps = system.steps
