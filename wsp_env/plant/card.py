@@ -42,6 +42,7 @@ SLOTS = {
     "before_contact": "i, k, doing",
     "contaminated_friction": "place",
     "friction": "speed",
+    "recovered_friction": "speed",
     "layer": "i, k, place, rolled, layer, held",
     "axle_friction": "i, k",
     "recovery": "i, k, tau",

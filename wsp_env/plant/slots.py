@@ -73,8 +73,9 @@ before_contact = _slot("before_contact", "", "{call}", "None")
 before_contact_acts = _acts("before_contact")
 #: Factor of mu_cd [-] at a place [m].
 _contaminated_friction = _factor("contaminated_friction")
-#: Factor of both friction coefficients [-] at a running speed [m/s].
+#: Factors of mu_cd and of mu_cr [-] at a running speed [m/s].
 _friction = _factor("friction")
+_recovered_friction = _factor("recovered_friction")
 #: Shares of the contaminant layer [-], free and held, at a place [m] which the wheel reached after rolling `rolled` [m].
 _layer = _handed_on("layer", "layer, held")
 #: Factor of both friction coefficients [-] under axle k.
@@ -131,8 +132,8 @@ def surface(
 @inlined
 def at_speed(speed: float, on: Surface, active: Active) -> Surface:
     """Return what a wheel finds on the rail at a running speed [m/s]."""
-    factor = _friction(active, speed)
-    return Surface(on.mu_cd * factor, on.mu_cr * factor, on.layer, on.held)
+    mu_cr = on.mu_cr * _recovered_friction(active, speed)
+    return Surface(min(on.mu_cd * _friction(active, speed), mu_cr), mu_cr, on.layer, on.held)
 
 
 @inlined
@@ -162,6 +163,7 @@ FROM_CARDS: dict[str, Callable[..., Any]] = {
     "before_contact": before_contact,
     "contaminated_friction": _contaminated_friction,
     "friction": _friction,
+    "recovered_friction": _recovered_friction,
     "layer": _layer,
     "axle_friction": _axle_friction,
     "recovery": recovery,

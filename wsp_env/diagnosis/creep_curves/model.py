@@ -168,7 +168,8 @@ def creep_mechanisms() -> dict[str, OnCreepCurve]:
 
 def _records(choice: Choice) -> Mechanisms:
     """Return the records of `mechanisms.make` without its checks; the values are within their bounds here."""
-    return NULL._replace(**{name: ALL[name].record(**values) for name, values in choice.items()})
+    typical = {name: {p.name: p.typical for p in ALL[name].parameters} for name in choice}
+    return NULL._replace(**{name: ALL[name].record(**typical[name] | values) for name, values in choice.items()})
 
 
 def _by_name(model: CreepModel, fit: CurveFit) -> dict[tuple[str, str], float]:
