@@ -59,7 +59,7 @@ def quietly_read(folder: Path) -> Campaign:
     """Read a campaign without a word on the quality of its channels, which are what they are."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CampaignWarning)
-        return read_campaign(folder)
+        return read_campaign(folder, refuse=False)
 
 
 def dumped(content: Any) -> bytes:

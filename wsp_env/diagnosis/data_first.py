@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from wsp_env.diagnosis.answer import Diagnosis, FitQuality
 from wsp_env.recordings import Campaign
+from wsp_env.recordings.errors import ContradictionError
 from wsp_env.recordings.suspect import SuspectChannel, suspects
 
 #: Faults that do not end the diagnosis: the reader leaves these axles out, and the others are diagnosed.
@@ -22,10 +23,31 @@ class DataFirst(NamedTuple):
 
 def data_first(campaign: Campaign) -> DataFirst:
     """Check for suspect channels; add an answer if their faults would be taken for physics."""
-    found = suspects(campaign)
+    found = _contradictions(campaign) or suspects(campaign)
     if all(one.kind in _LEFT_OUT for one in found):
         return DataFirst(found, None)
     return DataFirst(found, _answer(campaign, found))
+
+
+def _contradictions(campaign: Campaign) -> tuple[SuspectChannel, ...]:
+    """Return the channels in another unit that were not refused when the campaign was read."""
+    told: dict[str, tuple[ContradictionError, list[str]]] = {}
+    for name, run in campaign.runs.items():
+        if (error := run.contradiction) is not None:
+            told.setdefault(error.channel, (error, []))[1].append(name)
+    return tuple(
+        SuspectChannel(
+            channel, error.suspicion.removeprefix("is "), error.remedy[0].lower() + error.remedy[1:], "unit",
+            _axle_of(channel), runs=tuple(names),
+        )
+        for channel, (error, names) in told.items()
+    )  # fmt: skip
+
+
+def _axle_of(channel: str) -> int:
+    """Return the axle of a channel, from 1; 0: the vehicle."""
+    first = channel.partition("_")[0].removeprefix("axle")
+    return int(first) if first.isdigit() else 0
 
 
 def data_sentence(found: Sequence[SuspectChannel]) -> str:

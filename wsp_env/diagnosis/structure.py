@@ -2,10 +2,12 @@
 
 White residuals of any size are noise. What a row shares with the next row of the same axle and run is physics that neither
 model nor nuisances describe. Better channels show more of it (bouncing loads, wind). Whether it matters is judged as for
-mechanisms (`wsp_env.diagnosis.interest`): as an alternating force with an amplitude of 1 % of the retarding force; for rolling
+mechanisms (`wsp_env.diagnosis.interest`): as an alternating force with an amplitude of 1 % of the retarding force, that lasts
+from one block of the vehicle balance to the next (shorter ones change speed and slip by millimetres a second); for rolling
 wheels, as a slip error of 0.1 m/s.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +23,8 @@ from wsp_env.diagnosis.stops import BLOCK_S, SLIP_MPS, VEHICLE_BLOCK_S
 #: Size of the correlated residual over the channels' noise, beside all nuisances, above which no model holds: a part as large
 #: as the noise is visible in any plot.
 STRUCTURED = 1.0
+#: Blocks of the adhesion from one block of the vehicle balance to the next.
+_LASTS = math.ceil(VEHICLE_BLOCK_S / BLOCK_S)
 _LEAST_PAIRS = 20  # pairs of neighbouring rows of a balance that the estimate needs
 _LEAST_MPS2 = 0.1  # lower bound of the mean deceleration to which amplitudes relate
 
@@ -99,12 +103,13 @@ def _of_speed(seen: Screen, raw: np.ndarray, noise: np.ndarray, rows: Rows, late
 
 
 def _of_all_axles(raw: np.ndarray, rows: Rows, kind: int) -> float:
-    """Mean product of neighbouring blocks' means over all axles, whose forces may cancel each other."""
+    """Mean product of the blocks' means over all axles, whose forces may cancel each other, with later ones (`_LASTS`)."""
     mine = rows.noise == kind
     moments, which = np.unique(np.stack([rows.run[mine], rows.time[mine]]), axis=1, return_inverse=True)
     mean = np.bincount(which.ravel(), raw[mine]) / (rows.axle.max() + 1)
-    follows = (np.diff(moments[0]) == 0.0) & (np.diff(moments[1]) < 1.5 * BLOCK_S)
-    return float(np.mean(mean[:-1][follows] * mean[1:][follows])) if follows.any() else 0.0
+    apart = moments[:, _LASTS:] - moments[:, :-_LASTS]
+    follows = (apart[0] == 0.0) & (apart[1] < (_LASTS + 0.5) * BLOCK_S)
+    return float(np.mean(mean[:-_LASTS][follows] * mean[_LASTS:][follows])) if follows.any() else 0.0
 
 
 def _amplitude(square: float) -> float:

@@ -75,8 +75,12 @@ def concealed_campaign() -> Path:
     return Path(str(files("wsp_env") / "data" / "concealed_campaign"))
 
 
-def read_campaign(folder: Path) -> Campaign:
+def read_campaign(folder: Path, refuse: bool = True) -> Campaign:
     """Read and check a campaign folder.
+
+    Parameters
+    ----------
+    refuse : whether a channel in another unit is an error; otherwise its recording tells of it
 
     Raises
     ------
@@ -119,7 +123,7 @@ def read_campaign(folder: Path) -> Campaign:
     runs = {}
     for name, entry in described.items():
         file, blank = _described(path, name, entry, vehicle, contact)
-        runs[name] = read_recording(file, blank, mapping, vehicle, sample_time)
+        runs[name] = read_recording(file, blank, mapping, vehicle, sample_time, refuse)
     runs = laid_out(runs, vehicle)
     return Campaign(str(head["name"]), tune, validate, sample_time, vehicle, contact, runs)
 

@@ -10,6 +10,25 @@ class CampaignError(ValueError):
         super().__init__(readable(str(message)))
 
 
+class ContradictionError(CampaignError):
+    """A channel that cannot be what it is said to be, such as a speed in another unit.
+
+    Parameters
+    ----------
+    where : the file
+    channel : as `channels.CHANNELS` names it; "axle*_..." for that of every axle
+
+    """
+
+    def __init__(self, where: str, channel: str, suspicion: str, remedy: str) -> None:
+        super().__init__(f"{where}: {channel} {suspicion} {remedy}")
+        self.channel, self.suspicion, self.remedy = channel, suspicion, remedy
+
+    def __reduce__(self) -> tuple[type["ContradictionError"], tuple[str, str, str, str]]:
+        """Return how it is made again in another process."""
+        return type(self), (str(self).partition(f": {self.channel} ")[0], self.channel, self.suspicion, self.remedy)
+
+
 class CampaignWarning(UserWarning):
     """Something in a recording was repaired or looks wrong; the message says what and where."""
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from wsp_env.parameters.campaign_vehicle import CampaignVehicle
-from wsp_env.recordings.errors import CampaignError
+from wsp_env.recordings.errors import CampaignError, ContradictionError
 from wsp_env.recordings.recording import Recording
 
 _STEP_S = 0.01  # of the samples that are looked at
@@ -35,7 +35,7 @@ def check(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
     Raises
     ------
     CampaignError
-        for a dead vehicle speed, or a channel in another unit
+        for a dead vehicle speed, or a wrong entry of campaign.toml; a `ContradictionError` for a channel in another unit
 
     """
     _dead(run, where)
@@ -70,14 +70,17 @@ def _thinned(run: Recording) -> Recording:
 
 def _dead(run: Recording, where: str) -> None:
     if np.ptp(run.vehicle_speed_mps) == 0.0:
-        raise CampaignError(
-            f"{where}: vehicle_speed is {run.vehicle_speed_mps[0]:g} throughout: a dead channel; map another column to it"
+        raise ContradictionError(
+            where,
+            "vehicle_speed",
+            f"is {run.vehicle_speed_mps[0]:g} throughout: a dead channel;",
+            "map another column to it",
         )
     if run.vehicle_speed_mps.mean() < 0.0:
-        raise CampaignError(f"{where}: vehicle_speed is negative; give it scale = -1 in [channels]")
+        raise ContradictionError(where, "vehicle_speed", "is negative;", "give it scale = -1 in [channels]")
     if (negative := np.flatnonzero(run.wheel_speed_radps.mean(axis=0) < 0.0)).size:
-        names = ", ".join(f"axle{k + 1}_wheel_speed" for k in negative)
-        raise CampaignError(f"{where}: {names} negative; give scale = -1 in [channels]")
+        channels = ", ".join(f"axle{k + 1}_wheel_speed" for k in negative)
+        raise ContradictionError(where, channels, "negative;", "give scale = -1 in [channels]")
 
 
 def _radius(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
@@ -93,14 +96,18 @@ def _radius(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
     for axle, ratio in enumerate(rolling, start=1):
         for factor, unit in _UNITS.items():
             if abs(ratio / factor - 1.0) < _FACTOR_TOLERANCE:
-                raise CampaignError(
-                    f"{where}: axle{axle}_wheel_speed is {ratio:.2f} times what the vehicle's speed asks for: recorded in "
-                    f'{unit}? Give its unit = "{unit}" in [channels]'
+                raise ContradictionError(
+                    where,
+                    f"axle{axle}_wheel_speed",
+                    f"is {ratio:.2f} times what the vehicle's speed asks for: recorded in {unit}?",
+                    f'Give its unit = "{unit}" in [channels]',
                 )
             if unit in ("km/h", "mph") and abs(ratio * factor - 1.0) < _FACTOR_TOLERANCE:
-                raise CampaignError(
-                    f"{where}: vehicle_speed is {1.0 / ratio:.2f} times the wheels': recorded in {unit}? "
-                    f'Give it unit = "{unit}" in [channels]; if only this run differs, convert its file'
+                raise ContradictionError(
+                    where,
+                    "vehicle_speed",
+                    f"is {1.0 / ratio:.2f} times the wheels': recorded in {unit}?",
+                    f'Give it unit = "{unit}" in [channels]; if only this run differs, convert its file',
                 )
         if abs(ratio - 1.0) > _FACTOR_TOLERANCE:
             notes.append(
@@ -124,9 +131,11 @@ def _vehicle_entries(run: Recording, vehicle: CampaignVehicle, ratio: float, whe
         )
     for factor, unit in _UNITS.items():
         if unit in ("km/h", "mph") and abs(ratio / factor - 1.0) < _FACTOR_TOLERANCE and nearer(ratio):
-            raise CampaignError(
-                f"{where}: vehicle_speed is {1.0 / ratio:.3f} times what all wheels say: recorded in m/s and taken for {unit}? "
-                "Correct its unit in [channels]; if other runs are in this unit, convert their files"
+            raise ContradictionError(
+                where,
+                "vehicle_speed",
+                f"is {1.0 / ratio:.3f} times what all wheels say: recorded in m/s and taken for {unit}?",
+                "Correct its unit in [channels]; if other runs are in this unit, convert their files",
             )
 
 
@@ -146,13 +155,15 @@ def _balance(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
             f"{vehicle.axles} axles looks like tonnes; give it in kg"
         )
     if _BALANCE[0] < _explained(run, vehicle, 1.0, _KILO) < _BALANCE[1]:
-        raise CampaignError(
-            f'{where}: the brake torques explain the deceleration if they are in kN m; give their unit = "kN*m" in [channels]'
+        raise ContradictionError(
+            where, "axle*_brake_torque", "would explain the deceleration in kN m:", 'give their unit = "kN*m" in [channels]'
         )
     if abs(_explained(run, vehicle, 1.0, -1.0) - 1.0) < _FACTOR_TOLERANCE:
-        raise CampaignError(
-            f"{where}: the brake torques drive the vehicle: they are counted negative in braking; give them scale = -1 in "
-            "[channels]"
+        raise ContradictionError(
+            where,
+            "axle*_brake_torque",
+            "drives the vehicle: counted negative in braking;",
+            "give them scale = -1 in [channels]",
         )
     explained = f"{ratio:.2g} times as much as its brakes explain" if ratio > 0.0 else "and its brakes do not explain it"
     return [f"{where}: the vehicle slows {explained}; check mass_kg and the torques"]

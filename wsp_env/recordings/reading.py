@@ -11,21 +11,23 @@ from wsp_env.parameters.campaign_vehicle import CampaignVehicle
 from wsp_env.recordings import missing, plausibility
 from wsp_env.recordings.channels import Source
 from wsp_env.recordings.columns import read_columns
-from wsp_env.recordings.errors import CampaignWarning
+from wsp_env.recordings.errors import CampaignWarning, ContradictionError
 from wsp_env.recordings.recording import Recording
 
 _OPTIONAL = ("wheel_load", "cylinder_pressure", "valve_command")
 
 
 def read_recording(
-    file: Path, blank: Recording, mapping: Mapping[str, Source], vehicle: CampaignVehicle, sample_time_s: float
-) -> Recording:
+    file: Path, blank: Recording, mapping: Mapping[str, Source], vehicle: CampaignVehicle, sample_time_s: float,
+    refuse: bool = True,
+) -> Recording:  # fmt: skip
     """Read and check one stop.
 
     Parameters
     ----------
     blank : what campaign.toml says of the run, without samples
     mapping : other people's columns, see `channels.parse`
+    refuse : whether a channel in another unit is an error; otherwise the recording tells of it
 
     Raises
     ------
@@ -62,7 +64,12 @@ def read_recording(
         suspect=suspect | columns.suspect["vehicle_speed"][:, None],
     )
     run, said = missing.filled(run, blank.missing_axles, vehicle, str(file))
-    found = (*columns.notes, *said, *plausibility.check(run, vehicle, str(file)))
+    try:
+        found = (*columns.notes, *said, *plausibility.check(run, vehicle, str(file)))
+    except ContradictionError as error:
+        if refuse:
+            raise
+        return dataclasses.replace(run, contradiction=error)
     for sentence in found:
         warnings.warn(sentence, CampaignWarning, stacklevel=3)
     return dataclasses.replace(run, warnings=found, suspect=run.suspect | plausibility.constant_torques(run))

@@ -4,6 +4,8 @@ import dataclasses
 
 import numpy as np
 
+from wsp_env.recordings.errors import ContradictionError
+
 #: Speeds [m/s] below which the vehicle, whose recorded speed is noisy, and every wheel stand: assumption.
 _STANDS_MPS, _TURNS_MPS = 1.0, 0.3
 
@@ -32,6 +34,7 @@ class Recording:
     start_is_known: bool = True  # whether somebody measured start_position_m
     missing_axles: tuple[int, ...] = ()  # from 1: without a usable sensor; their channels here stand in, see `missing`
     dead_channels: tuple[str, ...] = ()  # those of them whose channel is there and says nothing
+    contradiction: ContradictionError | None = None  # that was not refused when it was read
 
     def under_way(self, wheel_radius_m: float) -> "Recording":
         """Return it without standstill before and after: there brakes hold, and slow nothing."""

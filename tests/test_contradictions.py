@@ -1,0 +1,55 @@
+"""A channel in another unit: reading refuses it, and a diagnosis answers `data`, with the channel and how to mend it."""
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+from synthetic_stops import stop, write_campaign
+
+from wsp_env.cli import main
+from wsp_env.diagnosis import diagnose
+from wsp_env.recordings import CampaignError, read_campaign
+from wsp_env.recordings.errors import ContradictionError
+
+RPM = 60.0 / (2.0 * np.pi)
+
+
+@pytest.fixture
+def campaign(tmp_path):
+    """Two stops, of which the first has one wheel in rpm and the second has none."""
+    good = stop(2e-4, 0.06, duration_s=8.0, noise=1.0)
+    wrong = good | {"axle2_wheel_speed_radps": good["axle2_wheel_speed_radps"] * RPM}
+    return write_campaign(tmp_path / "rpm", {"A1": wrong, "A2": good})
+
+
+def test_reading_refuses_it_unless_told_otherwise(campaign):
+    with pytest.raises(ContradictionError, match=r'A1.*axle2_wheel_speed is 9.5.* unit = "rpm"'):
+        read_campaign(campaign)
+    runs = read_campaign(campaign, refuse=False).runs
+    assert isinstance(runs["A1"].contradiction, CampaignError)
+    assert runs["A2"].contradiction is None
+
+
+def test_a_diagnosis_names_the_channel_and_no_physics(campaign):
+    found = diagnose(read_campaign(campaign, refuse=False))
+    assert found.verdict == "data"
+    assert not found.mechanisms
+    (suspect,) = found.suspect_channels
+    assert (suspect.channel, suspect.kind, suspect.axle, suspect.runs) == ("axle2_wheel_speed", "unit", 2, ("A1",))
+    assert 'unit = "rpm"' in suspect.remedy
+    assert "axle2_wheel_speed" in found.sentence
+
+
+def test_the_command_writes_the_answer(campaign, tmp_path, capsys):
+    main(["diagnose", str(campaign), "--out", str(tmp_path / "out")])
+    said = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert said["verdict"] == "data"
+    assert "axle2_wheel_speed" in capsys.readouterr().out
+    assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_the_error_survives_the_way_to_another_process():
+    error = ContradictionError("here/A1.csv", "axle2_wheel_speed", "is 9.5 times too large:", "give its unit")
+    again = pickle.loads(pickle.dumps(error))
+    assert (str(again), again.channel, again.remedy) == (str(error), error.channel, error.remedy)
