@@ -1,4 +1,4 @@
-"""Friction that falls with the running speed: the measured curve, other curves, and which of the two coefficients falls."""
+"""Friction that falls with the running or the slip speed: measured and other curves, and which of the two frictions falls."""
 
 import numpy as np
 import pytest
@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from wsp_env.contact.traction import Surface
-from wsp_env.parameters.uic_z1 import BOGIE
-from wsp_env.plant.mechanisms import Active, derive, make, remember, speed_dependent_friction
+from wsp_env.parameters.uic_z1 import BOGIE, COACH
+from wsp_env.plant.mechanisms import Active, derive, falling_friction, make, remember, speed_dependent_friction
 from wsp_env.plant.mechanisms.speed_dependent_friction import (
     BEND,
     FALL,
@@ -19,6 +19,7 @@ from wsp_env.plant.mechanisms.speed_dependent_friction import (
 )
 from wsp_env.plant.slots import at_speed
 
+BELIEVED = COACH.contact.law
 SPEEDS = np.array([0.0, 2.0, 10.0, 20.0, 40.0, 60.0])
 
 
@@ -61,3 +62,22 @@ def test_a_wheel_meets_both_and_never_more_on_the_contaminated_rail():
     assert slow.mu_cd > 0.06 > fast.mu_cd
     clean = at_speed(0.0, Surface(0.28, 0.28, 1.0, 0.0), active)
     assert clean.mu_cd == clean.mu_cr
+
+
+@pytest.mark.parametrize(("recovered", "gamma_r", "ratio_r"), [(1.0, 1.8, 1.0 / 4.0), (0.0, 0.6, 0.4), (0.5, 1.2, 1.0 / 3.25)])
+def test_the_recovered_friction_falls_with_the_slip_by_its_own_share(recovered, gamma_r, ratio_r):
+    """gamma 0.2 and 0.6 s/m, A = 0.4 of both: Table 2 of the seed paper. The excess 1 / A - 1 is 1.5, doubled 3."""
+    law = falling_friction.law(falling_friction.Parameters(3.0, 2.0, recovered), BELIEVED)
+    assert (law.gamma_d, law.ratio_d) == (pytest.approx(0.6), pytest.approx(1.0 / 4.0))
+    assert (law.gamma_r, law.ratio_r) == (pytest.approx(gamma_r), pytest.approx(ratio_r))
+
+
+@given(st.floats(0.0, 20.0), st.floats(0.0, 5.0), st.floats(0.0, 2.0))
+def test_a_fall_with_the_slip_never_turns_into_a_rise(decrease, excess, recovered):
+    law = falling_friction.law(falling_friction.Parameters(decrease, excess, recovered), BELIEVED)
+    assert min(law.gamma_d, law.gamma_r) >= 0.0
+    assert max(law.ratio_d, law.ratio_r) <= 1.0
+
+
+def test_at_the_null_the_law_is_the_believed_one():
+    assert falling_friction.law(falling_friction.Parameters(1.0, 1.0, 0.3), BELIEVED) == BELIEVED
