@@ -135,6 +135,11 @@ def concerns(axle: float, k: int) -> bool:
     return axle == 0.0 or axle == k + 1.0
 
 
+def which_friction(values: Mapping[str, float]) -> Mapping[str, Any]:
+    """Return what a mechanism with a share `recovered` changes, for the sentences of `Said`."""
+    return {"which": "friction" if values.get("recovered", 1.0) >= 0.5 else "the contaminant layer's friction"}
+
+
 def whose(values: Mapping[str, float]) -> Mapping[str, Any]:
     """Return the axle in words, for the sentences of `Said`; 0 stands for all."""
     return {"whose": f"axle {values['axle']:.0f}'s" if values["axle"] else "every axle's"}

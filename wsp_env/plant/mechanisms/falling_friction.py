@@ -7,7 +7,7 @@ alike from what is assumed: of the recovered friction, both change by `recovered
 
 from typing import Any, NamedTuple
 
-from wsp_env.plant.card import Card, OnCreepCurve, Parameter, Recorded, Said, Signature, itself
+from wsp_env.plant.card import Card, OnCreepCurve, Parameter, Recorded, Said, Signature, itself, which_friction
 
 
 class Parameters(NamedTuple):
@@ -39,7 +39,7 @@ def either(recorded: Recorded) -> list[dict[str, float]]:
 
 CARD = Card(
     name="falling_friction",
-    summary="friction falls with slip speed more, or less, than assumed",
+    summary="{which} falls with slip speed more, or less, than assumed",
     parameters=(
         Parameter("decrease", "-", 1.0, 2.0, 0.0, 20.0, "form: eq. (7) of the seed paper; size: assumption"),
         Parameter("excess", "-", 1.0, 1.0, 0.0, 5.0, "form: eq. (7) of the seed paper; size: assumption"),
@@ -67,18 +67,19 @@ CARD = Card(
                 "decrease",
                 "",
                 itself,
-                "friction falls faster with slip speed than believed, at {size} times the rate",
-                "friction falls more slowly with slip speed than believed, at {size} times the rate",
+                "{which} falls faster with slip speed than believed, at {size} times the rate",
+                "{which} falls more slowly with slip speed than believed, at {size} times the rate",
             ),
             Said(
                 "excess",
                 "",
                 itself,
-                "friction falls further with slip speed than believed, {size} times as far",
-                "friction falls less far with slip speed than believed, {size} times as far",
+                "{which} falls further with slip speed than believed, {size} times as far",
+                "{which} falls less far with slip speed than believed, {size} times as far",
             ),
         ),
         variants=either,
+        words=which_friction,
         creep_curve=OnCreepCurve(
             null_at_constant_friction={"excess": 0.0},
             test_if_open="points beyond {highest:.0%} creepage, until the friction no longer falls",

@@ -10,7 +10,7 @@ mu_cr falls by `recovered` times the share of mu_cd.
 from typing import NamedTuple
 
 from wsp_env.compiled import inlined
-from wsp_env.plant.card import Card, OnCreepCurve, Parameter, Recorded, Said, Signature, percent
+from wsp_env.plant.card import Card, OnCreepCurve, Parameter, Recorded, Said, Signature, percent, which_friction
 
 #: Reference speed [m/s], at which the friction is the believed one (assumption: middle of a stop from 40 m/s, where share and
 #: mu_cd are least correlated).
@@ -81,12 +81,13 @@ CARD = Card(
                 "share",
                 "%",
                 percent,
-                "friction falls with the running speed, at 20 m/s by {size} of the slope of Curtius and Kniffler",
-                "friction rises with the running speed, at 20 m/s by {size} of the slope of Curtius and Kniffler",
+                "{which} falls with the running speed, at 20 m/s by {size} of the slope of Curtius and Kniffler",
+                "{which} rises with the running speed, at 20 m/s by {size} of the slope of Curtius and Kniffler",
             ),
         ),
         over="speed",
         variants=curves,
+        words=which_friction,
         creep_curve=OnCreepCurve(least_speeds=2),
     ),
     study={"share": 0.5},
