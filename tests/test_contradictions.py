@@ -24,7 +24,7 @@ def campaign(tmp_path):
 
 
 def test_reading_refuses_it_unless_told_otherwise(campaign):
-    with pytest.raises(ContradictionError, match=r'A1.*axle2_wheel_speed is 9.5.* unit = "rpm"'):
+    with pytest.raises(ContradictionError, match=r'A1.*axle2_wheel_speed is 9.5.* in rpm\? Give its unit = "rpm"'):
         read_campaign(campaign)
     runs = read_campaign(campaign, refuse=False).runs
     assert isinstance(runs["A1"].contradiction, CampaignError)
@@ -41,6 +41,24 @@ def test_a_diagnosis_names_the_channel_and_no_physics(campaign):
     assert "axle2_wheel_speed" in found.sentence
 
 
+@pytest.mark.parametrize(
+    ("pattern", "factor", "channel"),
+    [
+        ("vehicle_speed", -1.0, "vehicle_speed"),
+        ("vehicle_speed", 3.6, "vehicle_speed"),
+        ("wheel_speed", -1.0, "axle*_wheel_speed"),
+        ("torque", 1e-3, "axle*_brake_torque"),
+        ("torque", -1.0, "axle*_brake_torque"),
+    ],
+)
+def test_other_contradictions_are_answers_too(tmp_path, pattern, factor, channel):
+    columns = stop(2e-4, 0.06, duration_s=8.0, noise=1.0)
+    wrong = {name: values * factor if pattern in name else values for name, values in columns.items()}
+    found = diagnose(read_campaign(write_campaign(tmp_path, {"A1": wrong}), refuse=False))
+    assert (found.verdict, [one.channel for one in found.suspect_channels]) == ("data", [channel])
+    assert "[channels]" in found.next_test
+
+
 def test_the_command_writes_the_answer(campaign, tmp_path, capsys):
     main(["diagnose", str(campaign), "--out", str(tmp_path / "out")])
     said = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
@@ -50,6 +68,7 @@ def test_the_command_writes_the_answer(campaign, tmp_path, capsys):
 
 
 def test_the_error_survives_the_way_to_another_process():
-    error = ContradictionError("here/A1.csv", "axle2_wheel_speed", "is 9.5 times too large:", "give its unit")
+    error = ContradictionError("here/A1.csv", "axle2_wheel_speed", "is 9.5 times too large", "give its unit")
     again = pickle.loads(pickle.dumps(error))
     assert (str(again), again.channel, again.remedy) == (str(error), error.channel, error.remedy)
+    assert str(again) == "here/A1.csv: axle2_wheel_speed is 9.5 times too large; give its unit"

@@ -221,8 +221,8 @@ def scaled(columns, pattern, factor):
         ("wheel", 0.0, "axle1_wheel_speed is 0 throughout: a dead channel"),
         ("speed", 3.6, "all speeds are in km/h"),
         ("torque", 1e-3, 'unit = "kN\\*m"'),
-        ("torque", -1.0, "counted negative in braking; give them scale = -1"),
-        ("axle2_wheel", -1.0, "axle2_wheel_speed negative; give scale = -1"),
+        ("torque", -1.0, "counted negative in braking; give it scale = -1"),
+        ("axle2_wheel", -1.0, "axle2_wheel_speed is negative; give it scale = -1"),
         ("vehicle_speed", 1.0 / 3.6, "vehicle_speed is 0.278 times .* in m/s and taken for km/h"),
     ],
 )

@@ -37,8 +37,8 @@ def _contradictions(campaign: Campaign) -> tuple[SuspectChannel, ...]:
             told.setdefault(error.channel, (error, []))[1].append(name)
     return tuple(
         SuspectChannel(
-            channel, error.suspicion.removeprefix("is "), error.remedy[0].lower() + error.remedy[1:], "unit",
-            _axle_of(channel), runs=tuple(names),
+            channel, error.suspicion.removeprefix("is ").removesuffix("?"), error.remedy, "unit", _axle_of(channel),
+            runs=tuple(names),
         )
         for channel, (error, names) in told.items()
     )  # fmt: skip

@@ -17,16 +17,19 @@ class ContradictionError(CampaignError):
     ----------
     where : the file
     channel : as `channels.CHANNELS` names it; "axle*_..." for that of every axle
+    suspicion : what goes on from the channel's name, a statement or a question
+    remedy : what to do, in lower case
 
     """
 
     def __init__(self, where: str, channel: str, suspicion: str, remedy: str) -> None:
-        super().__init__(f"{where}: {channel} {suspicion} {remedy}")
-        self.channel, self.suspicion, self.remedy = channel, suspicion, remedy
+        end = f" {remedy[0].upper()}{remedy[1:]}" if suspicion.endswith("?") else f"; {remedy}"
+        super().__init__(f"{where}: {channel} {suspicion}{end}")
+        self.where, self.channel, self.suspicion, self.remedy = where, channel, suspicion, remedy
 
     def __reduce__(self) -> tuple[type["ContradictionError"], tuple[str, str, str, str]]:
         """Return how it is made again in another process."""
-        return type(self), (str(self).partition(f": {self.channel} ")[0], self.channel, self.suspicion, self.remedy)
+        return type(self), (self.where, self.channel, self.suspicion, self.remedy)
 
 
 class CampaignWarning(UserWarning):

@@ -73,14 +73,14 @@ def _dead(run: Recording, where: str) -> None:
         raise ContradictionError(
             where,
             "vehicle_speed",
-            f"is {run.vehicle_speed_mps[0]:g} throughout: a dead channel;",
+            f"is {run.vehicle_speed_mps[0]:g} throughout: a dead channel",
             "map another column to it",
         )
     if run.vehicle_speed_mps.mean() < 0.0:
-        raise ContradictionError(where, "vehicle_speed", "is negative;", "give it scale = -1 in [channels]")
+        raise ContradictionError(where, "vehicle_speed", "is negative", "give it scale = -1 in [channels]")
     if (negative := np.flatnonzero(run.wheel_speed_radps.mean(axis=0) < 0.0)).size:
-        channels = ", ".join(f"axle{k + 1}_wheel_speed" for k in negative)
-        raise ContradictionError(where, channels, "negative;", "give scale = -1 in [channels]")
+        which = "*" if len(negative) == run.wheel_speed_radps.shape[1] else negative[0] + 1
+        raise ContradictionError(where, f"axle{which}_wheel_speed", "is negative", "give it scale = -1 in [channels]")
 
 
 def _radius(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
@@ -100,14 +100,14 @@ def _radius(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
                     where,
                     f"axle{axle}_wheel_speed",
                     f"is {ratio:.2f} times what the vehicle's speed asks for: recorded in {unit}?",
-                    f'Give its unit = "{unit}" in [channels]',
+                    f'give its unit = "{unit}" in [channels]',
                 )
             if unit in ("km/h", "mph") and abs(ratio * factor - 1.0) < _FACTOR_TOLERANCE:
                 raise ContradictionError(
                     where,
                     "vehicle_speed",
                     f"is {1.0 / ratio:.2f} times the wheels': recorded in {unit}?",
-                    f'Give it unit = "{unit}" in [channels]; if only this run differs, convert its file',
+                    f'give it unit = "{unit}" in [channels]; if only this run differs, convert its file',
                 )
         if abs(ratio - 1.0) > _FACTOR_TOLERANCE:
             notes.append(
@@ -135,7 +135,7 @@ def _vehicle_entries(run: Recording, vehicle: CampaignVehicle, ratio: float, whe
                 where,
                 "vehicle_speed",
                 f"is {1.0 / ratio:.3f} times what all wheels say: recorded in m/s and taken for {unit}?",
-                "Correct its unit in [channels]; if other runs are in this unit, convert their files",
+                "correct its unit in [channels]; if other runs are in this unit, convert their files",
             )
 
 
@@ -156,14 +156,14 @@ def _balance(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
         )
     if _BALANCE[0] < _explained(run, vehicle, 1.0, _KILO) < _BALANCE[1]:
         raise ContradictionError(
-            where, "axle*_brake_torque", "would explain the deceleration in kN m:", 'give their unit = "kN*m" in [channels]'
+            where, "axle*_brake_torque", "explains the deceleration if it is in kN m", 'give its unit = "kN*m" in [channels]'
         )
     if abs(_explained(run, vehicle, 1.0, -1.0) - 1.0) < _FACTOR_TOLERANCE:
         raise ContradictionError(
             where,
             "axle*_brake_torque",
-            "drives the vehicle: counted negative in braking;",
-            "give them scale = -1 in [channels]",
+            "drives the vehicle: it is counted negative in braking",
+            "give it scale = -1 in [channels]",
         )
     explained = f"{ratio:.2g} times as much as its brakes explain" if ratio > 0.0 else "and its brakes do not explain it"
     return [f"{where}: the vehicle slows {explained}; check mass_kg and the torques"]
