@@ -4,6 +4,7 @@ import json
 import pickle
 
 import numpy as np
+import polars as pl
 import pytest
 from synthetic_stops import stop, write_campaign
 
@@ -24,7 +25,9 @@ def campaign(tmp_path):
 
 
 def test_reading_refuses_it_unless_told_otherwise(campaign):
-    with pytest.raises(ContradictionError, match=r'A1.*axle2_wheel_speed is 9.5.* in rpm\? Give its unit = "rpm"'):
+    with pytest.raises(
+        ContradictionError, match=r'A1.*axle2_wheel_speed is 9.5.* in rpm\? Give axle2_wheel_speed unit = "rpm"'
+    ):
         read_campaign(campaign)
     runs = read_campaign(campaign, refuse=False).runs
     assert isinstance(runs["A1"].contradiction, CampaignError)
@@ -35,10 +38,26 @@ def test_a_diagnosis_names_the_channel_and_no_physics(campaign):
     found = diagnose(read_campaign(campaign, refuse=False))
     assert found.verdict == "data"
     assert not found.mechanisms
-    (suspect,) = found.suspect_channels
+    (suspect,) = (one for one in found.suspect_channels if one.kind == "unit")
     assert (suspect.channel, suspect.kind, suspect.axle, suspect.runs) == ("axle2_wheel_speed", "unit", 2, ("A1",))
     assert 'unit = "rpm"' in suspect.remedy
     assert "axle2_wheel_speed" in found.sentence
+    assert "in run A1" in found.sentence
+
+
+def test_a_unit_of_each_run_is_told(campaign):
+    file = campaign / "A2.csv"
+    column = "axle2_wheel_speed_radps"
+    pl.read_csv(file).with_columns(pl.col(column) * 3.6).write_csv(file)
+    found = diagnose(read_campaign(campaign, refuse=False)).suspect_channels
+    assert {one.runs for one in found if one.channel == "axle2_wheel_speed"} == {("A1",), ("A2",)}
+
+
+def test_an_axle_without_a_sensor_is_not_blamed_for_what_stands_in(campaign):
+    for file in campaign.glob("*.csv"):
+        pl.read_csv(file).with_columns(axle1_wheel_speed_radps=pl.lit(0.0)).write_csv(file)
+    found = diagnose(read_campaign(campaign, refuse=False))
+    assert [one.channel for one in found.suspect_channels if one.kind == "unit"] == ["axle2_wheel_speed"]
 
 
 @pytest.mark.parametrize(
@@ -68,7 +87,7 @@ def test_the_command_writes_the_answer(campaign, tmp_path, capsys):
 
 
 def test_the_error_survives_the_way_to_another_process():
-    error = ContradictionError("here/A1.csv", "axle2_wheel_speed", "is 9.5 times too large", "give its unit")
+    error = ContradictionError("here/A1.csv", "axle2_wheel_speed", "is 9.5 times too large", "give its unit", 9.5)
     again = pickle.loads(pickle.dumps(error))
-    assert (str(again), again.channel, again.remedy) == (str(error), error.channel, error.remedy)
+    assert vars(again) == vars(error)
     assert str(again) == "here/A1.csv: axle2_wheel_speed is 9.5 times too large; give its unit"

@@ -289,7 +289,18 @@ def test_axles_that_swing_against_each_other_move_no_stop():
     for phase, share in ((np.pi, 0.0), (0.0, 1.0)):
         raw = 0.01 * np.sin(2.0 * np.pi * 0.3 * np.tile(time, AXLES) + phase * axle)
         square = structure._of_all_axles(raw, rows, len(BALANCES))
-        assert square == pytest.approx(share * 0.5e-4 * np.cos(2.0 * np.pi * 0.3 * BLOCK_S), rel=0.02, abs=1e-9)
+        assert square == pytest.approx(share * 0.5e-4 * np.cos(2.0 * np.pi * 0.3 * 3.0 * BLOCK_S), rel=0.02, abs=1e-9)
+
+
+@pytest.mark.parametrize(("blocks", "kept"), [(400, 0.0), (2, 1.0)])
+def test_a_push_that_is_gone_within_half_a_second_moves_no_stop(blocks, kept):
+    """Pushes that last two blocks; in slides that are no longer, nobody can say that they end."""
+    rng, runs = np.random.default_rng(3), 400 * 50 // blocks
+    pushes = np.repeat(0.01 * rng.standard_normal(runs * blocks // 2), 2)
+    run, time = np.repeat(np.arange(runs), blocks), np.tile(BLOCK_S * np.arange(blocks), runs)
+    n = len(pushes)
+    rows = SimpleNamespace(noise=np.full(n, len(BALANCES)), run=run, axle=np.zeros(n, dtype=int), time=time)
+    assert structure._of_all_axles(pushes, rows, len(BALANCES)) == pytest.approx(kept * 1e-4, abs=4e-6)
 
 
 def test_the_coloured_noise_of_a_recorded_speed_swings_no_vehicle():

@@ -74,6 +74,7 @@ def test_a_card_says_all_that_the_diagnosis_asks(name):
     assert signature.balances <= set(BALANCES)
     assert signature.acts_on in ACTS_ON
     assert signature.next_test
+    assert "{" not in card.summary
     assert {one.name for one in card.sizes if one.fitted} <= {one.parameter for one in signature.said} <= set(parameters)
     assert all(one.kind == "shape" for one in card.parameters if one.refit_step)
     assert set(signature.normal) | set(card.study) <= set(parameters)

@@ -215,14 +215,14 @@ def scaled(columns, pattern, factor):
     ("pattern", "factor", "said"),
     [
         ("vehicle_speed", 3.6, 'vehicle_speed is 3.6.* unit = "km/h"'),
-        ("vehicle_speed", -1.0, "vehicle_speed is negative; give it scale = -1"),
+        ("vehicle_speed", -1.0, "vehicle_speed is negative; give .* scale = -1"),
         ("vehicle_speed", 0.0, "dead channel"),
         ("axle2_wheel", 60.0 / (2 * np.pi), 'axle2_wheel_speed.* unit = "rpm"'),
         ("wheel", 0.0, "axle1_wheel_speed is 0 throughout: a dead channel"),
         ("speed", 3.6, "all speeds are in km/h"),
         ("torque", 1e-3, 'unit = "kN\\*m"'),
-        ("torque", -1.0, "counted negative in braking; give it scale = -1"),
-        ("axle2_wheel", -1.0, "axle2_wheel_speed is negative; give it scale = -1"),
+        ("torque", -1.0, "counted negative in braking; give .* scale = -1"),
+        ("axle2_wheel", -1.0, "axle2_wheel_speed is negative; give .* scale = -1"),
         ("vehicle_speed", 1.0 / 3.6, "vehicle_speed is 0.278 times .* in m/s and taken for km/h"),
     ],
 )

@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from wsp_env.contact.traction import Surface
+from wsp_env.diagnosis.answer import Estimate
+from wsp_env.diagnosis.words import capital, mechanism_words
 from wsp_env.parameters.uic_z1 import BOGIE, COACH
 from wsp_env.plant.mechanisms import Active, derive, falling_friction, make, remember, speed_dependent_friction
 from wsp_env.plant.mechanisms.speed_dependent_friction import (
@@ -32,12 +34,24 @@ def test_the_typical_values_are_the_curve_of_curtius_and_kniffler():
         assert_allclose([factor(typical, v) for v in SPEEDS], theirs / at_reference, rtol=1e-12)
 
 
-@given(st.floats(-1.0, 1.0), st.floats(0.0, 0.5))
+@given(st.floats(-1.0, 1.0), st.floats(0.0, 0.2))
 def test_the_bend_changes_neither_the_friction_nor_its_slope_at_the_reference_speed(share, bend):
     p, h = Parameters(share, bend, 1.0), 1e-4
     assert friction_factor(p, REFERENCE_MPS) == 1.0
     slope = (friction_factor(p, REFERENCE_MPS + h) - friction_factor(p, REFERENCE_MPS - h)) / (2.0 * h)
     assert slope == pytest.approx(-share * FALL, rel=1e-6, abs=1e-9)
+
+
+def test_no_factor_is_absurd():
+    every = [friction_factor(Parameters(share, bend, 1.0), v) for share in (-1.0, 3.0) for bend in (0.0, 0.2) for v in SPEEDS]
+    assert 0.0 < min(every) <= max(every) <= 3.0
+
+
+@pytest.mark.parametrize(("recovered", "which"), [(1.0, "Friction falls"), (0.1, "The contaminant layer's friction falls")])
+@pytest.mark.parametrize(("name", "size"), [("speed_dependent_friction", "share"), ("falling_friction", "decrease")])
+def test_the_sentence_says_which_friction_falls(name, size, recovered, which):
+    estimates = {size: Estimate(1.8, "-", (1.5, 2.1)), "recovered": Estimate(recovered, "-", (0.0, 1.2))}
+    assert capital(mechanism_words(name, estimates)).startswith(which)
 
 
 def test_without_a_bend_the_fall_is_a_straight_line_that_stays_positive():

@@ -35,7 +35,7 @@ def answer(folder: Path) -> tuple[Answer, Campaign | None]:
     """
     begun = time.perf_counter()
     try:
-        campaign = quietly_read(folder)
+        campaign = quietly_read(folder, refuse=False)
         said = diagnose(campaign, workers=1).to_json()
     except CampaignError as error:
         refused = {"verdict": "insufficient", "mechanisms": [], "notes": [str(error)]}

@@ -1,6 +1,6 @@
 """Sound campaigns with one faulty channel each: whether it is found as data, on the right axle, or named as physics.
 
-A file that the reader refuses, because a wheel speed is in another unit, is found: the message names channel and unit.
+A file that cannot be read is found if the message names the channel and its unit.
 """
 
 import json

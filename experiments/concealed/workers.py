@@ -55,11 +55,11 @@ def results(work: Callable[[T], bytes], tasks: Sequence[T], executor: Executor, 
         raise BankError(f"{title}: {len(failed)} of {len(tasks)} failed, the first: {failed[0]}")
 
 
-def quietly_read(folder: Path) -> Campaign:
-    """Read a campaign without a word on the quality of its channels, which are what they are."""
+def quietly_read(folder: Path, refuse: bool = True) -> Campaign:
+    """Read a campaign without a word on the quality of its channels, which are what they are; `refuse` as in reading."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CampaignWarning)
-        return read_campaign(folder, refuse=False)
+        return read_campaign(folder, refuse)
 
 
 def dumped(content: Any) -> bytes:

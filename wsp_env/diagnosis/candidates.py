@@ -21,8 +21,8 @@ _STEP = 0.25
 #: Further steps of a rolled distance (a memory) that are searched, as multiples of the first: the effect is nonlinear, and a
 #: step of one metre does not show the effect of ten metres.
 _FADING = (4.0, 16.0)
-#: The same for the only size of a mechanism of the contact: it is also searched at its typical value. Half the stiffness of the
-#: contact has another effect than a tenth less, five times.
+#: The same for the only size of a mechanism of the contact without shapes: it is also searched at its typical value. Half the
+#: stiffness of the contact has another effect than a tenth less, five times.
 _BENDING = (1.0 / _STEP,)
 
 

@@ -8,6 +8,7 @@ from wsp_env.diagnosis.answer import Diagnosis, FitQuality
 from wsp_env.recordings import Campaign
 from wsp_env.recordings.errors import ContradictionError
 from wsp_env.recordings.suspect import SuspectChannel, suspects
+from wsp_env.recordings.suspect.channel import where
 
 #: Faults that do not end the diagnosis: the reader leaves these axles out, and the others are diagnosed.
 _LEFT_OUT = ("dead",)
@@ -23,29 +24,33 @@ class DataFirst(NamedTuple):
 
 def data_first(campaign: Campaign) -> DataFirst:
     """Check for suspect channels; add an answer if their faults would be taken for physics."""
-    found = _contradictions(campaign) or suspects(campaign)
+    refused = contradictions(campaign)
+    # Channels of the wrong sign cannot be compared with others.
+    found = () if any(one.value < 0.0 for one in refused) else suspects(campaign)
+    told = {(one.channel, run) for one in found for run in one.runs}
+    found += tuple(one for one in refused if any((one.channel, run) not in told for run in one.runs))
     if all(one.kind in _LEFT_OUT for one in found):
         return DataFirst(found, None)
     return DataFirst(found, _answer(campaign, found))
 
 
-def _contradictions(campaign: Campaign) -> tuple[SuspectChannel, ...]:
-    """Return the channels in another unit that were not refused when the campaign was read."""
-    told: dict[str, tuple[ContradictionError, list[str]]] = {}
+def contradictions(campaign: Campaign) -> tuple[SuspectChannel, ...]:
+    """Return what would have been refused when the campaign was read: channels in another unit or of the wrong sign."""
+    told: dict[tuple[str, str], tuple[ContradictionError, list[str]]] = {}
     for name, run in campaign.runs.items():
         if (error := run.contradiction) is not None:
-            told.setdefault(error.channel, (error, []))[1].append(name)
+            told.setdefault((error.channel, error.remedy), (error, []))[1].append(name)
     return tuple(
         SuspectChannel(
-            channel, error.suspicion.removeprefix("is ").removesuffix("?"), error.remedy, "unit", _axle_of(channel),
-            runs=tuple(names),
+            error.channel, error.suspicion.removeprefix("is ").removesuffix("?") + where(names, campaign.runs), error.remedy,
+            "unit", _axle_of(error.channel), error.factor, tuple(names),
         )
-        for channel, (error, names) in told.items()
+        for error, names in told.values()
     )  # fmt: skip
 
 
 def _axle_of(channel: str) -> int:
-    """Return the axle of a channel, from 1; 0: the vehicle."""
+    """Return the axle of a channel, from 1; 0: the vehicle, or every axle."""
     first = channel.partition("_")[0].removeprefix("axle")
     return int(first) if first.isdigit() else 0
 

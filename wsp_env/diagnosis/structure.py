@@ -1,10 +1,10 @@
 """Correlation from row to row in the residual of a model: its size over the channels' noise, and whether it matters.
 
 White residuals of any size are noise. What a row shares with the next row of the same axle and run is physics that neither
-model nor nuisances describe. Better channels show more of it (bouncing loads, wind). Whether it matters is judged as for
-mechanisms (`wsp_env.diagnosis.interest`): as an alternating force with an amplitude of 1 % of the retarding force, that lasts
-from one block of the vehicle balance to the next (shorter ones change speed and slip by millimetres a second); for rolling
-wheels, as a slip error of 0.1 m/s.
+model nor nuisances describe. Better channels show more of it (bouncing loads, wind). It matters as an alternating force with an
+amplitude of 1 % of the retarding force, as a mechanism does (`wsp_env.diagnosis.interest`), but by the part that lasts from
+one block of the vehicle balance to the next: a swing of more than 0.5 Hz changes speed and slip by millimetres a second. For
+rolling wheels it matters as a slip error of 0.1 m/s.
 """
 
 import math
@@ -103,13 +103,19 @@ def _of_speed(seen: Screen, raw: np.ndarray, noise: np.ndarray, rows: Rows, late
 
 
 def _of_all_axles(raw: np.ndarray, rows: Rows, kind: int) -> float:
-    """Mean product of the blocks' means over all axles, whose forces may cancel each other, with later ones (`_LASTS`)."""
+    """Mean product of the blocks' means over all axles, whose forces may cancel each other, with those `_LASTS` blocks later.
+
+    Slides that are shorter have fewer blocks; then the latest that are there count.
+    """
     mine = rows.noise == kind
     moments, which = np.unique(np.stack([rows.run[mine], rows.time[mine]]), axis=1, return_inverse=True)
     mean = np.bincount(which.ravel(), raw[mine]) / (rows.axle.max() + 1)
-    apart = moments[:, _LASTS:] - moments[:, :-_LASTS]
-    follows = (apart[0] == 0.0) & (apart[1] < (_LASTS + 0.5) * BLOCK_S)
-    return float(np.mean(mean[:-_LASTS][follows] * mean[_LASTS:][follows])) if follows.any() else 0.0
+    for later in range(_LASTS, 0, -1):
+        apart = moments[:, later:] - moments[:, :-later]
+        follows = (apart[0] == 0.0) & (apart[1] < (later + 0.5) * BLOCK_S)
+        if follows.sum() >= _LEAST_PAIRS:
+            return float(np.mean(mean[:-later][follows] * mean[later:][follows]))
+    return 0.0
 
 
 def _amplitude(square: float) -> float:

@@ -59,6 +59,8 @@ _SAY_LITTLE = {
     "per_speed": "change with speed",
     "per_pressure": "change with pressure",
     "per_temperature": "change with temperature",
+    "bend": "bend of the curve",
+    "recovered": "share of it that the recovered friction has",
     "lowest": "lowest speed",
     "highest": "highest speed",
 }

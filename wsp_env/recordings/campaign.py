@@ -80,7 +80,7 @@ def read_campaign(folder: Path, refuse: bool = True) -> Campaign:
 
     Parameters
     ----------
-    refuse : whether a channel in another unit is an error; otherwise its recording tells of it
+    refuse : whether a channel in another unit, or of the wrong sign, is an error; otherwise its recording tells of it
 
     Raises
     ------

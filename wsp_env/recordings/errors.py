@@ -11,7 +11,7 @@ class CampaignError(ValueError):
 
 
 class ContradictionError(CampaignError):
-    """A channel that cannot be what it is said to be, such as a speed in another unit.
+    """A channel that cannot be what it is said to be: in another unit, or of the wrong sign.
 
     Parameters
     ----------
@@ -19,17 +19,18 @@ class ContradictionError(CampaignError):
     channel : as `channels.CHANNELS` names it; "axle*_..." for that of every axle
     suspicion : what goes on from the channel's name, a statement or a question
     remedy : what to do, in lower case
+    factor : recorded over true [-]
 
     """
 
-    def __init__(self, where: str, channel: str, suspicion: str, remedy: str) -> None:
+    def __init__(self, where: str, channel: str, suspicion: str, remedy: str, factor: float) -> None:
         end = f" {remedy[0].upper()}{remedy[1:]}" if suspicion.endswith("?") else f"; {remedy}"
         super().__init__(f"{where}: {channel} {suspicion}{end}")
-        self.where, self.channel, self.suspicion, self.remedy = where, channel, suspicion, remedy
+        self.where, self.channel, self.suspicion, self.remedy, self.factor = where, channel, suspicion, remedy, factor
 
-    def __reduce__(self) -> tuple[type["ContradictionError"], tuple[str, str, str, str]]:
+    def __reduce__(self) -> tuple[type["ContradictionError"], tuple[str, str, str, str, float]]:
         """Return how it is made again in another process."""
-        return type(self), (self.where, self.channel, self.suspicion, self.remedy)
+        return type(self), (self.where, self.channel, self.suspicion, self.remedy, self.factor)
 
 
 class CampaignWarning(UserWarning):

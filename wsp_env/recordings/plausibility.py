@@ -35,7 +35,8 @@ def check(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
     Raises
     ------
     CampaignError
-        for a dead vehicle speed, or a wrong entry of campaign.toml; a `ContradictionError` for a channel in another unit
+        for a dead vehicle speed, or a wrong entry of campaign.toml; a `ContradictionError` for a channel in another unit or of
+        the wrong sign
 
     """
     _dead(run, where)
@@ -70,17 +71,16 @@ def _thinned(run: Recording) -> Recording:
 
 def _dead(run: Recording, where: str) -> None:
     if np.ptp(run.vehicle_speed_mps) == 0.0:
-        raise ContradictionError(
-            where,
-            "vehicle_speed",
-            f"is {run.vehicle_speed_mps[0]:g} throughout: a dead channel",
-            "map another column to it",
+        raise CampaignError(
+            f"{where}: vehicle_speed is {run.vehicle_speed_mps[0]:g} throughout: a dead channel; map another column to it"
         )
     if run.vehicle_speed_mps.mean() < 0.0:
-        raise ContradictionError(where, "vehicle_speed", "is negative", "give it scale = -1 in [channels]")
+        raise ContradictionError(where, "vehicle_speed", "is negative", "give vehicle_speed scale = -1 in [channels]", -1.0)
     if (negative := np.flatnonzero(run.wheel_speed_radps.mean(axis=0) < 0.0)).size:
-        which = "*" if len(negative) == run.wheel_speed_radps.shape[1] else negative[0] + 1
-        raise ContradictionError(where, f"axle{which}_wheel_speed", "is negative", "give it scale = -1 in [channels]")
+        channel = (
+            "axle*_wheel_speed" if len(negative) == run.wheel_speed_radps.shape[1] else f"axle{negative[0] + 1}_wheel_speed"
+        )
+        raise ContradictionError(where, channel, "is negative", f"give {channel} scale = -1 in [channels]", -1.0)
 
 
 def _radius(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
@@ -94,20 +94,24 @@ def _radius(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
         _vehicle_entries(run, vehicle, float(np.median(rolling)), where)
     notes = []
     for axle, ratio in enumerate(rolling, start=1):
+        if axle in run.missing_axles:
+            continue  # its channel stands in
         for factor, unit in _UNITS.items():
             if abs(ratio / factor - 1.0) < _FACTOR_TOLERANCE:
                 raise ContradictionError(
                     where,
                     f"axle{axle}_wheel_speed",
                     f"is {ratio:.2f} times what the vehicle's speed asks for: recorded in {unit}?",
-                    f'give its unit = "{unit}" in [channels]',
+                    f'give axle{axle}_wheel_speed unit = "{unit}" in [channels]',
+                    float(ratio),
                 )
             if unit in ("km/h", "mph") and abs(ratio * factor - 1.0) < _FACTOR_TOLERANCE:
                 raise ContradictionError(
                     where,
                     "vehicle_speed",
                     f"is {1.0 / ratio:.2f} times the wheels': recorded in {unit}?",
-                    f'give it unit = "{unit}" in [channels]; if only this run differs, convert its file',
+                    f'give vehicle_speed unit = "{unit}" in [channels]; if only this run differs, convert its file',
+                    float(1.0 / ratio),
                 )
         if abs(ratio - 1.0) > _FACTOR_TOLERANCE:
             notes.append(
@@ -135,7 +139,8 @@ def _vehicle_entries(run: Recording, vehicle: CampaignVehicle, ratio: float, whe
                 where,
                 "vehicle_speed",
                 f"is {1.0 / ratio:.3f} times what all wheels say: recorded in m/s and taken for {unit}?",
-                "correct its unit in [channels]; if other runs are in this unit, convert their files",
+                "correct the unit of vehicle_speed in [channels]; if other runs are in this unit, convert their files",
+                1.0 / ratio,
             )
 
 
@@ -156,14 +161,19 @@ def _balance(run: Recording, vehicle: CampaignVehicle, where: str) -> list[str]:
         )
     if _BALANCE[0] < _explained(run, vehicle, 1.0, _KILO) < _BALANCE[1]:
         raise ContradictionError(
-            where, "axle*_brake_torque", "explains the deceleration if it is in kN m", 'give its unit = "kN*m" in [channels]'
+            where,
+            "axle*_brake_torque",
+            "explains the deceleration if it is in kN m",
+            'give axle*_brake_torque unit = "kN*m" in [channels]',
+            1.0 / _KILO,
         )
     if abs(_explained(run, vehicle, 1.0, -1.0) - 1.0) < _FACTOR_TOLERANCE:
         raise ContradictionError(
             where,
             "axle*_brake_torque",
             "drives the vehicle: it is counted negative in braking",
-            "give it scale = -1 in [channels]",
+            "give axle*_brake_torque scale = -1 in [channels]",
+            -1.0,
         )
     explained = f"{ratio:.2g} times as much as its brakes explain" if ratio > 0.0 else "and its brakes do not explain it"
     return [f"{where}: the vehicle slows {explained}; check mass_kg and the torques"]

@@ -27,7 +27,7 @@ def read_recording(
     ----------
     blank : what campaign.toml says of the run, without samples
     mapping : other people's columns, see `channels.parse`
-    refuse : whether a channel in another unit is an error; otherwise the recording tells of it
+    refuse : whether a channel in another unit, or of the wrong sign, is an error; otherwise the recording tells of it
 
     Raises
     ------
@@ -64,15 +64,17 @@ def read_recording(
         suspect=suspect | columns.suspect["vehicle_speed"][:, None],
     )
     run, said = missing.filled(run, blank.missing_axles, vehicle, str(file))
+    found, contradiction = (*columns.notes, *said), None
     try:
-        found = (*columns.notes, *said, *plausibility.check(run, vehicle, str(file)))
+        found += tuple(plausibility.check(run, vehicle, str(file)))
     except ContradictionError as error:
         if refuse:
             raise
-        return dataclasses.replace(run, contradiction=error)
+        contradiction = error.with_traceback(None)
     for sentence in found:
         warnings.warn(sentence, CampaignWarning, stacklevel=3)
-    return dataclasses.replace(run, warnings=found, suspect=run.suspect | plausibility.constant_torques(run))
+    suspect = run.suspect | plausibility.constant_torques(run)
+    return dataclasses.replace(run, warnings=found, suspect=suspect, contradiction=contradiction)
 
 
 def _stacked(values: dict[str, np.ndarray], channel: str, axles: int) -> np.ndarray:

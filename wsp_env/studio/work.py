@@ -175,7 +175,7 @@ def diagnose(folder: Path, request: Request, tell: Tell) -> Request:
     from wsp_env.diagnosis.sources import signed
 
     place = Path(request["campaign"])
-    campaign = read_campaign(place, refuse=False)
+    campaign = read_campaign(place)
     course = Advance()
     found = diagnosed(campaign, lambda step: tell(step, course.reach(step)), os.cpu_count() or 1)
     found = signed(found, place)

@@ -39,7 +39,7 @@ def either(recorded: Recorded) -> list[dict[str, float]]:
 
 CARD = Card(
     name="falling_friction",
-    summary="{which} falls with slip speed more, or less, than assumed",
+    summary="friction falls with slip speed more, or less, than assumed",
     parameters=(
         Parameter("decrease", "-", 1.0, 2.0, 0.0, 20.0, "form: eq. (7) of the seed paper; size: assumption"),
         Parameter("excess", "-", 1.0, 1.0, 0.0, 5.0, "form: eq. (7) of the seed paper; size: assumption"),

@@ -18,8 +18,8 @@ REFERENCE_MPS = 20.0
 #: Bend of the curve of Curtius and Kniffler [s/m], and its relative slope at the reference speed [s/m].
 BEND = 3.6 / 44.0
 FALL = 7.5 / 44.0 * BEND / (1.0 + BEND * REFERENCE_MPS) ** 2 / (7.5 / (3.6 * REFERENCE_MPS + 44.0) + 0.161)
-#: Smallest factor on a friction coefficient [-] (assumption; a straight line would end below zero).
-_LEAST = 0.1
+#: Smallest and largest factor on a friction coefficient [-] (assumption; a straight line would end below zero).
+_LEAST, _MOST = 0.1, 3.0
 
 
 class Parameters(NamedTuple):
@@ -33,7 +33,7 @@ class Parameters(NamedTuple):
 @inlined
 def _factor(share: float, bend: float, speed_mps: float) -> float:
     fall = FALL * (REFERENCE_MPS - speed_mps) * (1.0 + bend * REFERENCE_MPS) / (1.0 + bend * speed_mps)
-    return max(1.0 + share * fall, _LEAST)
+    return min(max(1.0 + share * fall, _LEAST), _MOST)
 
 
 @inlined
@@ -63,7 +63,7 @@ CARD = Card(
     parameters=(
         Parameter("share", "-", 0.0, 1.0, -1.0, 3.0, "slope at 20 m/s; 1: Curtius and Kniffler, Glasers Annalen (1944)"),
         Parameter(
-            "bend", "s/m", BEND, BEND, 0.0, 0.5, "Curtius and Kniffler (1944); 0: a straight line", "shape", refit_step=0.02
+            "bend", "s/m", BEND, BEND, 0.0, 0.2, "Curtius and Kniffler (1944); 0: a straight line", "shape", refit_step=0.02
         ),
         Parameter(
             "recovered", "-", 1.0, 1.0, 0.0, 2.0, "assumption: fall of mu_cr over that of mu_cd", "shape", refit_step=0.2
@@ -81,8 +81,8 @@ CARD = Card(
                 "share",
                 "%",
                 percent,
-                "{which} falls with the running speed, at 20 m/s by {size} of the slope of Curtius and Kniffler",
-                "{which} rises with the running speed, at 20 m/s by {size} of the slope of Curtius and Kniffler",
+                "{which} falls with the running speed; its slope at 20 m/s is {size} of Curtius and Kniffler's",
+                "{which} rises with the running speed; its slope at 20 m/s is {size} of Curtius and Kniffler's, upwards",
             ),
         ),
         over="speed",
