@@ -152,6 +152,15 @@ def test_only_what_matters_is_missing():
     assert [one.trial.size.multiple for one in outcome.missing] == pytest.approx([MATTERS, 3.0])
 
 
+@pytest.mark.parametrize(("evidence", "multiple", "expected"), [(40.0, 2.0, True), (40.0, 0.5, False), (5.0, 2.0, False)])
+def test_beside_a_small_finding_the_search_goes_on_if_it_promises_one_that_matters(evidence, multiple, expected):
+    """A false memory of 0.3 interests stood before sand of 2.2, which the search about it still found."""
+    seen = SimpleNamespace(
+        found=(found(GRADIENT, 1.0), dataclasses.replace(found(GAIN, evidence), multiple=np.array([multiple])))
+    )
+    assert decide._promises(seen) is expected
+
+
 # --- curves
 
 

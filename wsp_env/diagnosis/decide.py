@@ -144,9 +144,17 @@ def select(
             replica, fitted, accepted = _sized(own, again, accepted, seen)
         seen = _screened(replica, fitted, noise, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
         weights = weights_of(replica, seen)
-        if all(one.size.multiple < MATTERS for one in (best.trial, *sure)):
+        if all(one.size.multiple < MATTERS for one in (best.trial, *sure)) and not _promises(seen):
             break  # reported as too small; it stays in the model, so that nothing that matters is found in its place
     return Outcome(replica, fitted, tuple(accepted), first, seen, weights, () if accepted else tuple(left))
+
+
+def _promises(seen: Screen) -> bool:
+    """Whether the search about a model finds anything that is sure and matters."""
+    return any(
+        log_odds(one.candidate.variant, one.evidence) > SURE and float(np.abs(one.multiple).max()) >= MATTERS
+        for one in seen.found
+    )
 
 
 def _screened(
