@@ -253,7 +253,7 @@ def test_comparable_parameters_have_the_library_s_sign():
 
 
 def test_refused_campaign_is_insufficient(monkeypatch):
-    def refuse(campaign):
+    def refuse(campaign, refuse):
         raise CampaignError("no run can be diagnosed")
 
     monkeypatch.setattr(answers, "quietly_read", refuse)

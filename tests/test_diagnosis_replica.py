@@ -272,7 +272,10 @@ def test_only_what_goes_on_from_row_to_row_is_structure(correlation, expected):
     sizes = Sizes(np.ones(1), np.array([1.0, 1.0, 1.0, 1.0, 3.0]))
     whitening = Whitening(np.full(n, 1e-3), ())
     last = SimpleNamespace(about=LAW, sizes=sizes, groups=[group], small=group, whitening=whitening, base=base[order])
-    replica = SimpleNamespace(about=LAW, rows=rows, vehicle=SimpleNamespace(gravity_mps2=9.81), axles=AXLES)
+    replica = SimpleNamespace(
+        about=LAW, rows=rows, vehicle=SimpleNamespace(gravity_mps2=9.81), axles=AXLES, radius=0.445, inertia=160.0,
+        stops=[SimpleNamespace(mass=43e3)],
+    )  # fmt: skip
     found = structure.structured(replica, last, weights_of(replica, last))
     assert found.size == pytest.approx(expected, abs=0.35)
     # A friction of 3e-3 on each axle by itself is 1.5e-3 on all four, of a deceleration of 1 m/s2 the share 9.81 times that.

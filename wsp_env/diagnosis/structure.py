@@ -1,10 +1,12 @@
 """Correlation from row to row in the residual of a model: its size over the channels' noise, and whether it matters.
 
 White residuals of any size are noise. What a row shares with the next row of the same axle and run is physics that neither
-model nor nuisances describe. Better channels show more of it (bouncing loads, wind). It matters as an alternating force with an
-amplitude of 1 % of the retarding force, as a mechanism does (`wsp_env.diagnosis.interest`), but by the part that lasts from
-one block of the vehicle balance to the next: a swing of more than 0.5 Hz changes speed and slip by millimetres a second. For
-rolling wheels it matters as a slip error of 0.1 m/s.
+model nor nuisances describe. Better channels show more of it (bouncing loads, wind). It matters
+
+- as an alternating force with an amplitude of 1 % of the retarding force, as a mechanism (`wsp_env.diagnosis.interest`), if it
+  lasts from one block of the vehicle balance to the next: what swings by more than 0.5 Hz changes no speed and no distance;
+- if it moves the slip of an axle by 0.1 m/s within a block;
+- for rolling wheels, as a slip error of 0.1 m/s.
 """
 
 import math
@@ -82,12 +84,16 @@ def _multiple(replica: Replica, seen: Screen, raw: np.ndarray, noise: np.ndarray
         stops = zip(replica.parts, replica.evaluate(seen.model), strict=True)
         slope = np.concatenate([part.joined(part.wheel_rows(stop.slope)) for part, stop in stops])
         return _amplitude(float(np.mean(raw[one] * raw[two] / (slope[one] * slope[two])))) / SLIP_MPS
+    retarded = max(float(np.mean(rows.deceleration[one])), _LEAST_MPS2)
     if kind == VEHICLE:  # from the mean square of its rate
         square = 2.0 * (_of_speed(seen, raw, noise, rows, 1) - _of_speed(seen, raw, noise, rows, 2)) / VEHICLE_BLOCK_S**2
-    else:
-        unit = replica.axles / (replica.radius * replica.stops[0].mass) if kind == ACTUATOR else replica.vehicle.gravity_mps2
-        square = unit**2 * _of_all_axles(raw, rows, kind)
-    return _amplitude(square) / max(float(np.mean(rows.deceleration[one])), _LEAST_MPS2) / PUSH
+        return _amplitude(square) / retarded / PUSH
+    # Deceleration of the vehicle [m/s2] by one unit on all axles; the same force on one axle turns its wheelset.
+    unit = replica.axles / (replica.radius * replica.stops[0].mass) if kind == ACTUATOR else replica.vehicle.gravity_mps2
+    turned = unit * replica.stops[0].mass / replica.axles * replica.radius**2 / replica.inertia
+    by_axle = np.bincount(rows.axle[one], raw[one] * raw[two]) / np.maximum(np.bincount(rows.axle[one]), 1)
+    push = _amplitude(unit**2 * _of_all_axles(raw, rows, kind)) / retarded / PUSH
+    return max(push, turned * BLOCK_S * _amplitude(float(by_axle.max())) / SLIP_MPS)
 
 
 def _of_speed(seen: Screen, raw: np.ndarray, noise: np.ndarray, rows: Rows, later: int) -> float:
