@@ -13,6 +13,7 @@ import tyro
 
 from agents import settings
 from agents.drawn import NOISE
+from agents.improve import Improvement
 from agents.measure import COMPARED, HELD_OUT, INITIAL_ADHESION, INITIAL_SPEED_MPS, RECOVERY_M_PER_J, Yardstick
 from agents.rules import read_best
 from baselines.rule_based import RuleBasedWSP
@@ -31,7 +32,7 @@ WORLDS: dict[str, tuple[str, dict[str, dict[str, float]]]] = {
 }
 
 #: Arguments of a training that its command need not name.
-DEFAULTS = settings.record(settings.Arguments())
+DEFAULTS, IMPROVED = settings.record(settings.Arguments()), settings.record(Improvement())
 
 #: What the columns of the card are called.
 _HEADINGS = (
@@ -118,14 +119,22 @@ def draw_curve(folder: Path) -> None:
     pyplot.close(figure)
 
 
-def _command(arguments: Mapping[str, Any]) -> str:
-    """Return the command of a training with these arguments."""
-    own = {name: value for name, value in arguments.items() if value != DEFAULTS[name] and name not in ("vehicle", "seed")}
-    given = "".join(
+def _command(training: Mapping[str, Any]) -> str:
+    """Return the commands of a training: of the imitation, and of what improved on it."""
+    arguments, improved = training["arguments"], training.get("improved")
+    found = f"`python -m agents.train --vehicle {arguments['vehicle']}{_options(arguments, DEFAULTS, 'vehicle')}`"
+    if improved:
+        found += f", then `python -m agents.improve --base FOLDER{_options(improved, IMPROVED, 'base')}`"
+    return found
+
+
+def _options(given: Mapping[str, Any], defaults: Mapping[str, Any], named: str) -> str:
+    """Return the seed and all that is not as by default; `named` is named already."""
+    own = {name: value for name, value in given.items() if name == "seed" or (value != defaults[name] and name != named)}
+    return "".join(
         f" --{name.replace('_', '-')} " + (shlex.join(map(str, value)) if isinstance(value, list) else shlex.quote(str(value)))
         for name, value in own.items()
     )
-    return f"python -m agents.train --vehicle {arguments['vehicle']} --seed {arguments['seed']}{given}"
 
 
 def card(contract: Contract, sections: Mapping[str, str], stops: int) -> str:
@@ -149,7 +158,7 @@ def card(contract: Contract, sections: Mapping[str, str], stops: int) -> str:
         f"For {contract.axles} axle(s), a decision every {contract.control_interval_s:g} s, "
         f"{'with' if contract.pressure_sensors else 'without'} cylinder-pressure sensors. For research; nobody has assessed it "
         "for use on a railway.",
-        f"## Training\n\n`{_command(arguments)}`: what had the best score on the watched stops after the imitation, at "
+        f"## Training\n\n{_command(contract.training)}: what had the best score on the watched stops after the imitation, at "
         f"{learned}; arguments and versions in `contract.json`.\n\n"
         f"![curve](curve.png)\n\nConditions it was trained for: {ranges}, brakes of {brake:g} N m a bar (the vehicle's own: "
         f"{own:g}). Outside of them it was not trained.",

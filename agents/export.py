@@ -65,6 +65,11 @@ class ExportedPolicy(torch.nn.Module, ABC):
         """Return normalised observations (N, size)."""
         return torch.clamp((observation - self.mean) / self.deviation, -self.bound, self.bound)
 
+    def raw(self, observation: torch.Tensor) -> torch.Tensor:
+        """Return the last layer (N, L) of a network without memory from observations (N, size)."""
+        last: torch.Tensor = self.action_net(self.mlp_extractor.forward_actor(self.normal(observation)))
+        return last
+
     def decided(self, observation: torch.Tensor, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return commands (N, axles) and the last layer from observations and what the layers are fed (N, features)."""
         raw = self.action_net(self.mlp_extractor.forward_actor(features))

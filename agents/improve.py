@@ -1,133 +1,204 @@
-"""Whether PPO improves on what was imitated: `python -m agents.improve --base agents/trained/bogie --cosine 6`.
+"""PPO on top of an imitation, every wheelset an agent of its own: `python -m agents.improve --base agents/trained/bogie`.
 
-The world is `agents.varied` (brakes, gains, radii and sensor noise drawn) or the nominal vehicle with noisy sensors, on low
-adhesion. With `--cosine K` the policy gradients of K independent rollouts at the frozen policy are compared, and nothing is
-learned but the value function: the mean cosine between them says how much of one is signal. Without it PPO learns a
-residual (`agents.held`), and its score over that of the frozen policy is printed, on stops and vehicles of other draws, below
-those of teacher, ideal and bound.
+The base is a policy folder that `agents.train` wrote. PPO goes on with its network, see `agents.axles`, on the conditions of
+its training and on vehicles that are drawn, see `agents.varied`. What has the best score on the watched stops is exported to
+`policy/` in the run's folder. Started again after a kill, a run goes on from its last checkpoint, and ends with the weights of
+one that was not killed. With `--cosine K` nothing is learned but the value function: the mean cosine between the policy
+gradients of K independent rollouts is printed, which says how much of one is signal.
 """
 
 import dataclasses
+import hashlib
 import itertools
 import json
+import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
 import tyro
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.utils import set_random_seed
+from stable_baselines3.common.vec_env import VecNormalize
 
-from agents.held import Base, Held, ResidualPolicy
-from agents.measure import INITIAL_SPEED_MPS, RECOVERY_M_PER_J
+from agents import checkpoint, settings
+from agents.axles import HELD, AxlePolicy, EachAxle
+from agents.export import Actor, export
 from agents.settings import Arguments, task_options
 from agents.steering import make_steering
-from agents.teacher import ideal
+from agents.train import EndedStops, make_model, make_world, segment_seed, write_curve
 from agents.varied import varied_parts
-from agents.worlds import Joined, Shaped, Stopped
-from wsp_env.envs.sb3 import BrakingVecEnv
-from wsp_env.envs.task import make_task
-from wsp_env.evaluation.bound import ceiling
-from wsp_env.evaluation.policy import NETWORK
-from wsp_env.evaluation.reference import nearest, wanted_pressure
-from wsp_env.evaluation.summary import interval
-from wsp_env.parameters.uic_z1 import VEHICLES
-from wsp_env.plant.command import to_action
-from wsp_env.plant.port import Plant, Stop
+from agents.watch import Watch
+from agents.worlds import Joined, observed
+from wsp_env.envs.task import RewardWeights, make_task
+from wsp_env.evaluation.policy import NETWORK, load_policy
 
-#: Discount of a decision of 20 ms, as in `agents.train`.
-GAMMA = 0.99
-
-#: Seed of the stops on which the residual is judged.
-JUDGED_BY = 9_000_011
-
-#: Between the seeds of the stops of two rollouts, or of two trainings: each stop has a seed of its own, one after the other.
+#: Between the seeds of the stops of two rollouts whose gradients are compared: each stop has a seed of its own.
 APART = 100_000
-
-#: An ideal stop on extremely low adhesion is over after so long [s].
-_LONGEST_S = 400.0
-
-#: Noise of all speed sensors [rad/s] in the world "noise": twice to three times that of the shipped policies' trainings.
-NOISY = (0.2, 0.3)
-
-#: Full brake on low adhesion, about as `agents.measure.low_adhesion` draws it: an initial adhesion of 0.05 to 0.08.
-LOW: dict[str, Any] = {
-    "mu_cd": (0.023, 0.045), "tau": RECOVERY_M_PER_J, "initial_speed": INITIAL_SPEED_MPS, "demand": (1.0, 1.0),
-    "tracks": ("constant",),
-}  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
 class Improvement:
     """What is done."""
 
-    vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
-    base: Path = Path("agents/trained/bogie")  # folder of the frozen policy
-    world: Literal["varied", "noise"] = "varied"  # see `agents.varied`; noise: nominal, with noisy sensors
-    held: int = 8  # decisions of 20 ms that a residual lasts; 1: white noise at every decision
-    privileged: bool = True  # the value function sees what is true
-    cosine: int = 0  # independent rollouts whose gradients are compared; 0: PPO learns
-    envs: int = 256
-    rollout_s: float = 12.8  # of each stop between two updates [s]
-    updates: int = 40
-    critic_updates: int = 4  # first updates in which only the value function learns
-    log_deviation: float = -1.0  # of the residual, in shares of its reach
-    learning_rate: float = 3e-4
-    slide_price: float = 4.3
-    classic_share: float = 0.25
-    judged: int = 96  # stops
-    look: int = 20  # updates between two looks at them
+    base: Path = Path("agents/trained/bogie")  # policy folder that is improved
     seed: int = 1
+    out: Path = Path()  # folder of the run; none: out/agents/VEHICLE-ppo-SEED
+    envs: int = 1024  # vehicles at once
+    classic_share: float = 0.5  # of them under the classic law
+    updates: int = 64  # rounded to whole segments
+    segment: int = 16  # updates between two checkpoints; each begins new stops
+    rollout: int = 16  # decisions of 0.16 s of each wheelset between two updates
+    critic_updates: int = 4  # first updates in which only the value function learns
+    epochs: int = 4  # passes over each rollout
+    batches: int = 8  # steps of the optimiser in a pass
+    learning_rate: float = 5e-4  # falls linearly to zero
+    gamma: float = 0.98  # discount of 20 ms: a time constant of 1 s; what comes later is in the potential, see `agents.worlds`
+    gae_lambda: float = 0.9  # of a decision
+    clip: float = 0.1
+    deviation: float = 0.07  # of the exploration, in units of the brake wanted: 0.007 of adhesion
+    air_price: float = 0.04  # metres travelled that a normal litre is worth, of the axles together
+    watched: int = 24  # stops under each law, in each of three worlds, by which learning is watched
+    cosine: int = 0  # independent rollouts whose gradients are compared; 0: PPO learns
 
 
-def make_held(given: Improvement, envs: int, seed: int) -> Held:
-    """Return the world of a seed with the frozen policy inside."""
-    torque = VEHICLES[given.vehicle].brake.torque_per_bar_nm
-    options = task_options(Arguments(vehicle=given.vehicle, torque_per_bar_nm=torque)) | {"scenario": LOW}
-    classic = round(given.classic_share * envs)
-    laws = {"recovering": envs - classic, "classic": classic}
-    parts: list[Shaped] = []
-    for law, count in laws.items():
-        if count and given.world == "varied":
-            parts += varied_parts(given.vehicle, count, law, options, given.slide_price, seed, guarded=False)
-        elif count:
-            noisy = options | {"scenario": LOW | {"sensor_noise": NOISY}}
-            env = BrakingVecEnv(f"wsp_env/{given.vehicle.title()}-v1", count, adhesion=law, **noisy)
-            parts.append(Shaped(env, given.slide_price))
-    joined = Joined(parts)
-    joined.seed(APART * seed)
-    steering = make_steering(given.vehicle, make_task(options))
-    return Held(joined, steering, Base(str(given.base / NETWORK)), given.held, GAMMA, given.slide_price)
+class Base:
+    """An exported policy as a model again; its network is what PPO changes.
+
+    Parameters
+    ----------
+    folder : of the policy
+    out : folder for logs
+
+    Raises
+    ------
+    SystemExit
+        if `agents.train` did not write it, or it has a memory, or does not tell the brake wanted
+
+    """
+
+    def __init__(self, folder: Path, out: Path) -> None:
+        import onnx
+        from onnx import numpy_helper
+
+        training = load_policy(folder).contract.training
+        given = training.get("arguments", {})
+        if given.get("action") != "steered" or given.get("recurrent"):
+            raise SystemExit(f"{folder} is no steered policy without memory from `python -m agents.train`: nothing to improve")
+        known = {field.name for field in dataclasses.fields(Arguments)}
+        values: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in given.items() if name in known
+        }
+        self.arguments = dataclasses.replace(Arguments(**values), envs=2, world="nominal", start="", out=out)
+        self.training = training
+        self.normalisation: VecNormalize = make_world(self.arguments)
+        self.model = make_model(dataclasses.replace(self.arguments, batch=self.arguments.rollout), self.normalisation)
+        content = (folder / NETWORK).read_bytes()
+        self.sha256 = hashlib.sha256(content).hexdigest()
+        stored = {one.name: numpy_helper.to_array(one) for one in onnx.load_from_string(content).graph.initializer}
+        weights = self.model.policy.state_dict()
+        weights |= {name: torch.tensor(value) for name, value in stored.items() if name in weights}
+        self.model.policy.load_state_dict(weights)
+        statistics = observed(self.normalisation)
+        statistics.mean, statistics.count = stored["mean"].astype(np.float64), 1e12
+        statistics.var = stored["deviation"].astype(np.float64) ** 2 - self.normalisation.epsilon
+        self.steering = make_steering(self.arguments.vehicle, make_task(task_options(self.arguments)))
+        self.actor = Actor(self.model.policy, self.normalisation, self.steering)
 
 
-def make_model(given: Improvement, world: Held) -> PPO:
-    """Return PPO on residuals, which begins with none."""
-    steps = max(1, round(given.rollout_s / (0.02 * given.held)))
+def make_agents(given: Improvement, base: Base, seed: int) -> EachAxle:
+    """Return the wheelsets of vehicles drawn with a seed, under the conditions of the base's training."""
+    options, classic = task_options(base.arguments), round(given.classic_share * given.envs)
+    options["reward"] |= {"air": given.air_price * RewardWeights.stopping_distance}
+    parts = [
+        part
+        for law, count in (("recovering", given.envs - classic), ("classic", classic))
+        if count
+        for part in varied_parts(base.arguments.vehicle, count, law, options, base.arguments.slide_price, seed)
+    ]
+    return EachAxle(Joined(parts), base.steering, base.actor, base.arguments.slide_price, given.gamma)
+
+
+def make_ppo(given: Improvement, base: Base, agents: EachAxle) -> PPO:
+    """Return PPO that shares the base's network."""
     return PPO(
-        ResidualPolicy,
-        world,
-        n_steps=steps,
-        batch_size=max(1, given.envs * steps // 8),
-        n_epochs=4,
-        gamma=GAMMA**given.held,
-        gae_lambda=0.95**given.held if given.held < 4 else 0.8,
-        clip_range=0.1,
-        learning_rate=given.learning_rate,
-        policy_kwargs={"own": world.own, "privileged": given.privileged, "log_std_init": given.log_deviation},
-        seed=given.seed,
+        AxlePolicy,
+        agents,
+        n_steps=given.rollout,
+        batch_size=max(1, agents.num_envs * given.rollout // given.batches),
+        n_epochs=given.epochs,
+        gamma=given.gamma**HELD,
+        gae_lambda=given.gae_lambda,
+        clip_range=given.clip,
+        policy_kwargs={
+            "policy": base.actor,
+            "own": agents.own,
+            "axles": agents.axles,
+            "log_std_init": float(np.log(given.deviation)),
+        },
         device="cpu",
     )
 
 
+def network_of(model: PPO) -> list[torch.nn.Parameter]:
+    """Return the parameters of the policy's network."""
+    split: Any = model.policy.mlp_extractor
+    return [*split.policy.mlp_extractor.policy_net.parameters(), *split.policy.action_net.parameters()]
+
+
 def let_learn(model: PPO, policy: bool) -> None:
-    """Let the policy learn or not; the value function always does."""
-    for name, parameter in model.policy.named_parameters():
-        if "policy_net" in name or "action_net" in name or "log_std" in name:
-            parameter.requires_grad = policy
+    """Let the policy's network learn or not; the value function always does."""
+    for parameter in network_of(model):
+        parameter.requires_grad = policy
+
+
+class Practice:
+    """PPO under way; `segments` goes on with it."""
+
+    def __init__(self, given: Improvement, base: Base) -> None:
+        self.given, self.base, own = given, base, base.arguments
+        self.agents = make_agents(given, base, given.seed)
+        self.model = make_ppo(given, base, self.agents)
+        self.model.set_logger(base.model.logger)
+        self.count = max(1, round(given.updates / given.segment))
+        task = make_task(task_options(own))
+        self.watch = Watch(own.vehicle, task, own.slide_price, given.classic_share, given.watched, varied=True)
+        self.done, self.curve = checkpoint.load(given.out / checkpoint.CHECKPOINT, self.model, base.normalisation)
+
+    def segments(self) -> Iterator[None]:
+        """Learn, segment by segment, with a look at the watched stops and a checkpoint after each."""
+        given = self.given
+        if not self.curve:
+            self._look("imitation")
+        each, last = self.agents.num_envs * given.rollout, self.count * given.segment
+        for segment in range(self.done, self.count):
+            begun, seed = time.perf_counter(), segment_seed(given.seed, segment + 1)
+            set_random_seed(seed)
+            self.agents.venv.seed(seed)
+            self.model._last_obs = None  # `learn` then begins new stops
+            for update in range(segment * given.segment, (segment + 1) * given.segment):
+                rate = given.learning_rate * (1.0 - update / last)
+                self.model.lr_schedule = lambda _, rate=rate: rate  # type: ignore[misc]
+                let_learn(self.model, update >= given.critic_updates)
+                self.model.learn(each, callback=EndedStops(), reset_num_timesteps=update == 0)
+            self.done = segment + 1
+            self._look(f"PPO, {time.perf_counter() - begun:.0f} s")
+            yield
+
+    def _look(self, phase: str) -> None:
+        """Watch the policy, report on it, write a checkpoint, and keep the policy if it is the best one so far."""
+        taught = float(self.base.training["decisions"])
+        own = float(self.model.num_timesteps * HELD // self.agents.axles)
+        self.curve.append({"decisions": taught + own, "ppo_decisions": own} | self.watch.look(self.base.actor))
+        checkpoint.save(self.given.out / checkpoint.CHECKPOINT, self.model, self.base.normalisation, self.done, self.curve)
+        if self.curve[-1]["score"] == min(row["score"] for row in self.curve):
+            shutil.copyfile(self.given.out / checkpoint.CHECKPOINT, self.given.out / checkpoint.BEST)
+        print(f"{phase}: {self.watch.words(self.curve)}", flush=True)
 
 
 def gradient(model: PPO) -> np.ndarray:
@@ -138,26 +209,25 @@ def gradient(model: PPO) -> np.ndarray:
     data = next(buffer.get(buffer.buffer_size * buffer.n_envs))
     _, log_probability, _ = model.policy.evaluate_actions(data.observations, data.actions)
     advantage = (data.advantages - data.advantages.mean()) / (data.advantages.std() + 1e-8)
-    own = [p for name, p in model.policy.named_parameters() if "policy_net" in name or "action_net" in name]
-    parts: Any = torch.autograd.grad(-(advantage * log_probability).mean(), own, allow_unused=True)
-    flat = [part.reshape(-1) for part in parts if part is not None]
-    return torch.cat(flat).numpy().astype(np.float64)
+    parts: Any = torch.autograd.grad(-(advantage * log_probability).mean(), network_of(model))
+    return torch.cat([part.reshape(-1) for part in parts]).numpy().astype(np.float64)
 
 
-def cosines(given: Improvement) -> dict[str, float]:
+def cosines(given: Improvement, base: Base) -> dict[str, float]:
     """Return the mean cosine between the gradients of independent rollouts, and the share of returns that is explained.
 
     The rollouts have other stops and another exploration, the vehicles are the same.
     """
-    world = make_held(given, given.envs, given.seed)
-    model = make_model(given, world)
+    _begin(given)
+    agents = make_agents(given, base, given.seed)
+    model = make_ppo(given, base, agents)
     let_learn(model, policy=False)
-    each = given.envs * model.n_steps
+    each, found = agents.num_envs * given.rollout, []
+    agents.venv.seed(APART * 1000 * given.seed)
     model.learn(each * given.critic_updates)
-    found = []
     for number in range(given.cosine):
         torch.manual_seed(1000 * given.seed + number)
-        world.venv.seed(APART * (1000 * given.seed + 1 + number))
+        agents.venv.seed(APART * (1000 * given.seed + 1 + number))
         model._last_obs = None  # new stops
         _, callback = model._setup_learn(each, None, False)
         model.collect_rollouts(model.env, callback, model.rollout_buffer, model.n_steps)  # type: ignore[arg-type]  # SB3: env may be None before learning
@@ -168,95 +238,42 @@ def cosines(given: Improvement) -> dict[str, float]:
     return {"cosine": float(np.mean(pairs)), "deviation": float(np.std(pairs)), "explained": float(explained)}
 
 
-def brake(given: Improvement, model: PPO | None) -> np.ndarray:
-    """Return metres travelled and metres slid (2, N) of the judged stops; without a model those of the frozen policy."""
-    world = make_held(given, given.judged, JUDGED_BY)
-    none = np.zeros((given.judged, world.steering.axles))
-    return _until_all_stand(world, lambda seen: none if model is None else model.predict(seen, deterministic=True)[0])
+def improve(given: Improvement) -> Path:
+    """Let PPO learn and export what had the best score; return the folder of the policy."""
+    given.out.mkdir(parents=True, exist_ok=True)
+    settings.same_arguments(given)
+    _begin(given)
+    base = Base(given.base, given.out)
+    practice = Practice(given, base)
+    columns = (BarColumn(10), TextColumn("{task.description}"), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns) as progress:
+        bar = progress.add_task(practice.watch.briefly(practice.curve), total=practice.count, completed=practice.done)
+        for _ in practice.segments():
+            progress.update(bar, advance=1, description=practice.watch.briefly(practice.curve))
+    write_curve(given.out / "curve.csv", practice.curve)
+    _, curve = checkpoint.load(given.out / checkpoint.BEST, practice.model, base.normalisation)
+    training = base.training | {name: int(curve[-1][name]) for name in ("decisions", "ppo_decisions")}
+    training |= {"watched_score": curve[-1]["score"], "base_sha256": base.sha256, "improved": settings.record(given)}
+    training["ran_on"] = {law: curve[-1][f"{law}_ran_on"] for law in ("recovering", "classic")}
+    task, folder = make_task(task_options(base.arguments)), given.out / "policy"
+    difference = export(base.model.policy, base.normalisation, base.actor, base.arguments.vehicle, task, folder, training)
+    print(f"{folder}: score {curve[0]['score']:.4f} before, {curve[-1]['score']:.4f} after; ONNX agrees to {difference:.1g}")
+    return folder
 
 
-def _until_all_stand(world: VecEnv, act: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Return metres travelled and metres slid (2, N) of the first stop of each environment."""
-    seen, found = np.asarray(world.reset()), np.full((2, world.num_envs), np.nan)
-    while np.isnan(found).any():
-        observed, _, done, infos = world.step(act(seen))
-        seen = np.asarray(observed)
-        for i in np.flatnonzero(done & np.isnan(found[0])):
-            stopped: Stopped = infos[i]["stopped"]
-            found[:, i] = stopped.stopping_distance_m, stopped.slide_distance_m
-    return found
-
-
-def marks(given: Improvement) -> dict[str, np.ndarray]:
-    """Return metres travelled and slid (2, N) of who knows all, on the judged stops: teacher with the real valves, and ideal.
-
-    "bound" holds the shortest distances (N,) within the slide limit, whatever they slide.
-    """
-    world = make_held(given, given.judged, JUDGED_BY)
-
-    def command(_: np.ndarray) -> np.ndarray:
-        plants = [(part.batch.plant, teacher.targets()) for part, teacher in zip(world.parts, world.teachers, strict=True)]
-        return to_action(np.concatenate([nearest(plant, wanted_pressure(plant, target)) for plant, target in plants]))
-
-    world.reset()
-    each = [(part.batch.plant.vehicle, stops_of(part.batch.plant)) for part in world.parts]
-    perfect = [np.array(ideal(vehicle, stops, given.slide_price, _LONGEST_S)) for vehicle, stops in each]
-    bound = np.concatenate([ceiling(vehicle, stops).shortest()[0] for vehicle, stops in each])
-    world.venv.seed(APART * JUDGED_BY)
-    return {"teacher": _until_all_stand(world.venv, command), "ideal": np.concatenate(perfect, axis=1), "bound": bound}
-
-
-def stops_of(plant: Plant) -> list[Stop]:
-    """Return the conditions that a plant runs under, stop by stop."""
-    c = plant.conditions
-    single = ("mu_cd", "tau", "mass", "demand", "gradient", "noise")
-    return [
-        Stop(
-            **{name: float(getattr(c, name)[i]) for name in single},
-            initial_speed=float(plant.truth().speed[i]),
-            key=0,
-            radius=c.radius[i].copy(),
-            profile=c.profile[i].copy(),
-            coverage=c.coverage[i].copy(),
-        )
-        for i in range(plant.n)
-    ]
-
-
-def improve(given: Improvement) -> list[dict[str, float]]:
-    """Let PPO learn a residual; return a row for each look: paid metres over those of the frozen policy, with the interval."""
-    world = make_held(given, given.envs, given.seed)
-    model = make_model(given, world)
-    base, rows = brake(given, None), list[dict[str, float]]()
-    print(json.dumps(_over(given, marks(given), base)), flush=True)
-    each, spent = given.envs * model.n_steps, 0.0
-    for update in range(given.updates + 1):
-        if update % given.look == 0 or update == given.updates:
-            own = brake(given, model)
-            ratio, half = interval((own[0] + given.slide_price * own[1]) / (base[0] + given.slide_price * base[1]))
-            means = {"distance": float(own[0].sum() / base[0].sum()), "slide": float(own[1].sum() / base[1].sum())}
-            rows.append({"update": float(update), "cpu_s": spent, "paid": ratio, "interval": half} | means)
-            print(json.dumps(rows[-1]), flush=True)
-        if update < given.updates:
-            begun = time.process_time()
-            let_learn(model, update >= given.critic_updates)
-            model.learn(each, reset_num_timesteps=update == 0)
-            spent += time.process_time() - begun
-    return rows
-
-
-def _over(given: Improvement, found: dict[str, np.ndarray], base: np.ndarray) -> dict[str, float]:
-    """Return what `marks` pay over what the frozen policy does, mean of the stops; of the bound the distance."""
-    paid = {name: own[0] + given.slide_price * own[1] for name, own in found.items() if name != "bound"}
-    ratios = {name: float(np.mean(own / (base[0] + given.slide_price * base[1]))) for name, own in paid.items()}
-    return ratios | {"bound_distance": float(np.mean(found["bound"] / base[0]))}
+def _begin(given: Improvement) -> None:
+    torch.set_num_threads(1)
+    torch.distributions.Distribution.set_default_validate_args(False)  # twice as fast with small networks
+    set_random_seed(segment_seed(given.seed, 0))
 
 
 def main(given: Improvement) -> None:
     """Compare gradients or learn."""
-    torch.set_num_threads(1)
+    if not given.out.name:
+        vehicle = load_policy(given.base).contract.vehicle
+        given = dataclasses.replace(given, out=Path(f"out/agents/{vehicle}-ppo-{given.seed}"))
     if given.cosine:
-        print(json.dumps(cosines(given)))
+        print(json.dumps(cosines(given, Base(given.base, given.out))))
     else:
         improve(given)
 

@@ -87,7 +87,7 @@ def check(arguments: Arguments) -> None:
         raise SystemExit(f"{arguments.start} holds no {checkpoint.CHECKPOINT} to begin from")
 
 
-def same_arguments(arguments: Arguments) -> None:
+def same_arguments(arguments: Any) -> None:
     """Refuse to go on with a run that was begun with other arguments."""
     path = arguments.out / "arguments.json"
     given = record(arguments)
@@ -97,8 +97,8 @@ def same_arguments(arguments: Arguments) -> None:
     path.write_text(json.dumps(given, indent=2) + "\n", encoding="utf-8")
 
 
-def record(arguments: Arguments) -> dict[str, Any]:
-    """Return the arguments without the folder, as JSON has them."""
+def record(arguments: Any) -> dict[str, Any]:
+    """Return the arguments of a training without its folder `out`, as JSON has them."""
     values = dataclasses.asdict(arguments)
     del values["out"]
-    return dict(json.loads(json.dumps(values)))
+    return dict(json.loads(json.dumps(values, default=str)))

@@ -151,7 +151,7 @@ def train(arguments: Arguments) -> tuple[OnPolicyAlgorithm, VecNormalize]:
         bar = progress.add_task(run.watch.briefly(run.curve), total=run.rounds + run.segments, completed=run.done)
         for _ in chain(run.imitate(), run.practise()):
             progress.update(bar, advance=1, description=run.watch.briefly(run.curve))
-    _write_curve(arguments.out / "curve.csv", run.curve)
+    write_curve(arguments.out / "curve.csv", run.curve)
     return run.model, run.world
 
 
@@ -239,7 +239,8 @@ class Training:
         print(f"{phase}: {self.decisions} decisions, {rate:.0f} a second, {self.watch.words(self.curve)}", flush=True)
 
 
-def _write_curve(path: Path, curve: list[dict[str, float]]) -> None:
+def write_curve(path: Path, curve: list[dict[str, float]]) -> None:
+    """Write the looks at the watched stops as a table."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(curve[0]))
         writer.writeheader()

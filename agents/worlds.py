@@ -80,6 +80,7 @@ class Shaped(VecEnvWrapper):
         self._reference = Observer.SPEED_SCALE * observation[:, REFERENCE]
         self.rest = rest_of_stop(self.batch.plant, np.arange(self.num_envs), self.slide_price)
         self._owed = self._rest_at(self.batch.plant.truth().speed)
+        self._air = self.batch.plant.truth().air.copy()
         self._sums[:] = 0.0
         return observation
 
@@ -104,6 +105,7 @@ class Shaped(VecEnvWrapper):
         interval = task.control_interval_s
         slid = slip.mean(axis=1) * interval
         owed = self._rest_at(speed)
+        self.own = self._given_away(speed, slip, locked, done)
         reward = reward + weight * (self._owed - owed - self.slide_price * slid - TIME_PRICE_MPS * interval)
         fast = speed > task.slide_limit_speed_mps
         beyond = (slip > task.slide_limit * speed[:, None]).mean(axis=1) * fast
@@ -120,6 +122,27 @@ class Shaped(VecEnvWrapper):
             owed = self._rest_at(self.batch.plant.truth().speed)
         self._owed = owed
         return observation, reward.astype(np.float32), done, infos
+
+    def _given_away(self, speed: np.ndarray, slip: np.ndarray, locked: np.ndarray, done: np.ndarray) -> np.ndarray:
+        """Return what each wheelset gives away in a step (N, A) [m], at most 0 where it brakes as well as can be.
+
+        With the deceleration g f of a wheelset's adhesion, (F'(v) g f - v - p - c s) dt; beyond the slide limit, locked and for
+        air it pays as in the environment's reward. The mean over the wheelsets is the reward in metres, but for the running
+        resistance, which nobody decides. 0 where the stop has ended: its last adhesion is not known.
+        """
+        task, weights, truth = self.batch.task, self.batch.weights, self.batch.plant.truth()
+        place = np.clip(speed / SPEEDS[1], 0.0, len(SPEEDS) - 1.001).astype(int)
+        rows = np.arange(len(speed))
+        per_mps = ((self.rest[rows, place + 1] - self.rest[rows, place]) / SPEEDS[1])[:, None]
+        running, fast = speed[:, None], (speed > task.slide_limit_speed_mps)[:, None]
+        rate = per_mps * self.batch.vehicle.gravity_mps2 * truth.adhesion
+        rate -= running + TIME_PRICE_MPS + self.slide_price * np.maximum(slip, 0.0)
+        beyond, filled = np.maximum(slip - task.slide_limit * running, 0.0) * fast, slip.shape[1] * (truth.air - self._air)
+        self._air = truth.air.copy()
+        in_metres = 1.0 / weights.stopping_distance
+        paid = (weights.large_slip * beyond + weights.locked_wheels * locked * running) * task.control_interval_s
+        own = rate * task.control_interval_s - in_metres * (paid + weights.air * filled)
+        return np.where(done[:, None], 0.0, own)
 
     def _rest_at(self, speed: np.ndarray) -> np.ndarray:
         """Price of the rest of the stops (N,) [m] at their running speeds (N,) [m/s]."""

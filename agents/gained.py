@@ -1,0 +1,102 @@
+"""What policies pay over the one that they began from: `python -m agents.gained --vehicle bogie --policies out/.../policy`.
+
+Held-out stops on low adhesion, on vehicles that are drawn (`agents.drawn.world`) or nominal. Paid are the metres travelled and
+the price of those slid, as in the training. The ratio to what the base pays is taken vehicle by vehicle; its interval is over
+the vehicles, and below over the policies: several seeds of a training.
+"""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import tyro
+
+from agents.drawn import Drawn, under, world
+from agents.taught import paid
+from agents.watch import LAWS
+from wsp_env.evaluation.policy import Policy, load_policy
+from wsp_env.evaluation.summary import interval
+from wsp_env.parameters.uic_z1 import VEHICLES
+
+#: Seed of the first set of stops; the others follow one by one. Nothing else is drawn by them.
+DRAWN_BY = 8_104_001
+
+
+@dataclasses.dataclass(frozen=True)
+class Arguments:
+    """What is compared."""
+
+    vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
+    base: Path = Path()  # policy folder; none: agents/trained/VEHICLE
+    policies: tuple[Path, ...] = ()  # folders
+    world: Literal["nominal", "drawn brakes", "noise", "worn", "all"] = "all"
+    sets: int = 4  # of stops, each on vehicles of its own
+    stops: int = 48  # of a set, under each law
+    price: float = 4.3  # of sliding; of the wheelset's training 3.1
+    drawn_by: int = DRAWN_BY
+    json: bool = False
+
+
+def braked(policy: Policy, given: Arguments, law: str) -> dict[str, np.ndarray]:
+    """Return what a policy paid, travelled and slid [m], its air [Nl] and its longest lock [s] on each vehicle (V,)."""
+    believed, rows = VEHICLES[given.vehicle], list[list[float]]()
+    for number in range(given.sets):
+        parts = world(given.world, under(believed, law), law, given.stops, given.drawn_by + number)
+        yardstick = Drawn(believed, parts)
+        found, blocks = yardstick.figures(policy), yardstick.blocks
+        found["slid_m"] = found["mean_slip_mps"] * found["duration_s"]
+        found["paid_m"] = paid(found, given.price)
+        names = ("paid_m", "distance_m", "slid_m", "air_nl")
+        for vehicle in np.unique(blocks):
+            own = {name: values[blocks == vehicle] for name, values in found.items()}
+            rows.append([float(own[name].mean()) for name in names] + [float(own["locked_s"].max())])
+    return dict(zip(("paid", "travelled", "slid", "air", "locked_s"), np.array(rows).T, strict=True))
+
+
+def compare(given: Arguments) -> list[dict[str, Any]]:
+    """Return a row for each policy and law, and for both laws together."""
+    base = load_policy(given.base if given.base != Path() else Path("agents/trained") / given.vehicle)
+    before, rows = {law: braked(base, given, law) for law in LAWS}, list[dict[str, Any]]()
+    for folder in given.policies:
+        policy = load_policy(folder)
+        after = {law: braked(policy, given, law) for law in LAWS}
+        ratios = {
+            law: {name: after[law][name] / before[law][name] for name in before[law] if name != "locked_s"} for law in LAWS
+        }
+        both = {name: np.mean([ratios[law][name] for law in LAWS], axis=0) for name in ratios[LAWS[0]]}
+        for law, own in {"both": both, **ratios}.items():
+            mean, half = interval(own["paid"])
+            locked = max(float(after[one]["locked_s"].max()) for one in (LAWS if law == "both" else [law]))
+            means = {name: float(own[name].mean()) for name in ("travelled", "slid", "air")}
+            rows.append({"policy": str(folder), "law": law, "paid": mean, "half": half} | means | {"locked_s": locked})
+    return rows
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """Return the rows as tables in Markdown: each policy, and the mean of all if there are several."""
+    lines = [
+        "| policy | law | paid / base | travelled / base | slid / base | air / base | longest lock [s] |",
+        "|:--|:--|--:|--:|--:|--:|--:|",
+    ]
+    for row in rows:
+        figures = f"{row['travelled']:.3f} | {row['slid']:.2f} | {row['air']:.2f} | {row['locked_s']:.2f}"
+        lines.append(f"| {row['policy']} | {row['law']} | {row['paid']:.4f} ± {row['half']:.4f} | {figures} |")
+    if len({row["policy"] for row in rows}) > 1:
+        lines += ["", "| policies | law | paid / base, ± over the policies | least to greatest |", "|--:|:--|--:|--:|"]
+        for law in dict.fromkeys(row["law"] for row in rows):
+            own = np.array([row["paid"] for row in rows if row["law"] == law])
+            mean, half = interval(own)
+            lines.append(f"| {len(own)} | {law} | {mean:.4f} ± {half:.4f} | {own.min():.4f} to {own.max():.4f} |")
+    return "\n".join(lines)
+
+
+def main(given: Arguments) -> None:
+    """Compare and print."""
+    rows = compare(given)
+    print(json.dumps(rows, indent=1) if given.json else table(rows))
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Arguments))
