@@ -51,18 +51,18 @@ class Improvement:
     out: Path = Path()  # folder of the run; none: out/agents/VEHICLE-ppo-SEED
     envs: int = 1024  # vehicles at once
     classic_share: float = 0.5  # of them under the classic law
-    updates: int = 96  # rounded to whole segments
+    updates: int = 72  # rounded to whole segments
     segment: int = 24  # updates between two checkpoints; each begins new stops
     rollout: int = 16  # decisions of 0.16 s of each wheelset between two updates
     critic_updates: int = 4  # first updates in which only the value function learns
     epochs: int = 4  # passes over each rollout
     batches: int = 8  # steps of the optimiser in a pass
-    learning_rate: float = 5e-4  # falls linearly to zero
+    learning_rate: float = 3e-4  # falls linearly to zero
     gamma: float = 0.98  # discount of 20 ms: a time constant of 1 s; what comes later is in the potential, see `agents.worlds`
     gae_lambda: float = 0.9  # of a decision
     clip: float = 0.1
-    deviation: float = 0.05  # of the exploration, in units of the brake wanted: 0.005 of adhesion
-    air_price: float = 0.04  # metres travelled that a normal litre is worth, of the axles together
+    deviation: float = 0.07  # of the exploration, in units of the brake wanted: 0.007 of adhesion
+    air_price: float = 0.03  # metres travelled that a normal litre is worth, of the axles together
     watched: int = 24  # stops under each law, in each of three worlds, by which learning is watched
     cosine: int = 0  # independent rollouts whose gradients are compared; 0: PPO learns
 
