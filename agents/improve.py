@@ -62,7 +62,7 @@ class Improvement:
     gae_lambda: float = 0.9  # of a decision
     clip: float = 0.1
     deviation: float = 0.07  # of the exploration, in units of the brake wanted: 0.007 of adhesion
-    air_price: float = 0.03  # metres travelled that a normal litre is worth, of the axles together
+    air_price: float = 0.1  # metres travelled that a normal litre is worth, of the axles together
     watched: int = 24  # stops under each law, in each of three worlds, by which learning is watched
     cosine: int = 0  # independent rollouts whose gradients are compared; 0: PPO learns
 
