@@ -21,7 +21,7 @@ from wsp_env.evaluation.summary import interval
 from wsp_env.parameters.uic_z1 import VEHICLES
 
 #: Seed of the first set of stops; the others follow one by one. Nothing else is drawn by them.
-DRAWN_BY = 8_104_001
+DRAWN_BY = 8_105_001
 
 
 @dataclasses.dataclass(frozen=True)
