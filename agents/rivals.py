@@ -36,9 +36,24 @@ def classical(vehicle: str, trained: Path = Path("agents/trained")) -> dict[str,
 
 
 def envelope(points: Iterable[Mapping[str, float]]) -> list[Mapping[str, float]]:
-    """Return the points that none beats at no more slip, by their slip; `mean_slip_mps` and `distance_m` count."""
-    ordered = sorted(points, key=lambda own: (own["mean_slip_mps"], own["distance_m"]))
-    return [own for i, own in enumerate(ordered) if all(own["distance_m"] < before["distance_m"] for before in ordered[:i])]
+    """Return the points that none beats at no more slip, by their slip; `mean_slip_mps` and `distance_m` count.
+
+    A point above the line between two others is none of them: a front is linear between its points, so this line is reached.
+    """
+    kept: list[Mapping[str, float]] = []
+    for own in sorted(points, key=lambda one: (one["mean_slip_mps"], one["distance_m"])):
+        if kept and own["distance_m"] >= kept[-1]["distance_m"]:
+            continue
+        while len(kept) > 1 and _is_above(kept[-1], kept[-2], own):
+            kept.pop()
+        kept.append(own)
+    return kept
+
+
+def _is_above(point: Mapping[str, float], before: Mapping[str, float], after: Mapping[str, float]) -> bool:
+    """Whether a point lies on or above the line from one with less slip to one with more."""
+    share = (point["mean_slip_mps"] - before["mean_slip_mps"]) / (after["mean_slip_mps"] - before["mean_slip_mps"])
+    return point["distance_m"] >= before["distance_m"] + share * (after["distance_m"] - before["distance_m"])
 
 
 def at_slip(points: Sequence[Mapping[str, float]], slip: float) -> dict[str, float]:

@@ -1,9 +1,12 @@
 """Rivals by rules: long slide, adaptive slip control's search and price, drawn vehicles and broken sensors."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from agents.drawn import DRAWS, FILL_S, KEPT, REPORTED, WORN, Drawn, against, over_seeds, standard_error, world
@@ -110,6 +113,18 @@ def test_a_front_is_taken_at_the_same_slip_and_without_points_that_are_none_of_i
     points = [{"mean_slip_mps": s, "distance_m": d} for s, d in ((0.5, 900.0), (1.0, 800.0), (0.8, 950.0))]
     assert_allclose(at_slip(points, 0.75)["distance_m"], 850.0)
     assert at_slip(points, 2.0)["distance_m"] == 800.0
+
+
+@given(st.lists(st.tuples(st.floats(0.1, 3.0), st.floats(500.0, 1500.0)), min_size=2, max_size=9))
+def test_no_point_and_no_line_between_two_points_lies_below_the_envelope(pairs):
+    points = [{"mean_slip_mps": slip, "distance_m": distance} for slip, distance in pairs]
+
+    def above(slip, distance):
+        return distance >= at_slip(points, slip)["distance_m"] - 1e-6
+
+    assert all(above(*pair) for pair in pairs)
+    for (first, one), (last, other) in itertools.combinations(pairs, 2):
+        assert above(0.5 * (first + last), 0.5 * (one + other))
 
 
 def test_a_policy_is_put_over_the_teachers_front_at_its_own_slip():
