@@ -32,7 +32,7 @@ WORLDS: dict[str, tuple[str, dict[str, dict[str, float]]]] = {
 }
 
 #: Arguments of a training that its command need not name.
-DEFAULTS, IMPROVED = settings.record(settings.Arguments()), settings.record(Improvement())
+DEFAULTS, IMPROVED = settings.record(settings.Arguments()), settings.record(Improvement(Path()))
 
 #: What the columns of the card are called.
 _HEADINGS = (

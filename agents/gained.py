@@ -1,8 +1,8 @@
-"""What policies pay over the one that they began from: `python -m agents.gained --vehicle bogie --policies out/.../policy`.
+"""What policies pay over the one that they began from: `python -m agents.gained --base FOLDER --policies FOLDER ...`.
 
 Held-out stops on low adhesion, on vehicles that are drawn (`agents.drawn.world`) or nominal. Paid are the metres travelled and
-the price of those slid, as in the training. The ratio to what the base pays is taken vehicle by vehicle; its interval is over
-the vehicles, and below over the policies: several seeds of a training.
+the price of those slid, as in the base's training. The ratio to what the base pays is taken vehicle by vehicle; its interval is
+over the vehicles, and below over the policies: several seeds of a training.
 """
 
 import dataclasses
@@ -13,11 +13,12 @@ from typing import Any, Literal
 import numpy as np
 import tyro
 
-from agents.drawn import Drawn, under, world
+from agents.drawn import DRAWS, Drawn, under, world
 from agents.taught import paid
 from agents.watch import LAWS
 from wsp_env.evaluation.policy import Policy, load_policy
 from wsp_env.evaluation.summary import interval
+from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import VEHICLES
 
 #: Seed of the first set of stops; the others follow one by one. Nothing else is drawn by them.
@@ -26,28 +27,26 @@ DRAWN_BY = 8_105_001
 
 @dataclasses.dataclass(frozen=True)
 class Arguments:
-    """What is compared."""
+    """Measure what policies pay over the one that they began from."""
 
-    vehicle: Literal["wheelset", "bogie", "coach"] = "bogie"
-    base: Path = Path()  # policy folder; none: agents/trained/VEHICLE
-    policies: tuple[Path, ...] = ()  # folders
+    base: Path  # policy folder that they began from
+    policies: tuple[Path, ...]  # folders
     world: Literal["nominal", "drawn brakes", "noise", "worn", "all"] = "all"
     sets: int = 4  # of stops, each on vehicles of its own
     stops: int = 48  # of a set, under each law
-    price: float = 4.3  # of sliding; of the wheelset's training 3.1
-    drawn_by: int = DRAWN_BY
-    json: bool = False
+    drawn_by: int = DRAWN_BY  # seed of the first set; the others follow one by one
+    json: bool = False  # print JSON
 
 
-def braked(policy: Policy, given: Arguments, law: str) -> dict[str, np.ndarray]:
+def braked(policy: Policy, given: Arguments, law: str, price: float) -> dict[str, np.ndarray]:
     """Return what a policy paid, travelled and slid [m], its air [Nl] and its longest lock [s] on each vehicle (V,)."""
-    believed, rows = VEHICLES[given.vehicle], list[list[float]]()
+    believed, rows = VEHICLES[policy.contract.vehicle], list[list[float]]()
     for number in range(given.sets):
         parts = world(given.world, under(believed, law), law, given.stops, given.drawn_by + number)
         yardstick = Drawn(believed, parts)
         found, blocks = yardstick.figures(policy), yardstick.blocks
         found["slid_m"] = found["mean_slip_mps"] * found["duration_s"]
-        found["paid_m"] = paid(found, given.price)
+        found["paid_m"] = paid(found, price)
         names = ("paid_m", "distance_m", "slid_m", "air_nl")
         for vehicle in np.unique(blocks):
             own = {name: values[blocks == vehicle] for name, values in found.items()}
@@ -57,11 +56,16 @@ def braked(policy: Policy, given: Arguments, law: str) -> dict[str, np.ndarray]:
 
 def compare(given: Arguments) -> list[dict[str, Any]]:
     """Return a row for each policy and law, and for both laws together."""
-    base = load_policy(given.base if given.base != Path() else Path("agents/trained") / given.vehicle)
-    before, rows = {law: braked(base, given, law) for law in LAWS}, list[dict[str, Any]]()
-    for folder in given.policies:
-        policy = load_policy(folder)
-        after = {law: braked(policy, given, law) for law in LAWS}
+    base, *policies = (_load(folder) for folder in (given.base, *given.policies))
+    for folder, policy in zip(given.policies, policies, strict=True):
+        if policy.contract.vehicle != base.contract.vehicle:
+            raise SystemExit(f"{folder} is for a {policy.contract.vehicle}, the base for a {base.contract.vehicle}")
+    if given.stops < DRAWS or given.sets < 1:
+        raise SystemExit(f"--stops {given.stops} --sets {given.sets} is impossible: at least {DRAWS} stops in 1 set")
+    price = float(base.contract.training["arguments"]["slide_price"])
+    before, rows = {law: braked(base, given, law, price) for law in LAWS}, list[dict[str, Any]]()
+    for folder, policy in zip(given.policies, policies, strict=True):
+        after = {law: braked(policy, given, law, price) for law in LAWS}
         ratios = {
             law: {name: after[law][name] / before[law][name] for name in before[law] if name != "locked_s"} for law in LAWS
         }
@@ -72,6 +76,16 @@ def compare(given: Arguments) -> list[dict[str, Any]]:
             means = {name: float(own[name].mean()) for name in ("travelled", "slid", "air")}
             rows.append({"policy": str(folder), "law": law, "paid": mean, "half": half} | means | {"locked_s": locked})
     return rows
+
+
+def _load(folder: Path) -> Policy:
+    try:
+        policy = load_policy(folder)
+    except ParameterError as error:
+        raise SystemExit(str(error)) from None
+    if "slide_price" not in policy.contract.training.get("arguments", {}):
+        raise SystemExit(f"{folder} does not tell its price of sliding: it was not written by agents.train")
+    return policy
 
 
 def table(rows: list[dict[str, Any]]) -> str:

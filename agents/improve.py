@@ -1,4 +1,4 @@
-"""PPO on top of an imitation, every wheelset an agent of its own: `python -m agents.improve --base agents/trained/bogie`.
+"""PPO on top of an imitation, every wheelset an agent of its own: `python -m agents.improve --base out/agents/bogie-1/policy`.
 
 The base is a policy folder that `agents.train` wrote. PPO goes on with its network, see `agents.axles`, on the conditions of
 its training and on vehicles that are drawn, see `agents.varied`. What has the best score on the watched stops is exported to
@@ -11,7 +11,6 @@ import dataclasses
 import hashlib
 import itertools
 import json
-import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -37,6 +36,7 @@ from agents.watch import Watch
 from agents.worlds import Joined, observed
 from wsp_env.envs.task import RewardWeights, make_task
 from wsp_env.evaluation.policy import NETWORK, load_policy
+from wsp_env.parameters.quantity import ParameterError
 
 #: Between the seeds of the stops of two rollouts whose gradients are compared: each stop has a seed of its own.
 APART = 100_000
@@ -44,23 +44,23 @@ APART = 100_000
 
 @dataclasses.dataclass(frozen=True)
 class Improvement:
-    """What is done."""
+    """Let PPO go on with an imitated policy; every wheelset is an agent that is rewarded for what it gives away itself."""
 
-    base: Path = Path("agents/trained/bogie")  # policy folder that is improved
-    seed: int = 1
+    base: Path  # policy folder that is improved, written by `agents.train`
+    seed: int = 1  # of the vehicles, the stops and the exploration
     out: Path = Path()  # folder of the run; none: out/agents/VEHICLE-ppo-SEED
     envs: int = 1024  # vehicles at once
     classic_share: float = 0.5  # of them under the classic law
     updates: int = 72  # rounded to whole segments
     segment: int = 24  # updates between two checkpoints; each begins new stops
-    rollout: int = 16  # decisions of 0.16 s of each wheelset between two updates
+    rollout: int = 16  # deviations of 0.16 s of each wheelset between two updates
     critic_updates: int = 4  # first updates in which only the value function learns
     epochs: int = 4  # passes over each rollout
     batches: int = 8  # steps of the optimiser in a pass
     learning_rate: float = 3e-4  # falls linearly to zero
     gamma: float = 0.98  # discount of 20 ms: a time constant of 1 s; what comes later is in the potential, see `agents.worlds`
-    gae_lambda: float = 0.9  # of a decision
-    clip: float = 0.1
+    gae_lambda: float = 0.9  # of 0.16 s
+    clip: float = 0.1  # largest change of a probability ratio that is rewarded
     deviation: float = 0.07  # of the exploration, in units of the brake wanted: 0.007 of adhesion
     air_price: float = 0.1  # metres travelled that a normal litre is worth, of the axles together
     watched: int = 24  # stops under each law, in each of three worlds, by which learning is watched
@@ -86,7 +86,10 @@ class Base:
         import onnx
         from onnx import numpy_helper
 
-        training = load_policy(folder).contract.training
+        try:
+            training = load_policy(folder).contract.training
+        except ParameterError as error:
+            raise SystemExit(str(error)) from None
         given = training.get("arguments", {})
         if given.get("action") != "steered" or given.get("recurrent"):
             raise SystemExit(f"{folder} is no steered policy without memory from `python -m agents.train`: nothing to improve")
@@ -194,10 +197,12 @@ class Practice:
         """Watch the policy, report on it, write a checkpoint, and keep the policy if it is the best one so far."""
         taught = float(self.base.training["decisions"])
         own = float(self.model.num_timesteps * HELD // self.agents.axles)
-        self.curve.append({"decisions": taught + own, "ppo_decisions": own} | self.watch.look(self.base.actor))
-        checkpoint.save(self.given.out / checkpoint.CHECKPOINT, self.model, self.base.normalisation, self.done, self.curve)
+        before = float(self.base.training.get("ppo_decisions", 0))
+        row = {"decisions": taught + own, "ppo_decisions": before + own}
+        self.curve.append(row | self.watch.look(self.base.actor))
         if self.curve[-1]["score"] == min(row["score"] for row in self.curve):
-            shutil.copyfile(self.given.out / checkpoint.CHECKPOINT, self.given.out / checkpoint.BEST)
+            checkpoint.save(self.given.out / checkpoint.BEST, self.model, self.base.normalisation, self.done, self.curve)
+        checkpoint.save(self.given.out / checkpoint.CHECKPOINT, self.model, self.base.normalisation, self.done, self.curve)
         print(f"{phase}: {self.watch.words(self.curve)}", flush=True)
 
 
@@ -240,10 +245,9 @@ def cosines(given: Improvement, base: Base) -> dict[str, float]:
 
 def improve(given: Improvement) -> Path:
     """Let PPO learn and export what had the best score; return the folder of the policy."""
-    given.out.mkdir(parents=True, exist_ok=True)
-    settings.same_arguments(given)
     _begin(given)
     base = Base(given.base, given.out)
+    settings.same_arguments(given)
     practice = Practice(given, base)
     columns = (BarColumn(10), TextColumn("{task.description}"), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns) as progress:
@@ -267,8 +271,29 @@ def _begin(given: Improvement) -> None:
     set_random_seed(segment_seed(given.seed, 0))
 
 
+def check(given: Improvement) -> None:
+    """Refuse arguments that cannot be before anything is written."""
+    least = {"envs": 2, "updates": 1, "segment": 1, "rollout": 2, "epochs": 1, "batches": 1, "watched": 1}
+    for name, lowest in least.items():
+        if getattr(given, name) < lowest:
+            raise SystemExit(f"--{name} {getattr(given, name)} is impossible: it must be at least {lowest}")
+    for name in ("deviation", "learning_rate", "clip"):
+        if not 0.0 < getattr(given, name) < np.inf:
+            raise SystemExit(f"--{name.replace('_', '-')} {getattr(given, name):g} is impossible: it must be above 0")
+    for name in ("classic_share", "gamma", "gae_lambda"):
+        if not 0.0 <= getattr(given, name) <= 1.0:
+            raise SystemExit(f"--{name.replace('_', '-')} {getattr(given, name):g} is impossible: it must lie in [0, 1]")
+    if given.cosine == 1 or given.cosine < 0:
+        raise SystemExit(f"--cosine {given.cosine} is impossible: two gradients at least are compared, or none with 0")
+    if not (given.base / NETWORK).exists():
+        raise SystemExit(
+            f"--base {given.base} holds no {NETWORK}: give the folder of a policy, such as out/agents/bogie-1/policy"
+        )
+
+
 def main(given: Improvement) -> None:
     """Compare gradients or learn."""
+    check(given)
     if not given.out.name:
         vehicle = load_policy(given.base).contract.vehicle
         given = dataclasses.replace(given, out=Path(f"out/agents/{vehicle}-ppo-{given.seed}"))

@@ -1,7 +1,7 @@
 """What policies pay over the one that they began from."""
 
-import dataclasses
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,9 +13,7 @@ SHIPPED = Path(__file__).parents[1] / "agents/trained"
 
 
 def test_a_policy_pays_what_it_pays_itself():
-    given = Arguments(
-        vehicle="wheelset", base=SHIPPED / "wheelset", policies=(SHIPPED / "wheelset",), world="nominal", sets=1, stops=2
-    )
+    given = Arguments(base=SHIPPED / "wheelset", policies=(SHIPPED / "wheelset",), world="nominal", sets=1, stops=8)
     rows = compare(given)
     assert [row["law"] for row in rows] == ["both", "recovering", "classic"]
     for row in rows:
@@ -24,8 +22,9 @@ def test_a_policy_pays_what_it_pays_itself():
 
 
 def test_ratios_are_taken_vehicle_by_vehicle_and_laws_count_alike(monkeypatch):
-    def braked(policy, given, law):
-        saved = {"base": 0.0, "recovering": 0.1, "classic": 0.3}[law if policy == "new" else "base"]
+    def braked(policy, given, law, price):
+        assert price == 4.3
+        saved = {"base": 0.0, "recovering": 0.1, "classic": 0.3}[law if policy.name == "new" else "base"]
         paid = np.array([100.0, 1000.0]) * (1.0 - saved)
         return {
             "paid": paid,
@@ -36,7 +35,8 @@ def test_ratios_are_taken_vehicle_by_vehicle_and_laws_count_alike(monkeypatch):
         }
 
     monkeypatch.setattr(agents.gained, "braked", braked)
-    monkeypatch.setattr(agents.gained, "load_policy", lambda folder: folder.name)
+    contract = SimpleNamespace(vehicle="bogie", training={"arguments": {"slide_price": 4.3}})
+    monkeypatch.setattr(agents.gained, "load_policy", lambda folder: SimpleNamespace(name=folder.name, contract=contract))
     rows = compare(Arguments(base=Path("old"), policies=(Path("new"),)))
     assert {row["law"]: row["paid"] for row in rows} == pytest.approx({"both": 0.8, "recovering": 0.9, "classic": 0.7})
     assert {row["law"]: row["locked_s"] for row in rows} == {"both": 1.0, "recovering": 0.0, "classic": 1.0}
@@ -67,8 +67,18 @@ def test_sets_have_stops_and_vehicles_of_their_own(monkeypatch):
             return {name: np.ones(1) for name in names}
 
     monkeypatch.setattr(agents.gained, "Drawn", Nothing)
-    given = Arguments(sets=3, stops=8)
-    found = agents.gained.braked(None, given, "classic")
+    given = Arguments(Path(), (), sets=3, stops=8)
+    policy = SimpleNamespace(contract=SimpleNamespace(vehicle="bogie"))
+    found = agents.gained.braked(policy, given, "classic", 4.0)
     assert seen == [given.drawn_by + number for number in range(3)]
-    assert found["paid"].tolist() == [1.0 + given.price] * 3
-    assert dataclasses.asdict(given)["world"] == "all"
+    assert found["paid"].tolist() == [5.0] * 3
+    assert given.world == "all"
+
+
+def test_what_cannot_be_compared_is_refused_before_anything_is_braked():
+    with pytest.raises(SystemExit, match="is for a wheelset, the base for a bogie"):
+        compare(Arguments(SHIPPED / "bogie", (SHIPPED / "wheelset",)))
+    with pytest.raises(SystemExit, match="nowhere"):
+        compare(Arguments(SHIPPED / "bogie", (Path("nowhere"),)))
+    with pytest.raises(SystemExit, match="at least 8 stops"):
+        compare(Arguments(SHIPPED / "bogie", (SHIPPED / "bogie",), stops=1))

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import agents.watch
 from agents import checkpoint
 from agents.axles import HELD
-from agents.improve import Base, Improvement, cosines, improve, let_learn, make_agents, make_ppo, network_of
+from agents.improve import Base, Improvement, cosines, improve, let_learn, main, make_agents, make_ppo, network_of
 from agents.worlds import TIME_PRICE_MPS
 from wsp_env.evaluation.policy import load_policy
 from wsp_env.evaluation.runner import Conduct
@@ -181,6 +181,19 @@ def test_gradients_of_independent_rollouts_are_compared(tmp_path):
     assert found[0] == pytest.approx(found[1])  # of the same seeds the same
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"envs": 1}, "--envs 1"), ({"segment": 0}, "--segment 0"), ({"deviation": 0.0}, "--deviation 0"),
+        ({"classic_share": 1.5}, "--classic-share 1.5"), ({"cosine": 1}, "--cosine 1"), ({"base": Path("nix")}, "--base nix"),
+    ],
+)  # fmt: skip
+def test_arguments_that_cannot_be_are_refused_before_anything_is_written(tmp_path, change, message):
+    with pytest.raises(SystemExit, match=message):
+        main(dataclasses.replace(SMALL, **({"out": tmp_path / "run", "cosine": 0} | change)))
+    assert not (tmp_path / "run").exists()
+
+
 def test_a_run_that_was_killed_ends_with_the_same_weights(tmp_path, monkeypatch):
     monkeypatch.setattr(agents.watch, "GIVEN_UP", Conduct(time_limit_s=1.0))
     whole = dataclasses.replace(SMALL, out=tmp_path / "whole")
@@ -192,15 +205,19 @@ def test_a_run_that_was_killed_ends_with_the_same_weights(tmp_path, monkeypatch)
         if segment == 1:
             raise KeyboardInterrupt
 
-    with monkeypatch.context() as patch:
+    with monkeypatch.context() as patch:  # dies where the best one so far is written, if it is, and the last one is not
         patch.setattr(checkpoint, "save", die)
         with pytest.raises(KeyboardInterrupt):
             improve(killed)
     improve(killed)
     states = [np.load(one.out / checkpoint.CHECKPOINT) for one in (whole, killed)]
     assert int(states[0]["segment"]) == 2
-    for name in states[0].files:
-        assert_array_equal(states[0][name], states[1][name], err_msg=name)
+    states += [np.load(one.out / checkpoint.BEST) for one in (whole, killed)]
+    for one, other in (states[:2], states[2:]):
+        for name in one.files:
+            assert_array_equal(one[name], other[name], err_msg=name)
+    networks = [(one.out / "policy/policy.onnx").read_bytes() for one in (whole, killed)]
+    assert networks[0] == networks[1]
     contract = load_policy(whole.out / "policy").contract
     assert contract.training["improved"]["updates"] == SMALL.updates
     assert contract.training["arguments"] == load_policy(SMALL.base).contract.training["arguments"]
