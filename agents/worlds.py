@@ -127,8 +127,9 @@ class Shaped(VecEnvWrapper):
         """Return what each wheelset gives away in a step (N, A) [m], at most 0 where it brakes as well as can be.
 
         With the deceleration g f of a wheelset's adhesion, (F'(v) g f - v - p - c s) dt; beyond the slide limit, locked and for
-        air it pays as in the environment's reward. The mean over the wheelsets is the reward in metres while no wheel is
-        faster than the vehicle, but for the running resistance, which nobody decides. 0 where the stop has ended: its last adhesion is not known.
+        air it pays as in the environment's reward. The mean over the wheelsets is the reward in metres while no wheel is faster
+        than the vehicle, but for the running resistance, which nobody decides. 0 where the stop has ended: its last adhesion is
+        not known.
         """
         task, weights, truth = self.batch.task, self.batch.weights, self.batch.plant.truth()
         place = np.clip(speed / SPEEDS[1], 0.0, len(SPEEDS) - 1.001).astype(int)
