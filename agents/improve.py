@@ -168,6 +168,8 @@ class Practice:
         self.agents = make_agents(given, base, given.seed)
         self.model = make_ppo(given, base, self.agents)
         self.model.set_logger(base.model.logger)
+        self.rate = given.learning_rate  # of the update under way
+        self.model.lr_schedule = lambda _: self.rate
         self.count = max(1, round(given.updates / given.segment))
         task = make_task(task_options(own))
         self.watch = Watch(own.vehicle, task, own.slide_price, given.classic_share, given.watched, varied=True)
@@ -185,8 +187,7 @@ class Practice:
             self.agents.venv.seed(seed)
             self.model._last_obs = None  # `learn` then begins new stops
             for update in range(segment * given.segment, (segment + 1) * given.segment):
-                rate = given.learning_rate * (1.0 - update / last)
-                self.model.lr_schedule = lambda _, rate=rate: rate  # type: ignore[misc]
+                self.rate = given.learning_rate * (1.0 - update / last)
                 let_learn(self.model, update >= given.critic_updates)
                 self.model.learn(each, callback=EndedStops(), reset_num_timesteps=update == 0)
             self.done = segment + 1
