@@ -414,9 +414,14 @@ def test_errors_grow_by_what_runs_contradict_each_other():
     assert np.isnan(_weighed([(np.nan, np.inf)])[0])
 
 
-@pytest.mark.parametrize(("torques", "told"), [((0.0, 0.05, -0.05), True), ((-0.7, 0.6, -0.4), False)])
+@pytest.mark.parametrize(
+    ("torques", "told"), [((0.0, 0.05, -0.05), True), ((-0.7, 0.6, -0.4), False), ((-0.7, -0.7, -0.7), False)]
+)
 def test_a_wheel_is_late_only_where_the_same_comparison_is_at_one(torques, told):
-    """A brake that releases slowly looks like a late wheel, and like a torque that is late in one run and early in another."""
+    """A brake that releases slowly looks like a late wheel, and like a torque that is late in one run and early in another.
+
+    One that also keeps a torque looks like a torque that is further off than the wheel, in all runs.
+    """
     runs = [{0: _Witnesses(np.nan, 0.0, -0.15, 0.04, torque, 0.1)} for torque in torques]
     assert _delay(runs, 0) == (("wheel_speed", pytest.approx(-0.15)) if told else None)
 

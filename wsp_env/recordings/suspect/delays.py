@@ -98,7 +98,9 @@ def _delay(runs: list[dict[int, "_Witnesses"]], axle: int) -> tuple[str, float] 
     torque, torque_error, other_scatter = _weighed([(one.torque, one.torque_error) for one in heard])
     # Both come from one comparison: where the runs contradict each other in either, a brake does what no record tells.
     scatter = max(scatter, other_scatter)
-    wheel_is_late = abs(wheel) > max(_LEAST_S, _SURE * scatter * error)
+    # The same holds where a torque is surely further off than its wheel: only one of the two may be late.
+    of_brake = abs(torque) > max(abs(wheel), _SURE * scatter * torque_error)
+    wheel_is_late = abs(wheel) > max(_LEAST_S, _SURE * scatter * error) and not of_brake
     if np.isfinite(apart):
         return _told_apart(apart, onset, wheel, wheel_is_late)
     if wheel_is_late:
