@@ -67,7 +67,7 @@ def test_what_is_no_contact_needs_none(choice):
 def test_several_stops_are_each_alone(choice):
     stops, m = [a_stop(2), a_stop(3, 333)], model(COACH, choice)
     both = Trajectory(
-        *(np.concatenate([getattr(one, field.name) for one in stops]) for field in dataclasses.fields(Trajectory)[:-1]),
+        *(np.concatenate([getattr(one, field.name) for one in stops]) for field in dataclasses.fields(Trajectory)[:-2]),
         first=(0, SAMPLES),
     )
     friction, masses, gradients = (0.06, 0.09), np.array([MASS_KG, 39e3]), np.array([0.002, -0.001])

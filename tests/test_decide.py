@@ -82,25 +82,30 @@ def test_an_earlier_name_gives_way_to_a_rival_that_explains_distinctly_more_besi
         values = tuple(values_in(model, one) for one in variants)
         return Fitted(model, tuple(variants), values, (np.eye(1),) * len(values), costs[titles[0] if titles else None])
 
-    def own(_, __, one):
+    def own(_, __, ___, one):
         return decide.Retested(one, "its own") if holds else None
 
     monkeypatch.setattr(decide, "refit", refit)
     monkeypatch.setattr(decide, "weights_of", lambda *_: None)
     monkeypatch.setattr(decide, "net_effect", lambda *_: StopChange(0.02, 0.0))
-    monkeypatch.setattr(decide, "about_itself", lambda _, one: one)
+    monkeypatch.setattr(decide, "about_itself", lambda *all_three: all_three[-1])
     monkeypatch.setattr(decide, "retest", own)
     monkeypatch.setattr(decide, "Side", lambda *_: None)
     monkeypatch.setattr(decide, "ReplicaNoise", lambda *_, **__: None)
     rival = dataclasses.replace(trial(GAIN, 40.0), fitted=Fitted(switched(bare, GAIN, np.array([0.06])), (GAIN,), (), (), 0.0))
     first = decide.Accepted(trial(drag, 50.0), (drag.name,), 0.9, (rival,))
     later = decide.Accepted(trial(GRADIENT, 40.0), (GRADIENT.name,), 1.0)
+    before = SimpleNamespace(recorded=None)
     replica, fitted, accepted = decide._exchanged(
-        "before", refit(None, both, [drag, GRADIENT], None), [first, later], SimpleNamespace(whitening=None)
+        before,
+        refit(None, both, [drag, GRADIENT], None),
+        [first, later],
+        SimpleNamespace(whitening=None),
+        ThreadPoolExecutor(1),
     )
     gives_way = gained > INDISTINCT and holds
     assert [one.name for one in accepted] == (["track_gradient", GAIN.name] if gives_way else [drag.name, "track_gradient"])
-    assert replica == ("its own" if gives_way else "before")
+    assert replica == ("its own" if gives_way else before)
     assert (GAIN.name in fitted.model.choice, drag.name in fitted.model.choice) == (gives_way, not gives_way)
 
 
@@ -187,7 +192,7 @@ def test_curves_are_tried_once_and_only_where_what_is_left_matters(unexplained, 
     monkeypatch.setattr(decide, "FormErrorThreshold", lambda *said: lambda one: SURE)
     monkeypatch.setattr(decide, "trials_of", lambda *said: [rejected])
     monkeypatch.setattr(decide, "_is_rejected", lambda *said: True)
-    replica = SimpleNamespace(baseline=Model(2e-4, (0.06,)), rows=[])
+    replica = SimpleNamespace(baseline=Model(2e-4, (0.06,)), rows=[], recorded=None)
     outcome = decide.select(replica, [GRADIENT], ThreadPoolExecutor(1))
     with_curves = [["track_gradient", "a curve"]] if unexplained or holds_not else []
     assert searched == [["track_gradient", TERM.family], *with_curves]
@@ -211,9 +216,11 @@ def test_what_the_runs_leave_no_evidence_of_was_not_seen(left, monkeypatch):
     monkeypatch.setattr(decide, "trials_of", lambda *_: [[one]])
     monkeypatch.setattr(decide, "_is_rejected", lambda *_: False)
     fit = SimpleNamespace(fitted=SimpleNamespace(cost=1.0))
-    monkeypatch.setattr(decide, "about_itself", lambda _, one: SimpleNamespace(trial=one, step=fit))
+    monkeypatch.setattr(decide, "about_itself", lambda *all_three: SimpleNamespace(trial=all_three[-1], step=fit))
     monkeypatch.setattr(decide, "retest", lambda *_: decide.Retested(dataclasses.replace(one, evidence=left), None))
-    outcome = decide.select(SimpleNamespace(baseline=Model(2e-4, (0.06,)), rows=[]), [GRADIENT], ThreadPoolExecutor(1))
+    outcome = decide.select(
+        SimpleNamespace(baseline=Model(2e-4, (0.06,)), rows=[], recorded=None), [GRADIENT], ThreadPoolExecutor(1)
+    )
     assert outcome.rejected == ()
 
 

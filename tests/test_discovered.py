@@ -96,6 +96,27 @@ def test_acts_in_the_plant_as_along_its_recording(slot, feature):
     assert unbalanced(measured, choice)[balance] < 0.05 * unbalanced(measured, {})[balance]
 
 
+@pytest.mark.parametrize(("feature", "wheel_radps"), [(Feature.TORQUE_SINE, 10.0), (Feature.TORQUE_COSINE, 95.0)])
+def test_a_ripple_is_averaged_as_the_recording_is(feature, wheel_radps):
+    """Means over 40 ms of what a wheel that turns evenly does in samples of 0.1 ms; 95 rad/s turn 3.8 rad in a mean."""
+    ripple = choice_of(Term(1000.0, Slot.BRAKE_TORQUE, 0.0, feature, 1.0))
+    step, count, together = 1e-4, 40_000, 400
+
+    def rolling(step, count, **means):
+        time, still = step * np.arange(count), np.zeros(count)
+        wheel, torque = np.full((count, 4), wheel_radps), np.full((count, 4), COACH.full_brake_torque_nm)
+        speed = COACH.wheel_radius_m * wheel_radps
+        return Trajectory(time, still + speed, still, speed * time, wheel, 0.0 * wheel, torque, **means)
+
+    fine, coarse = (
+        along(one, BELIEF, model(COACH, ripple)).torque_nm
+        for one in (rolling(step, count), rolling(step * together, count // together, mean_s=(step * together,)))
+    )
+    averaged = fine.reshape(-1, together, 4).mean(axis=1)
+    assert np.ptp(averaged) > 300.0
+    assert_allclose(coarse, averaged, atol=0.02 * np.ptp(averaged))
+
+
 def test_three_terms_act_together():
     terms = (
         a_term(Slot.BRAKE_TORQUE, Feature.BRAKING, 1.0),

@@ -1,6 +1,7 @@
 """Whether what was tried holds from both sides: about the replica without it, and about a replica of its own."""
 
 import dataclasses
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
@@ -25,6 +26,7 @@ SEEN = SimpleNamespace(whitening=None)
 NULL = Model(2e-4, (0.06,))
 ON = switched(NULL, GRADIENT, np.array([0.002]))
 PENALTY = 3.0
+ALONE = ThreadPoolExecutor(1)
 
 
 @pytest.fixture
@@ -47,7 +49,9 @@ def ask(monkeypatch):
         monkeypatch.setattr(retest, "estimates", lambda *_: {"rise": Estimate(0.002, "-", interval)})
         monkeypatch.setattr(retest, "net_effect", lambda *_: StopChange(0.04, 0.0))
         monkeypatch.setattr(retest, "agreement", lambda *_: SimpleNamespace(student_evidence=lambda evidence: left))
-        return retest.retest(side("here", here), SEEN, retest.AboutItself(one, retest.Step(HERE, fitted, fitted)))
+        return retest.retest(
+            lambda: side("here", here), SEEN, ALONE, retest.AboutItself(one, retest.Step(HERE, fitted, fitted))
+        )
 
     return asked
 
@@ -101,7 +105,7 @@ def test_what_a_refit_has_lost_is_sought_from_the_linear_step(monkeypatch, varia
 
     monkeypatch.setattr(retest, "begun", steps)
     one = dataclasses.replace(trial(variant, 30.0), fitted=fits["refit"])
-    assert retest.about_itself(SimpleNamespace(replica=HERE, weights=PLAIN), one).step.begin is fits[begun]
+    assert retest.about_itself(None, PLAIN, one).step.begin is fits[begun]
 
 
 @pytest.mark.parametrize(("interval", "holds"), [((1e-6, 0.004), True), ((-1e-6, 0.004), False)])

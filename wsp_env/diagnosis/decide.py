@@ -111,8 +111,8 @@ def select(
             break
         progress(f"refitting {len(accepted) + 1} of {MOST}")
         rejects = functools.partial(_is_rejected, replica, accepted, seen)
-        here = Side(replica, seen, weights, ReplicaNoise(replica, seen, like=seen.noise), (fitted.model, fitted.variants))
-        both = functools.partial(about_itself, here), functools.partial(retest, here, seen)
+        here = functools.cache(functools.partial(_without_new, replica, fitted, seen, weights))
+        both = functools.partial(about_itself, replica.recorded, weights), functools.partial(retest, here, seen, pool)
         threshold = FormErrorThreshold(
             replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen
         )
@@ -137,7 +137,7 @@ def select(
         searched = [one for one in seen.found if one.name not in rejected]
         named = Accepted(best.trial, *posterior(best.trial, others, searched), tuple(sure))
         replica, fitted, accepted = _forward_step([*accepted, named], best, weights, seen)
-        replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen)
+        replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen, pool)
         # The missing mechanism had enlarged all nuisances, and these had reduced its size: estimate both again.
         own, again, noise = _converge_all(replica, fitted, accepted, seen)
         if np.isfinite(again.cost) and largest_change(fitted, again) > LARGE_CHANGE:
@@ -147,6 +147,11 @@ def select(
         if all(one.size.multiple < MATTERS for one in (best.trial, *sure)) and not _promises(seen):
             break  # reported as too small; it stays in the model, so that nothing that matters is found in its place
     return Outcome(replica, fitted, tuple(accepted), first, seen, weights, () if accepted else tuple(left))
+
+
+def _without_new(replica: Replica, fitted: Fitted, seen: Screen, weights: Weights) -> Side:
+    """Return the side without a further mechanism, for all trials of a round."""
+    return Side(replica, seen, weights, ReplicaNoise(replica, seen, like=seen.noise), (fitted.model, fitted.variants))
 
 
 def _promises(seen: Screen) -> bool:
@@ -192,7 +197,7 @@ def _forward_step(
 
 
 def _exchanged(
-    replica: Replica, fitted: Fitted, accepted: list[Accepted], seen: Screen
+    replica: Replica, fitted: Fitted, accepted: list[Accepted], seen: Screen, pool: Executor
 ) -> tuple[Replica, Fitted, list[Accepted]]:  # fmt: skip
     """Replace an earlier mechanism by a rival that explains distinctly more together with the later ones."""
     if len(accepted) < 2:
@@ -219,8 +224,8 @@ def _exchanged(
                 break
             if at_bound(better.variant, better.fitted.model):
                 continue
-            side = Side(replica, seen, weights, ReplicaNoise(replica, seen), (rest.model, others))
-            retested = retest(side, seen, about_itself(side, better))
+            here = functools.partial(Side, replica, seen, weights, ReplicaNoise(replica, seen), (rest.model, others))
+            retested = retest(here, seen, pool, about_itself(replica.recorded, weights, better))
             if retested is None:
                 continue
             if log_odds(retested.trial.listed, retested.trial.evidence) > SURE:

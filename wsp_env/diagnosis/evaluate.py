@@ -96,6 +96,7 @@ class Evaluator:
         self._trajectory = along.Trajectory(
             every("time"), self._speed, every("acceleration"), every("place"), every("wheel"), self._rates[0],
             np.concatenate(braked), tuple(np.cumsum([0, *self._counts[:-1]]).tolist()),
+            tuple(stop.step_s if stop.step_s > stop.noise.step_s else 0.0 for stop in self.stops),
         )  # fmt: skip
 
     def __call__(self, model: Model, faster: Sequence[np.ndarray] | None = None) -> list[Evaluation]:

@@ -7,7 +7,8 @@ about two replicas scatter by tens of nats.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from typing import NamedTuple
 
 import numpy as np
@@ -129,19 +130,19 @@ class Side:
         return float(amplitudes @ amplitudes)  # in prior deviations
 
 
-def about_itself(here: Side, trial: Trial) -> AboutItself:
+def about_itself(recorded: Balances, weights: Weights, trial: Trial) -> AboutItself:
     """Return a trial about a replica of its own, with the weights of the other side.
 
     About a replica without a strongly nonlinear mechanism, a refit may lead away from it. A name is tried from its refit and
     from its linear step; what fits better counts.
     """
-    first = begun(here.replica.recorded, trial.fitted, here.weights)
+    first = begun(recorded, trial.fitted, weights)
     if trial.listed.family:
         return AboutItself(trial, first)
-    begin = rescaled(here.replica.recorded, _linear(trial), trial.variant, here.weights, _MULTIPLES)
+    begin = rescaled(recorded, _linear(trial), trial.variant, weights, _MULTIPLES)
     if begin.cost >= first.fitted.cost or largest_change(first.fitted, begin) <= LARGE_CHANGE:
         return AboutItself(trial, first)
-    further = begun(here.replica.recorded, begin, here.weights)
+    further = begun(recorded, begin, weights)
     return AboutItself(trial, min(first, further, key=lambda one: one.fitted.cost))
 
 
@@ -153,24 +154,26 @@ def own_side(step: Step, seen: Screen) -> tuple[Side, Fitted]:
     return Side(own, seen, weights, noise, known=known), again
 
 
-def retest(here: Side, seen: Screen, one: AboutItself) -> Retested | None:
+def retest(make_here: Callable[[], Side], seen: Screen, pool: Executor, one: AboutItself) -> Retested | None:
     """Return a trial with its size and evidence from both sides; None if nuisances cancel it.
+
+    `make_here` returns the side without it. Both sides are evaluated in parallel.
 
     The evidence is the mean of both sides. If a side speaks against it, this side counts alone, but the side without it only
     unless the model with it fits distinctly better, each about itself. If the parts of the recordings leave it no longer sure,
     the evidence is what they leave.
     """
+    here = pool.submit(make_here)
     own, fitted = own_side(one.step, seen)
     trial = one.trial
     model, variant, variants = fitted.model, trial.variant, fitted.variants
+    # From the values of the other side, a refit may end in another minimum.
+    apart = largest_change(trial.fitted, fitted) > LARGE_CHANGE
+    other = pool.submit(here.result().compare, [trial.fitted.model, model] if apart else [model], variant, variants)
     about_own, shift = own.compare([model], variant, variants)
+    both = [about_own, other.result()[0]] if 0.5 * about_own > trial.penalty else [about_own]
     if shift > NUISANCE_SHIFT**2:
         return None
-    both = [about_own]
-    if 0.5 * about_own > trial.penalty:
-        # From the values of the other side, a refit may end in another minimum.
-        apart = largest_change(trial.fitted, fitted) > LARGE_CHANGE
-        both.append(here.compare([trial.fitted.model, model] if apart else [model], variant, variants)[0])
     reduction, least = float(np.mean(both)), min(both)
     if 0.5 * least <= trial.penalty and not one.fits_better:
         reduction = least

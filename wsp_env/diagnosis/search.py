@@ -129,7 +129,8 @@ def candidate(replica: Replica, model: Model, base: np.ndarray, law: _Law, varia
     for i, move in enumerate(moves):
         column, logs, after = step_by(i, move)
         size = parameter_of(variant.name, variant.sizes[i])
-        if size.null > size.low and law.grows(column):  # nonlinear effects: step to the side that the residual asks for
+        # A nonlinear effect is stepped to the side that the residual asks for; a term is linear.
+        if size.null > size.low and not variant.family and law.grows(column):
             moves[i] = -move
             column, logs, after = step_by(i, -move)
         found.append(column)

@@ -7,7 +7,7 @@ import numpy as np
 
 from wsp_env.diagnosis.stops import PreparedStop
 
-EVALUATED_S = 0.02  # approximate time step of evaluations
+EVALUATED_S = 0.04  # approximate time step of evaluations
 
 
 def thinned(stop: PreparedStop) -> PreparedStop:

@@ -235,6 +235,7 @@ class Doing(NamedTuple):
     believed_torque: float  # of the axle's brake [N m]
     full_torque: float  # the same at full pressure [N m]
     contact_work: float  # heat in both contacts of the wheelset so far [J]
+    mean_s: float  # time over which a recording's values are means; 0 in the plant [s]
 
 
 def _doings() -> tuple[Callable[..., None], Callable[..., Doing]]:

@@ -49,6 +49,7 @@ class Trajectory:
     wheel_acceleration_radps2: np.ndarray  # (T, A) its derivative [rad/s2]
     brake_torque_nm: np.ndarray  # (T, A) per wheelset, measured or nominal gain x pressure, positive in braking [N m]
     first: tuple[int, ...] = (0,)  # the sample at which each stop begins
+    mean_s: tuple[float, ...] = ()  # time over which the values of each stop are means [s]; (): they are instants
 
     def __post_init__(self) -> None:
         """Make the arrays what the compiled loop takes, and check them."""
@@ -91,7 +92,7 @@ class Trajectory:
         object.__setattr__(self, name, array)
 
 
-_ARRAYS = tuple(field.name for field in dataclasses.fields(Trajectory) if field.name != "first")
+_ARRAYS = tuple(field.name for field in dataclasses.fields(Trajectory) if field.name not in ("first", "mean_s"))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -193,9 +194,9 @@ def along(
     active = Active(m.mechanisms, m.constants.derived, mechanisms.remember(stops, m.axle_positions_m))
     acting = mechanisms.acting(m.mechanisms)
     given = Given(
-        trajectory.columns, np.array([*trajectory.first, samples]), mu_cd, float(tau), masses, gradients, radius,
-        m.inertia_kgm2, m.constants, m.law, active, "after_passage" in acting, "before_contact" in acting,
-        doings is not None or "torque" in acting,
+        trajectory.columns, np.array([*trajectory.first, samples]), np.array(trajectory.mean_s or np.zeros(stops)), mu_cd,
+        float(tau), masses, gradients, radius, m.inertia_kgm2, m.constants, m.law, active, "after_passage" in acting,
+        "before_contact" in acting, doings is not None or "torque" in acting,
     )  # fmt: skip
     at_once = 1 if mechanisms.recalls(m.mechanisms) or doings is not None else AT_ONCE
     found = Found(

@@ -39,5 +39,5 @@ def doing(
         state.time[i] + h, since, speed, deceleration, wheel, rate, speed - radius * wheel, -deceleration - radius * rate,
         state.position[i] - p.axle_offset[k] + h * speed, state.tachometer.angle[i, k] + h * wheel, radius,
         float(state.wheel_speed.shape[1]), _mean_wheel_speed(i, state), brake.torque(pressure, 1.0, p.brake),
-        brake.torque(p.brake.full_pressure, 1.0, p.brake), state.contact_work[i, k],
+        brake.torque(p.brake.full_pressure, 1.0, p.brake), state.contact_work[i, k], 0.0,
     )  # fmt: skip

@@ -45,6 +45,7 @@ class Given(NamedTuple):
 
     measured: Columns
     first: np.ndarray  # (S + 1,) the sample at which each stop begins, and the end
+    mean: np.ndarray  # (S,) time over which its values are means [s]
     mu_cd: np.ndarray  # (T, A)
     tau: float
     mass: np.ndarray  # (S,)
@@ -113,6 +114,8 @@ def _roll(i: int, j: int, before: int, given: Given, found: Found) -> None:
         kept[_WHEEL, i, k] = wheel_speed(active, measured.wheel[j, k], measured.wheel_acceleration[j, k])
         kept[_WORK, i, k] += 2.0 * kept[_FRICTION, i, k] * duration
         kept[_ANGLE, i, k] += 0.5 * (last + kept[_WHEEL, i, k]) * duration
+        if j == given.first[i]:  # a mean stands for the middle of its time
+            kept[_ANGLE, i, k] = 0.5 * kept[_WHEEL, i, k] * given.mean[i]
         mean_wheel += kept[_WHEEL, i, k] / axles
         braking += measured.torque[j, k]
     at = j if found.doings.shape[1] == len(measured.time) else i
@@ -124,7 +127,7 @@ def _roll(i: int, j: int, before: int, given: Given, found: Found) -> None:
             doing = Doing(
                 now, duration, speed, deceleration, kept[_WHEEL, i, k], rate, slip, -deceleration - given.radius[k] * rate,
                 measured.position[j] - p.axle_offset[k], kept[_ANGLE, i, k], given.radius[k], float(axles), mean_wheel,
-                measured.torque[j, k], full_torque, kept[_WORK, i, k],
+                measured.torque[j, k], full_torque, kept[_WORK, i, k], given.mean[i],
             )  # fmt: skip
             before_contact(active, i, k, doing)
             if given.noted:

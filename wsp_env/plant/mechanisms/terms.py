@@ -144,6 +144,13 @@ def _bump(x: float, middle: float, width: float) -> float:
 
 
 @kernel
+def _kept_by_mean(rate: float, duration: float) -> float:
+    """Return the share of a sine's amplitude that a mean over a duration keeps; rate in rad/s."""
+    half = 0.5 * rate * duration
+    return math.sin(half) / half if abs(half) > _LEAST else 1.0
+
+
+@kernel
 def _feature(code: int, scale: float, second: float, past: Past, doing: Doing) -> float:
     share = doing.believed_torque / doing.full_torque
     if code == _BRAKING:
@@ -173,13 +180,13 @@ def _feature(code: int, scale: float, second: float, past: Past, doing: Doing) -
     if code == _COSINE:
         return math.cos(2.0 * math.pi * scale * doing.time_s)
     if code == _WHEEL_SINE:
-        return math.sin(scale * doing.angle_rad)
+        return math.sin(scale * doing.angle_rad) * _kept_by_mean(scale * doing.wheel, doing.mean_s)
     if code == _WHEEL_COSINE:
-        return math.cos(scale * doing.angle_rad)
+        return math.cos(scale * doing.angle_rad) * _kept_by_mean(scale * doing.wheel, doing.mean_s)
     if code == _TORQUE_SINE:
-        return share * math.sin(scale * doing.angle_rad)
+        return share * math.sin(scale * doing.angle_rad) * _kept_by_mean(scale * doing.wheel, doing.mean_s)
     if code == _TORQUE_COSINE:
-        return share * math.cos(scale * doing.angle_rad)
+        return share * math.cos(scale * doing.angle_rad) * _kept_by_mean(scale * doing.wheel, doing.mean_s)
     if code in (_SETTLING, _TORQUE_SETTLING):
         return (share if code == _TORQUE_SETTLING else 1.0) * math.exp(-past.braked_s / max(scale, _LEAST))
     if code == _TORQUE_PLAY:
@@ -227,7 +234,7 @@ def of_the_vehicle(term: Term, time: float, place: float, speed: float, decelera
     """Return a feature that depends only on the vehicle's motion and time, at the present time."""
     none = 0.0
     doing = Doing(
-        time, none, speed, deceleration, none, none, none, none, place, none, 1.0, 1.0, none, none, 1.0, none,
+        time, none, speed, deceleration, none, none, none, none, place, none, 1.0, 1.0, none, none, 1.0, none, none,
     )  # fmt: skip
     return feature_value(term, Past(none, none, none, none), doing)
 
