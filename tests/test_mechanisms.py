@@ -277,6 +277,7 @@ def test_smallest_effect_is_just_of_interest(name, size, plain):
         ({"brake_torque_nm": np.full((5, 4), np.nan)}, "brake_torque_nm is not finite"),
         ({"time_s": np.zeros(5)}, "time_s does not rise"),
         ({"position_m": 50.0 * np.arange(5)}, "50 m apart"),
+        ({"mean_s": (0.04, 0.04)}, "mean_s has 2 values"),
     ],
 )
 def test_trajectory_refuses(changes, message):

@@ -58,6 +58,8 @@ class Trajectory:
             raise ParameterError(f"wheel_speed_radps has shape {np.shape(self.wheel_speed_radps)}, expected (samples, axles)")
         for name in _ARRAYS:
             self._keep(name, getattr(self, name), (samples, axles) if name.startswith(("wheel", "brake")) else (samples,))
+        if self.mean_s and len(self.mean_s) != len(self.first):
+            raise ParameterError(f"mean_s has {len(self.mean_s)} values, expected one for each of {len(self.first)} stops")
         place = [np.maximum.accumulate(self.position_m[stop]) for stop in self.stops]
         object.__setattr__(self, "position_m", np.concatenate(place))
         if not all((np.diff(self.time_s[stop]) > 0.0).all() for stop in self.stops):
