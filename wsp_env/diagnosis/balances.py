@@ -12,6 +12,7 @@ Each row is divided by the standard deviation that noise alone gives it.
 """
 
 import dataclasses
+import functools
 import threading
 from collections.abc import Sequence
 
@@ -118,18 +119,28 @@ class Whitening:
 
 
 class Balances:
-    """The balances of a campaign's stops: the residuals of a model, and their whitening."""
+    """The balances of a campaign's stops: the residuals of a model, and their whitening.
 
-    def __init__(self, campaign: Campaign, stops: Sequence[PreparedStop]) -> None:
-        self.campaign, self.sources = campaign, tuple(stops)  # stops with all samples
+    Parameters
+    ----------
+    stops : with all samples
+    like : balances of other stops (their recordings, if these are replicas), into whose rows these are cut; None: into own ones
+
+    """
+
+    def __init__(self, campaign: Campaign, stops: Sequence[PreparedStop], like: "Balances | None" = None) -> None:
+        self.campaign, self.sources = campaign, tuple(stops)
         self.stops = tuple(map(thinned, stops))
         self._evaluator = Evaluator(campaign, self.stops)
         self._kept = threading.local()  # each thread keeps its last evaluation
         self.vehicle = vehicle = self._evaluator.vehicle
         self.axles, self.radius, self.inertia = vehicle.axles, vehicle.wheel_radius_m, vehicle.wheelset_inertia_kgm2
         self.offsets = np.array(vehicle.axle_positions_m)
-        self.parts = [Blocks(stop, self) for stop in self.stops]
+        cuts: Sequence[Blocks | None] = like.parts if like else [None] * len(self.stops)
+        self.parts: list[Blocks] = [Blocks(stop, self, cut) for stop, cut in zip(self.stops, cuts, strict=True)]
         self.rows = _joined([part.rows(i) for i, part in enumerate(self.parts)])
+        if like:
+            self.rows = dataclasses.replace(self.rows, balance=like.rows.balance, segment=like.rows.segment)
 
     @property
     def sample_s(self) -> float:
@@ -157,12 +168,7 @@ class Balances:
 
     def like(self, stops: Sequence[PreparedStop]) -> "Balances":
         """Return the balances of other stops (replicas), cut into the same rows."""
-        other = Balances(self.campaign, stops)
-        for mine, its in zip(self.parts, other.parts, strict=True):
-            its.used, its.segments = mine.used, mine.segments
-        rows = _joined([part.rows(i) for i, part in enumerate(other.parts)])
-        other.rows = dataclasses.replace(rows, balance=self.rows.balance, segment=self.rows.segment)
-        return other
+        return Balances(self.campaign, stops, like=self)
 
     def whitening(self, model: Model) -> "Whitening":
         """Return the whitening of the channels' own noise at a model."""
@@ -181,13 +187,18 @@ class Balances:
 
 
 class Blocks:
-    """One stop, cut into blocks."""
+    """One stop, cut into blocks, like another one if there is one."""
 
-    def __init__(self, stop: PreparedStop, owner: Balances) -> None:
+    def __init__(self, stop: PreparedStop, owner: Balances, like: "Blocks | None" = None) -> None:
         self.stop, self.owner = stop, owner
         self.length = max(round(BLOCK_S / stop.step_s), 1)
         self.vehicle_length = max(round(VEHICLE_BLOCK_S / stop.step_s), 1)
-        self.used = self._mean_mask(stop.usable, self.length) > 0.99
+        self.used: np.ndarray
+        self.segments: np.ndarray
+        if like:
+            self.used, self.segments = like.used, like.segments
+            return
+        self.used = self._mean(stop.usable, self.length) > 0.99
         inside = self._cut(stop.segment, self.vehicle_length)
         self.segments = np.where((inside == inside[:, :1]).all(axis=1), inside[:, 0], -1)
         # A stretch of one block determines only its own initial speed.
@@ -199,13 +210,13 @@ class Blocks:
         blocks = len(values) // length
         return values[: blocks * length].reshape(blocks, length, *values.shape[1:])
 
-    def _mean_mask(self, values: np.ndarray, length: int) -> np.ndarray:
-        result: np.ndarray = self._cut(values, length).mean(axis=1, dtype=float)
+    def _mean(self, values: np.ndarray, length: int) -> np.ndarray:
+        result: np.ndarray = np.einsum("bl...->b...", self._cut(np.asarray(values, dtype=float), length)) / length
         return result
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Mean over each adhesion block of an array (T,) or (T, A): (B,) or (B, A)."""
-        return self._mean_mask(values, self.length)
+        return self._mean(values, self.length)
 
     def rows(self, index: int) -> Rows:
         """Return the properties of the rows of this stop, the `index`-th of the campaign."""
@@ -241,10 +252,20 @@ class Blocks:
             deceleration=-every(stop.acceleration),
         )
 
-    @property
+    @functools.cached_property
     def momenta(self) -> int:
         """Number of rows of the vehicle balance."""
         return int((self.segments >= 0).sum())
+
+    @functools.cached_property
+    def _wheel_rows(self) -> int:
+        return int(self.used.sum())
+
+    @functools.cached_property
+    def _stretches(self) -> list[np.ndarray]:
+        """The vehicle rows of each stretch."""
+        segment = self.segments[self.segments >= 0]
+        return [np.flatnonzero(segment == which) for which in np.unique(segment)]
 
     def joined(
         self, wheels: np.ndarray | None = None, vehicle: np.ndarray | None = None, brakes: np.ndarray | None = None
@@ -253,8 +274,8 @@ class Blocks:
 
         If no pressure was recorded beside the torque, there are no actuator rows, and `brakes` is ignored.
         """
-        wheel_rows, parts = int(self.used.sum()), []
-        counts = (wheel_rows, self.momenta, wheel_rows if self.stop.pressed is not None else 0)
+        parts = []
+        counts = (self._wheel_rows, self.momenta, self._wheel_rows if self.stop.pressed is not None else 0)
         given = next(part for part in (wheels, vehicle, brakes) if part is not None)
         for part, count in zip((wheels, vehicle, brakes), counts, strict=True):
             parts.append(np.zeros((count, *given.shape[1:]), given.dtype) if part is None else part[:count])
@@ -267,7 +288,7 @@ class Blocks:
 
     def vehicle_rows(self, values: np.ndarray) -> np.ndarray:
         """Block means of an array (T,), as rows of the vehicle balance."""
-        result: np.ndarray = self._mean_mask(values, self.vehicle_length)[self.segments >= 0]
+        result: np.ndarray = self._mean(values, self.vehicle_length)[self.segments >= 0]
         return result
 
     def summed(self, force: np.ndarray) -> np.ndarray:
@@ -281,9 +302,8 @@ class Blocks:
         adhesion = one.force / (2.0 * one.load) - one.adhesion
         impulse = self.summed(one.brake_force + one.resistance) + one.impulse
         momentum = self.vehicle_rows(one.recorded_speed + impulse / one.mass)
-        segment = self.segments[self.segments >= 0]
-        for which in np.unique(segment):  # the initial speed of each stretch is free
-            momentum[segment == which] -= momentum[segment == which].mean()
+        for stretch in self._stretches:  # the initial speed of each stretch is free
+            momentum[stretch] -= momentum[stretch].mean()
         brakes = None if self.stop.pressed is None else self.wheel_rows(one.torque - one.braking)
         return self.joined(self.wheel_rows(adhesion), momentum, brakes)
 

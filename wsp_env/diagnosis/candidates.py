@@ -95,8 +95,9 @@ def variants(balances: Balances | Replica) -> Iterator[Variant]:
             elif len(sizes) == 1 and card.signature.acts_on == "contact":
                 further = _BENDING
             for fixed in card.signature.variants(recorded):
-                yield Variant(name, sizes, fixed)
-                for ratio in further if not _located(name, fixed) else ():
+                plain = Variant(name, sizes, fixed)
+                yield plain
+                for ratio in further if not located(plain) else ():
                     yield Variant(name, sizes, fixed, (ratio * step(name, sizes[0]),))
 
 
@@ -124,15 +125,15 @@ def near(variant: Variant) -> Variant:
 
 def refined(variant: Variant) -> Variant:
     """Return the variant with the parameters that locate it (place, band, time) free as well."""
-    free = _located(variant.name, variant.fixed)
+    free = located(variant)
     fixed = {name: value for name, value in variant.fixed.items() if name not in free}
     steps = (*variant.moves(), *(step(variant.name, name) for name in free)) if variant.steps else ()
     return Variant(variant.name, (*variant.sizes, *free), fixed, steps, variant.family)
 
 
-def _located(mechanism: str, fixed: dict[str, float]) -> dict[str, float]:
+def located(variant: Variant) -> dict[str, float]:
     """Return those of the fixed parameters that say where a mechanism acts, and that a refit may move."""
-    return {name: value for name, value in fixed.items() if parameter_of(mechanism, name).refit_step}
+    return {name: value for name, value in variant.fixed.items() if parameter_of(variant.name, name).refit_step}
 
 
 def switched(model: Model, variant: Variant, values: np.ndarray) -> Model:

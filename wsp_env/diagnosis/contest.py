@@ -1,11 +1,11 @@
 """Which of the tried mechanisms holds, and is the best: from both sides, and beside its rivals."""
 
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Executor
 from typing import NamedTuple
 
 from wsp_env.diagnosis.convergence import fits_worse
 from wsp_env.diagnosis.retest import AboutItself, Retested
+from wsp_env.diagnosis.side_by_side import side_by_side
 from wsp_env.diagnosis.trials import FORM, Trial, log_odds
 
 #: Largest ratio of the evidence from both sides to the evidence about the replica without it that is considered (assumption:
@@ -31,7 +31,7 @@ class Contest(NamedTuple):
 
 def best_of(
     batches: Iterable[Sequence[Trial]], rejects: Callable[[Trial], bool], about: Callable[[Trial], AboutItself],
-    retest_trial: Callable[[AboutItself], Retested | None], threshold: Callable[[Trial], float], pool: Executor,
+    retest_trial: Callable[[AboutItself], Retested | None], threshold: Callable[[Trial], float],
     first_round: bool = True,
 ) -> Contest:  # fmt: skip
     """Return the best trial of the first batch; in the first round, of the first batch in which one holds.
@@ -50,7 +50,7 @@ def best_of(
         for kind in ([one for one in some if not one.listed.family], [one for one in some if one.listed.family]):
             promising = _promising(kind, some, threshold, held)
             tested = [one for one in promising if not rejects(one)]
-            for one in sorted(pool.map(about, tested), key=lambda one: one.step.fitted.cost):
+            for one in sorted(side_by_side(about, tested), key=lambda one: one.step.fitted.cost):
                 cost = one.step.fitted.cost
                 worse = any(one.trial.evidence < most and fits_worse(cost, least) for most, least in marks)
                 retested = None if worse else retest_trial(one)

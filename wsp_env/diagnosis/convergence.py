@@ -139,15 +139,21 @@ def largest_change(before: Fitted, after: Fitted) -> float:
 
 
 def rescaled(recorded: Balances, fitted: Fitted, variant: Variant, weights: Weights, shares: Sequence[float]) -> Fitted:
-    """Return a model fitted on that replica of its own, with a share of a mechanism's size, on which it fits best."""
+    """Return a model fitted on that replica of its own, with a share of a mechanism's size, on which it fits best.
+
+    The shares are tried one after the other, as long as each fits better than the one before.
+    """
     others = [one for one in fitted.variants if one is not variant]
-    tried = []
+    best: tuple[Fitted, Replica] | None = None
     for share in shares:
         model = switched(fitted.model, variant, _scaled(variant, values_in(fitted.model, variant), share))
         replica = replica_of(recorded, model, weights)
-        tried.append((refit(replica, model, others, weights), replica))
-    best, replica = min(tried, key=lambda one: one[0].cost)
-    return refit(replica, best.model, fitted.variants, weights)
+        tried = refit(replica, model, others, weights)
+        if best and tried.cost >= best[0].cost:
+            break
+        best = tried, replica
+    assert best is not None
+    return refit(best[1], best[0].model, fitted.variants, weights)
 
 
 def _scaled(variant: Variant, values: np.ndarray, share: float) -> np.ndarray:

@@ -117,7 +117,7 @@ def select(
             replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen
         )
         batches = trials_of(replica, seen, fitted, weights, pool)
-        best, rejected, trials = best_of(batches, rejects, *both, threshold, pool, not accepted)
+        best, rejected, trials = best_of(batches, rejects, *both, threshold, not accepted)
         if best is None:
             left = left or [
                 one
@@ -138,10 +138,11 @@ def select(
         named = Accepted(best.trial, *posterior(best.trial, others, searched), tuple(sure))
         replica, fitted, accepted = _forward_step([*accepted, named], best, weights, seen)
         replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen, pool)
-        # The missing mechanism had enlarged all nuisances, and these had reduced its size: estimate both again.
-        own, again, noise = _converge_all(replica, fitted, accepted, seen)
-        if np.isfinite(again.cost) and largest_change(fitted, again) > LARGE_CHANGE:
-            replica, fitted, accepted = _sized(own, again, accepted, seen)
+        noise = best.noise_parameters
+        if fitted is not best.trial.fitted:  # without an earlier mechanism, or with another one, sizes and noise are others
+            own, again, noise = _converge_all(replica, fitted, accepted, seen)
+            if np.isfinite(again.cost) and largest_change(fitted, again) > LARGE_CHANGE:
+                replica, fitted, accepted = _sized(own, again, accepted, seen)
         seen = _screened(replica, fitted, noise, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
         weights = weights_of(replica, seen)
         if all(one.size.multiple < MATTERS for one in (best.trial, *sure)) and not _promises(seen):

@@ -12,7 +12,7 @@ from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.plant.mechanisms import ALL, at_stop
-from wsp_env.recordings import Recording, Smoothing, derive, rolling_radii
+from wsp_env.recordings import Smoothing, derive, rolling_radii
 from wsp_env.recordings import simulate as simulation
 from wsp_env.recordings.derive import braking
 
@@ -80,16 +80,21 @@ def held_out(balances: Balances, before: Model, after: Model) -> tuple[RunFigure
     """
     smoothing, campaign = Smoothing(), balances.campaign
     radii = rolling_radii(campaign, smoothing)
-    sides = [(model, balances.evaluate(model), balances.raw(model)) for model in (before, after)]
+    pieces, lengths = zip(
+        *(_piece(balances, radii, smoothing, model, i) for i in range(len(balances.stops)) for model in (before, after)),
+        strict=True,
+    )
+    whole = simulation.simulate_pieces(campaign, pieces, radii, max(lengths))
+    sides = [(balances.evaluate(model), balances.raw(model)) for model in (before, after)]
     figures = []
     for i, stop in enumerate(balances.stops):
-        run = campaign.runs[stop.name]
         errors, speeds, slides = [], [], []
-        for model, evaluations, raw in sides:
+        mine = (balances.rows.run == i) & (balances.rows.balance == VEHICLE)
+        for side, (evaluations, raw) in enumerate(sides):
             errors.append(_adhesion_errors(balances, i, evaluations[i].force / (2.0 * evaluations[i].load), raw))
-            mine = (balances.rows.run == i) & (balances.rows.balance == VEHICLE)
             speeds.append(float(np.abs(raw[mine]).max(initial=0.0)))
-            slides.append(_slide(balances, run, radii, smoothing, model, i))
+            at = len(sides) * i + side
+            slides.append(simulation.slide(pieces[at].derived, whole.piece(at, lengths[at]), pieces[at].start))
         figures.append(
             RunFigures(
                 stop.name, stop.group, errors[0], errors[1], speeds[0], speeds[1],
@@ -212,24 +217,15 @@ def _adhesion_errors(balances: Balances, i: int, measured: np.ndarray, raw: np.n
     return tuple(errors)
 
 
-def _slide(
-    balances: Balances, run: Recording, radii: np.ndarray, smoothing: Smoothing, model: Model, i: int
-) -> simulation.Slide:
-    campaign = balances.campaign
+def _piece(
+    balances: Balances, radii: np.ndarray, smoothing: Smoothing, model: Model, i: int
+) -> tuple[simulation.Piece, int]:  # fmt: skip
+    """Return the braking of a stop under a model, without errors of its sensors, and its length in samples."""
+    campaign, stop = balances.campaign, balances.stops[i]
+    run = campaign.runs[stop.name]
     derived = derive(campaign, run, radii, smoothing)
     start, end = braking(run, campaign.sample_time_s, smoothing)
     fast = np.flatnonzero(derived.speed_mps > smoothing.least_speed_mps)
     end = max(min(end, int(fast[-1]) + 1 if fast.size else start), start + 2)
     choice = {name: values for name, values in model.choice.items() if ALL[name].signature.acts_on != "sensor"}
-    whole = simulation.simulate(
-        campaign,
-        run,
-        derived,
-        radii,
-        np.array([start]),
-        end - start,
-        model.mu_cd[i],
-        model.tau,
-        at_stop(choice, balances.stops[i].earlier),
-    )
-    return simulation.slide(derived, whole, start)
+    return simulation.Piece(run, derived, start, model.mu_cd[i], model.tau, at_stop(choice, stop.earlier)), end - start

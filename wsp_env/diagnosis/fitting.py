@@ -112,11 +112,14 @@ def left_to_weights(balances: Balances | Replica, group: Group) -> np.ndarray:
 
 
 def baseline(recorded: Balances) -> Replica:
-    """Fit tau and mu_cd of every run to the recordings; return the replica at these values."""
+    """Fit tau and mu_cd of every run to the recordings; return the replica at these values.
+
+    `wsp_env.diagnosis.convergence.converge_law` fits them to replicas.
+    """
     model = Model(TAU, tuple(stop.believed_mu_cd for stop in recorded.stops))
-    model = _law_fitted(recorded, model)
-    model = _law_fitted(Replica(recorded, model), model)
-    return Replica(recorded, model)
+    whitening = recorded.whitening(model)
+    groups = nuisances(recorded, model, recorded.raw(model), whitening)
+    return Replica(recorded, refit(recorded, model, (), weigh(recorded, whitening, groups)).model)
 
 
 def replica_of(recorded: Balances, model: Model, weights: Weights) -> Replica:
@@ -130,12 +133,6 @@ def replica_of(recorded: Balances, model: Model, weights: Weights) -> Replica:
     rows = weights(np.column_stack([replica.raw(replica.about), replica.unpredicted]))
     known = weights.projector.inner(rows, rows)
     return replica.without(float(np.clip(known[0, 1] / max(known[1, 1], np.finfo(float).tiny), 0.0, 1.0)))
-
-
-def _law_fitted(balances: Balances | Replica, model: Model) -> Model:
-    whitening = balances.whitening(model)
-    groups = nuisances(balances, model, balances.raw(model), whitening)
-    return refit(balances, model, (), weigh(balances, whitening, groups)).model
 
 
 def sliding(balances: Balances | Replica) -> np.ndarray:

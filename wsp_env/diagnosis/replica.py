@@ -124,7 +124,10 @@ class Replica:
         prompt = dataclasses.replace(model, choice=_prompt(model.choice, {**self.baseline.choice, **self._readings}))
         if prompt.choice == model.choice or self.timed is self._copy:
             return self._evaluated(self._copy, model)
-        parts = self._evaluated(self._copy, prompt), self._evaluated(self.timed, model), self._evaluated(self.timed, prompt)
+        kept: tuple[Model, list[list[Evaluation]]] | None = getattr(self._kept, "prompt", None)
+        if kept is None or kept[0] != prompt:  # many consecutive models differ in what is late only
+            kept = self._kept.prompt = prompt, [self._evaluated(one, prompt) for one in (self._copy, self.timed)]
+        parts = kept[1][0], self._evaluated(self.timed, model), kept[1][1]
         return [one.changed(late, less) for one, late, less in zip(*parts, strict=True)]
 
     def _evaluated(self, copy: Balances, model: Model) -> list[Evaluation]:
@@ -216,8 +219,10 @@ def _prompt(choice: Choice, known: Choice) -> Choice:
     held = known.get(discovered.CARD.name, {})
     timed = [n for n in range(1, discovered.TERMS + 1) if terms.get(f"feature_{n}") in OF_TORQUE]
     if timed:
-        before = {f"coefficient_{n}": held.get(f"coefficient_{n}", 0.0) for n in timed}
-        result[discovered.CARD.name] = {**terms, **before}
+        terms = {**terms, **{f"coefficient_{n}": held.get(f"coefficient_{n}", 0.0) for n in timed}}
+        result.pop(discovered.CARD.name)
+        if any(terms.get(f"coefficient_{n}") for n in range(1, discovered.TERMS + 1)):
+            result[discovered.CARD.name] = terms
     return result
 
 

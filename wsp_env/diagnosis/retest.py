@@ -7,6 +7,7 @@ about two replicas scatter by tens of nats.
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from typing import NamedTuple
@@ -21,9 +22,10 @@ from wsp_env.diagnosis.estimates import estimates, intervals_contain_null, withi
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit, replica_of
 from wsp_env.diagnosis.form_errors import forms
-from wsp_env.diagnosis.noise import Noise
+from wsp_env.diagnosis.noise import Noise, NoiseParameters
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Screen, net_effect
+from wsp_env.diagnosis.side_by_side import side_by_side
 from wsp_env.diagnosis.trials import SURE, ReplicaNoise, Trial, form_of, log_odds
 
 #: Change of a mechanism with new nuisance sizes, in standard deviations, from which on its replica is made again.
@@ -58,10 +60,11 @@ class AboutItself(NamedTuple):
 
 
 class Retested(NamedTuple):
-    """A trial with its evidence from both sides, and the replica of its own to which it was fitted."""
+    """A trial with its evidence from both sides, the replica of its own to which it was fitted, and the noise about it."""
 
     trial: Trial
     replica: Replica
+    noise_parameters: NoiseParameters
 
 
 class Weighted(NamedTuple):
@@ -92,6 +95,11 @@ class Side:
         self.replica, self.weights = replica, weights
         self._seen, self._like, self._known = seen, like, known
         self._without = self.fit(*without) if without else None
+
+    @property
+    def noise_parameters(self) -> NoiseParameters:
+        """What this side tells about the noise of similar residuals."""
+        return self._like.parameters
 
     def fit(self, model: Model, variants: Sequence[Variant]) -> Weighted:
         """Fit a model and estimate its nuisance sizes."""
@@ -136,10 +144,11 @@ def about_itself(recorded: Balances, weights: Weights, trial: Trial) -> AboutIts
     About a replica without a strongly nonlinear mechanism, a refit may lead away from it. A name is tried from its refit and
     from its linear step; what fits better counts.
     """
-    first = begun(recorded, trial.fitted, weights)
+    refitted = functools.partial(begun, recorded, trial.fitted, weights)
     if trial.listed.family:
-        return AboutItself(trial, first)
-    begin = rescaled(recorded, _linear(trial), trial.variant, weights, _MULTIPLES)
+        return AboutItself(trial, refitted())
+    stepped = functools.partial(rescaled, recorded, _linear(trial), trial.variant, weights, _MULTIPLES)
+    first, begin = side_by_side(lambda one: one(), (refitted, stepped))
     if begin.cost >= first.fitted.cost or largest_change(first.fitted, begin) <= LARGE_CHANGE:
         return AboutItself(trial, first)
     further = begun(recorded, begin, weights)
@@ -185,7 +194,8 @@ def retest(make_here: Callable[[], Side], seen: Screen, pool: Executor, one: Abo
     reduced_evidence = parts.student_evidence(evidence)
     if log_odds(trial.listed, reduced_evidence) <= SURE:
         evidence = reduced_evidence
-    return Retested(dataclasses.replace(trial, fitted=fitted, reduction=reduction, evidence=evidence, size=size), own.replica)
+    found_trial = dataclasses.replace(trial, fitted=fitted, reduction=reduction, evidence=evidence, size=size)
+    return Retested(found_trial, own.replica, own.noise_parameters)
 
 
 def _linear(trial: Trial) -> Fitted:

@@ -21,6 +21,11 @@ def on_threads(pool: Executor) -> Iterator[None]:
 
 
 def side_by_side(function: Callable[..., Any], *arguments: Any) -> list[Any]:
-    """Return `function` of each set of arguments, in their order, which does not depend on the threads."""
-    pool = _POOL.get()
-    return list(map(function, *arguments)) if pool is None else list(pool.map(function, *arguments))
+    """Return `function` of each set of arguments, in their order, which does not depend on the threads.
+
+    A single set is evaluated in this thread, which may hand on work of its own.
+    """
+    pool, every = _POOL.get(), list(zip(*arguments, strict=True))
+    if pool is None or len(every) < 2:
+        return [function(*one) for one in every]
+    return list(pool.map(function, *zip(*every, strict=True)))

@@ -21,8 +21,8 @@ _START = (0.01, 0.02, 0.3, 0.01)
 _BOUNDS = ((1e-4, 1.0), (1e-4, 1.0), (0.1, 20.0), (1e-4, 1.0))
 #: Largest number of nodes of one stop for the noise estimate: more hardly improve it and cost the cube of their number.
 _MOST_NODES = 300
-#: Tolerances below the effect of rounding: a likelihood is flat about its maximum.
-_CONVERGED = {"maxiter": 200, "ftol": 1e-12, "gtol": 1e-4}
+#: Tolerances at which the parameters are known to some 1e-5; a likelihood is flat about its maximum.
+_CONVERGED = {"maxiter": 200, "ftol": 1e-10, "gtol": 1e-3}
 
 
 class SpeedNoise(NamedTuple):

@@ -6,7 +6,8 @@ good the law is. Over the whole stop what the vehicle does as a whole, and stati
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,12 +27,27 @@ _AT_ONCE_S = 1e-6  # time constants of a brake that follows its command
 _PRESSURE_BAR = 10.0  # stands for the largest recorded torque
 
 
+class Piece(NamedTuple):
+    """A part of a recorded stop, from a sample on, with a law and mechanisms; see `simulate`."""
+
+    run: Recording
+    derived: Derived
+    start: int
+    mu_cd: float
+    tau: float
+    mechanisms: Mapping[str, Mapping[str, float]]
+
+
 @dataclasses.dataclass(frozen=True)
 class Simulated:
     """Speeds of N simulated pieces of a stop, each of T samples."""
 
     speed_mps: np.ndarray  # (N, T) of the vehicle
     circumferential_mps: np.ndarray  # (N, T, axles) r w
+
+    def piece(self, index: int, samples: int) -> "Simulated":
+        """Return the first samples of one piece alone."""
+        return Simulated(self.speed_mps[index : index + 1, :samples], self.circumferential_mps[index : index + 1, :samples])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,19 +83,30 @@ def simulate(
     mechanisms : physics beyond the law, see `wsp_env.plant.mechanisms.make`
 
     """
-    torque = run.brake_torque_nm
-    largest = float(np.abs(torque).max()) or 1.0
-    setup = Setup(campaign.sample_time_s, mechanisms=mechanisms or {}, pressure_control=True)
-    plant = make_plant(_vehicle(campaign, run, largest), len(starts), setup)
-    for index, start in enumerate(starts):
-        _start(plant, index, run, derived, radii_m, int(start), torque[start] / largest, mu_cd, tau)
-    speed = np.empty((len(starts), samples))
-    wheel = np.empty((len(starts), samples, campaign.vehicle.axles))
+    pieces = [Piece(run, derived, int(start), mu_cd, tau, mechanisms or {}) for start in starts]
+    return simulate_pieces(campaign, pieces, radii_m, samples)
+
+
+def simulate_pieces(campaign: Campaign, pieces: Sequence[Piece], radii_m: np.ndarray, samples: int) -> Simulated:
+    """Simulate N pieces with the recorded torque, in one batch; parameters as for `simulate`.
+
+    Beyond its end a recording's torque stays as it was last.
+    """
+    largest = max(float(np.abs(one.run.brake_torque_nm).max()) for one in pieces) or 1.0
+    setup = Setup(campaign.sample_time_s, pressure_control=True)
+    plant = make_plant(_vehicle(campaign, largest), len(pieces), setup)
+    asked = np.empty((samples, len(pieces), campaign.vehicle.axles))
+    for index, one in enumerate(pieces):
+        share = one.run.brake_torque_nm / largest
+        at = np.minimum(one.start + np.arange(samples), len(share) - 2)
+        asked[:, index] = 0.5 * (share[at] + share[at + 1])
+        _start(plant, index, one, radii_m, share[one.start])
+    speed = np.empty((len(pieces), samples))
+    wheel = np.empty((len(pieces), samples, campaign.vehicle.axles))
     for step in range(samples):
         truth = plant.truth()
         speed[:, step], wheel[:, step] = truth.speed, radii_m * truth.wheel_speed
-        at = np.minimum(starts + step, len(torque) - 2)
-        plant.step(0.5 * (torque[at] + torque[at + 1]) / largest)
+        plant.step(asked[step])
     return Simulated(speed, wheel)
 
 
@@ -132,7 +159,7 @@ def slide(derived: Derived, simulated: Simulated, start: int) -> Slide:
     )
 
 
-def _vehicle(campaign: Campaign, run: Recording, largest_nm: float) -> Vehicle:
+def _vehicle(campaign: Campaign, largest_nm: float) -> Vehicle:
     """Return the campaign's vehicle with a brake whose torque is what is asked for, at once."""
     brake = Brake(
         full_pressure_bar=_PRESSURE_BAR,
@@ -142,22 +169,13 @@ def _vehicle(campaign: Campaign, run: Recording, largest_nm: float) -> Vehicle:
         vent_time_constant_s=_AT_ONCE_S,
         dead_time_s=0.0,
     )
-    return plant_vehicle(campaign.vehicle, campaign.contact, campaign.name, mass_kg=run.mass_kg, brake=brake)
+    return plant_vehicle(campaign.vehicle, campaign.contact, campaign.name, brake=brake)
 
 
-def _start(
-    plant: Plant,
-    index: int,
-    run: Recording,
-    derived: Derived,
-    radii_m: np.ndarray,
-    sample: int,
-    torque: np.ndarray,
-    mu_cd: float,
-    tau: float,
-) -> None:
-    nodes = np.ones(1)
-    speed = float(derived.speed_mps[sample])
-    plant.start(index, Stop(mu_cd, tau, speed, run.mass_kg, 1.0, run.gradient, 0.0, 0, radii_m, profile=nodes, coverage=nodes))
-    wheel = np.maximum((speed - derived.slip_speed_mps[sample]) / radii_m, 0.0)
+def _start(plant: Plant, index: int, one: Piece, radii_m: np.ndarray, torque: np.ndarray) -> None:
+    nodes, run = np.ones(1), one.run
+    speed = float(one.derived.speed_mps[one.start])
+    begun = Stop(one.mu_cd, one.tau, speed, run.mass_kg, 1.0, run.gradient, 0.0, 0, radii_m, profile=nodes, coverage=nodes)
+    plant.start(index, begun, one.mechanisms)
+    wheel = np.maximum((speed - one.derived.slip_speed_mps[one.start]) / radii_m, 0.0)
     plant.set_state(index, wheel, torque * _PRESSURE_BAR)

@@ -178,11 +178,14 @@ def along(
     samples, axles = trajectory.wheel_speed_radps.shape
     if axles != len(m.axle_positions_m):
         raise ParameterError(f"the trajectory has {axles} axles, the vehicle {len(m.axle_positions_m)}")
-    stops = len(trajectory.first)
+    stops, acting = len(trajectory.first), mechanisms.acting(m.mechanisms)
     masses, gradients = (
-        np.array([mechanisms.believed_to_true(slot, m.mechanisms, float(one)) for one in np.broadcast_to(believed, (stops,))])
+        np.array([
+            mechanisms.believed_to_true(slot, m.mechanisms, float(one)) if slot in acting else one
+            for one in np.broadcast_to(believed, (stops,))
+        ], dtype=np.float64)
         for slot, believed in (("mass", run.mass_kg), ("gradient", run.gradient))
-    )
+    )  # fmt: skip
     radius = np.array(
         mechanisms.believed_to_true("radii", m.mechanisms, np.broadcast_to(run.radius_m, (axles,))), dtype=np.float64
     )
@@ -194,7 +197,6 @@ def along(
     if not 0.0 <= tau < np.inf:
         raise ParameterError(f"tau = {tau:g} m/J is impossible: it must be finite, 0 or more")
     active = Active(m.mechanisms, m.constants.derived, mechanisms.remember(stops, m.axle_positions_m))
-    acting = mechanisms.acting(m.mechanisms)
     given = Given(
         trajectory.columns, np.array([*trajectory.first, samples]), np.array(trajectory.mean_s or np.zeros(stops)), mu_cd,
         float(tau), masses, gradients, radius, m.inertia_kgm2, m.constants, m.law, active, "after_passage" in acting,
