@@ -46,6 +46,7 @@ class Rows:
     """Properties of each residual (n,); quantities are means over its block."""
 
     balance: np.ndarray  # ADHESION, KINEMATICS, VEHICLE or ACTUATOR
+    slides: np.ndarray  # bool: adhesion rows of sliding wheels; on a replica, those on the flat part of its creep curve
     run: np.ndarray  # index into the stops
     axle: np.ndarray  # from 0; -1: the vehicle
     segment: np.ndarray  # stretch of the vehicle's momentum balance, numbered through all stops; -1: a wheel's row
@@ -64,12 +65,6 @@ class Rows:
     def wheels(self) -> np.ndarray:
         """Mask (n,) of the wheel rows: adhesion and kinematics."""
         result: np.ndarray = (self.balance == ADHESION) | (self.balance == KINEMATICS)
-        return result
-
-    @property
-    def slides(self) -> np.ndarray:
-        """Mask (n,) of the adhesion rows of sliding wheels."""
-        result: np.ndarray = (self.balance == ADHESION) & (self.slip > least_slip(self.speed))
         return result
 
     @property
@@ -237,9 +232,11 @@ class Blocks:
             return self.joined(own, brakes=own)
 
         balance = np.where(rolls[b, a], KINEMATICS, ADHESION)
+        slides = ~rolls[b, a] & (self.mean(slip)[b, a] > least_slip(self.mean(stop.speed))[b])
         run = self.joined(np.full(len(b), index), np.full(self.momenta, index), np.full(len(b), index))
         return Rows(
             balance=self.joined(balance, np.full(self.momenta, VEHICLE), np.full(len(b), ACTUATOR)),
+            slides=self.joined(slides),
             run=run,
             axle=self.joined(a, np.full(self.momenta, -1), a),
             segment=self.joined(np.full(len(b), -1), self.segments[self.segments >= 0], np.full(len(b), -1)),

@@ -41,8 +41,9 @@ def stretches(rows: Rows) -> list[np.ndarray]:
 
 
 def predicted(
-    stop: PreparedStop, torque: np.ndarray, damping: np.ndarray, block: int, radius: float, inertia: np.ndarray
-) -> tuple[PreparedStop, PreparedStop]:
+    stop: PreparedStop, slides: np.ndarray, torque: np.ndarray, damping: np.ndarray, block: int, radius: float,
+    inertia: np.ndarray,
+) -> tuple[PreparedStop, PreparedStop]:  # fmt: skip
     """Return a stop twice, with the motion of sliding wheels predicted from the beginning of the previous block.
 
     First under the expected torques; the torques of this copy give the predicted rates with the law's friction. Then under the
@@ -51,6 +52,7 @@ def predicted(
     Parameters
     ----------
     stop : with torques that give its wheels' rates with the law's friction
+    slides : (T, A) bool, where a wheel slides; predicted slips are not smaller than the smallest one there, or `least_slip`
     torque : (T, A) recorded [N m]. Where it is smaller than the stop's torque, friction was below the law's and the wheel
         slower
     damping : (T, A) derivative of the law's torque on a wheel by its slip [N m s/m]; it stabilises the wheel where the curve
@@ -59,8 +61,9 @@ def predicted(
     radius, inertia : of the wheelsets [m], (A,) [kg m2]
 
     """
-    slip, least = stop.speed[:, None] - radius * stop.wheel, least_slip(stop.speed)[:, None]
-    throughout: np.ndarray = np.asarray(_blocks(slip > least, block).all(axis=1))
+    slip = stop.speed[:, None] - radius * stop.wheel
+    least = np.minimum(least_slip(stop.speed)[:, None], np.where(slides, slip, np.inf).min(axis=0, initial=np.inf))
+    throughout: np.ndarray = np.asarray(_blocks(slides, block).all(axis=1))
     both = throughout & _before(throughout)
     disturbance = _blocks(torque - stop.torque, block)
     by_moment = radius * stop.step_s / inertia  # slip [m/s] in a sample by 1 N m
@@ -83,7 +86,7 @@ def predicted(
         slid_on = np.clip(stop.wheel - within(less[:, :-1]) / radius, 0.0, (stop.speed[:, None] - least) / radius)
         return dataclasses.replace(
             stop,
-            wheel=np.where(slip > least, slid_on, stop.wheel),
+            wheel=np.where(slides, slid_on, stop.wheel),
             wheel_rate=stop.wheel_rate - within(rate) / radius,
             wheel_jerk=stop.wheel_jerk - within(np.gradient(rate, stop.step_s, axis=1)) / radius,
         )

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from wsp_env.diagnosis.balances import Balances, Blocks, Rows, Whitening
+from wsp_env.diagnosis.balances import ADHESION, Balances, Blocks, Rows, Whitening
 from wsp_env.diagnosis.denoise import denoised
 from wsp_env.diagnosis.evaluate import Choice, Evaluation, Evaluator, Model
 from wsp_env.diagnosis.loop import predicted
@@ -46,6 +46,8 @@ from wsp_env.plant.mechanisms import ALL, discovered
 from wsp_env.plant.mechanisms.terms import Feature
 
 _NEWTON, _CONVERGED = 12, 1e-6  # iterations of the required slip, and its change [m/s] at which it has converged
+#: Share kept of the measured slip from which on a wheel slides: its friction, not its slip, fluctuates with load and rail.
+_SLIDES = 0.5
 _FLAT_S = 0.5  # averaging time of the curve's flatness [s], so that it does not follow noise
 OF_TIME = tuple(name for name, card in ALL.items() if any(one.unit == "s" and one.fitted for one in card.sizes))
 #: Features that follow the course of the torque, as delays do.
@@ -83,19 +85,21 @@ class Replica:
         self.rows = _rows_of_true_slips(right.rows, self._copy.rows, larger)
         self._kept = threading.local()  # each thread keeps its last evaluation
         # The replica contains the true slip of a wheel with wrong radius; the reading of its sensor is linear in the radius.
-        shares = [share * (larger == 0.0) for share in kept]
-        self._share = [averaged(share, stop.step_s) for share, stop in zip(shares, right.sources, strict=True)]
+        shares = [averaged(share, stop.step_s) for share, stop in zip(kept, right.sources, strict=True)]
+        self._share = [share * (larger == 0.0) for share in shares]
         slid = self._at_true_slips(baseline, on_sensors(rest))
         self._slopes = [one.slope for one in slid]
         if rest is not baseline:
             self.rows = _rows_as_they_slide(self.rows, self._copy.parts, slid)
+        slides = [part.joined(part.wheel_rows(share) > _SLIDES) for part, share in zip(right.parts, shares, strict=True)]
+        self.rows = dataclasses.replace(self.rows, slides=np.concatenate(slides) & (self.rows.balance == ADHESION))
         smoothing = self._changed(baseline) * right.rows.wheels  # residual of an exact balance due to smoothing
         residuals = self._residuals(right, baseline, self._slopes) - smoothing
         prompt = _choosing(baseline, lambda name: not _may_act_slower(name))
         if prompt is not baseline:
             slopes = [one.slope for one in self._at_true_slips(prompt, on_sensors(rest))]
             of_prompt = self._residuals(right, prompt, slopes) - smoothing
-        turned = zip(*_predicted_stops(right, braked, forces), strict=True)
+        turned = zip(*_predicted_stops(right, braked, forces, [share > _SLIDES for share in kept]), strict=True)
         self._copy, self.timed = (
             right.like(simulate_readings(campaign, stops, readings) if readings else stops) for stops in turned
         )
@@ -238,20 +242,21 @@ def _choosing(model: Model, kept: Callable[[str], bool]) -> Model:
 
 
 def _predicted_stops(
-    right: Balances, braked: Sequence[PreparedStop], evaluations: Sequence[Evaluation]
+    right: Balances, braked: Sequence[PreparedStop], evaluations: Sequence[Evaluation], slides: Sequence[np.ndarray]
 ) -> list[tuple[PreparedStop, PreparedStop]]:  # fmt: skip
     """Return the stops with the slips predicted before each block: under the expected and under the recorded torques.
 
     Parameters
     ----------
     evaluations : of the baseline
+    slides : (T, A) bool of each stop, where a wheel slides
 
     """
     found = []
-    for mine, stop, part, one in zip(braked, right.sources, right.parts, evaluations, strict=True):
+    for mine, sliding, stop, part, one in zip(braked, slides, right.sources, right.parts, evaluations, strict=True):
         block = part.length * round(part.stop.step_s / stop.step_s)
         damping = 2.0 * right.radius * one.load * one.slope
-        found.append(predicted(mine, stop.torque, damping, block, right.radius, one.inertia))
+        found.append(predicted(mine, sliding, stop.torque, damping, block, right.radius, one.inertia))
     return found
 
 
