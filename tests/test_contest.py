@@ -34,9 +34,9 @@ def contest(batches, evidence=None, rejects=lambda one: False, first_round=True,
         if asked is not None:
             asked.append(one.listed)
         value = (EVIDENCE | (evidence or {}))[one.listed.title]
-        return None if value is None else Retested(dataclasses.replace(one, evidence=value), None)
+        return None if value is None else Retested(dataclasses.replace(one, evidence=value), None, None)
 
-    return best_of(batches, rejects, about, retest, lambda one: SURE, INLINE, first_round)
+    return best_of(batches, rejects, about, retest, lambda one: SURE, first_round)
 
 
 def test_what_is_refused_is_told_and_the_next_best_is_taken():

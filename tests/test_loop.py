@@ -58,7 +58,13 @@ def turned(stop, torque, holds=0.0, block=BLOCK):
 
 def both_turned(stop, torque, holds=0.0, block=BLOCK):
     """The same under the torques that were to be expected, then under the recorded ones."""
-    return predicted(stop, torque[:, None], np.full((len(torque), 1), holds), block, RADIUS, np.array([INERTIA]))
+    holding, inertia = np.full((len(torque), 1), holds), np.array([INERTIA])
+    return predicted(stop, sliding(stop), torque[:, None], holding, block, RADIUS, inertia)
+
+
+def sliding(stop):
+    """Where (T, 1) the wheel slides: above 1 % of 20 m/s."""
+    return stop.speed[:, None] - RADIUS * stop.wheel > 0.2
 
 
 def told(stop, torque, holds=0.0, block=BLOCK):
@@ -75,7 +81,7 @@ def test_a_wheel_that_is_heavier_is_turned_less_by_the_same_torque(share):
     torque[6 * BLOCK :] += 400.0
 
     def moved(inertia):
-        seen = predicted(stop, torque[:, None], np.zeros((n, 1)), BLOCK, RADIUS, np.array([inertia]))[1]
+        seen = predicted(stop, sliding(stop), torque[:, None], np.zeros((n, 1)), BLOCK, RADIUS, np.array([inertia]))[1]
         return seen.wheel - stop.wheel
 
     assert np.abs(moved(INERTIA)).max() > 0.1
@@ -120,6 +126,20 @@ def test_a_wheel_that_begins_to_slide_is_left_and_none_is_foreseen_to_roll():
     assert_allclose(seen[:24], slip[:24])
     assert seen[24:32].max() < 1.0
     assert seen[24:32].min() == pytest.approx(0.2)  # where sliding ends, at 1 % of 20 m/s
+
+
+def test_a_wheel_at_the_knee_of_its_curve_is_foreseen_too_and_no_slower_than_it_ever_slides():
+    """At 0.1 m/s, half of what sliding begins at by its slip alone."""
+    slip, law = np.full(40, 0.1), np.full(40, 2000.0)
+    slip[35] = 0.08
+    stop = slid(slip, law)
+    flat, none = np.ones((40, 1), dtype=bool), np.zeros((40, 1), dtype=bool)
+    foreseen, left = (
+        predicted(stop, slides, law[:, None] - 3e4, np.zeros((40, 1)), BLOCK, RADIUS, np.array([INERTIA]))[1]
+        for slides in (flat, none)
+    )
+    assert_allclose(left.wheel, stop.wheel)
+    assert (foreseen.speed - RADIUS * foreseen.wheel[:, 0])[8:].min() == pytest.approx(0.08)
 
 
 def test_a_torque_that_stays_is_what_was_to_be_expected():

@@ -43,7 +43,7 @@ def ask(monkeypatch):
 
         def side(name, less):
             replica = SimpleNamespace(name=name, recorded=None, sample_s=0.01)
-            return SimpleNamespace(replica=replica, weights=PLAIN, compare=lambda *_: (less, shift))
+            return SimpleNamespace(replica=replica, weights=PLAIN, compare=lambda *_: (less, shift), noise_parameters=name)
 
         monkeypatch.setattr(retest, "own_side", lambda step, seen: (side("own", own), step.fitted))
         monkeypatch.setattr(retest, "estimates", lambda *_: {"rise": Estimate(0.002, "-", interval)})
@@ -73,7 +73,7 @@ def test_evidence_is_the_mean_of_both_sides_if_neither_speaks_against_it(ask, he
     assert held.trial.reduction == reduction
     assert held.trial.evidence == 0.5 * reduction - PENALTY
     assert held.trial.size == StopChange(0.04, 0.0)
-    assert held.replica.name == "own"
+    assert held.replica.name == held.noise_parameters == "own"
 
 
 @pytest.mark.parametrize(("itself", "reduction"), [(67.0, 4300.5), (73.0, 1.0)])
