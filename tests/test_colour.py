@@ -35,8 +35,8 @@ def series(rng: np.random.Generator, coefficients: np.ndarray, length: int) -> n
 def rows_of(run: np.ndarray, axle: np.ndarray, time: np.ndarray, slides: np.ndarray) -> Rows:
     zero = np.zeros(len(run))
     return Rows(
-        balance=np.full(len(run), ADHESION), slides=slides, run=run, axle=axle, segment=zero - 1, validate=zero > 0.0, time=time, place=zero,
-        speed=zero + 20.0, slip=np.where(slides, 5.0, 0.0), work=zero, deceleration=zero,
+        balance=np.full(len(run), ADHESION), slides=slides, run=run, axle=axle, segment=zero - 1, validate=zero > 0.0,
+        time=time, place=zero, speed=zero + 20.0, slip=np.where(slides, 5.0, 0.0), work=zero, deceleration=zero,
     )  # fmt: skip
 
 
