@@ -23,9 +23,9 @@ LAW = Model(2e-4, (0.06, 0.07))
 
 @pytest.fixture(scope="module")
 def replica(tmp_path_factory):
-    """A stop that slides, and one whose wheels stay below 0.5 % of creepage: no slide, but near the friction that there is."""
+    """A stop that slides, and one whose wheels stay on the steep part of their curve, but near the friction that there is."""
     slides = stop(LAW.tau, LAW.mu_cd[0], noise=1.0, seed=1)
-    rolls = stop(LAW.tau, LAW.mu_cd[1], peak=0.004, noise=1.0, seed=2)
+    rolls = stop(LAW.tau, LAW.mu_cd[1], peak=0.002, noise=1.0, seed=2)
     folder = tmp_path_factory.mktemp("fitting") / "c"
     write_campaign(folder, {"A1": slides, "B1": rolls}, ["A1"], ["B1"])
     campaign = read_campaign(folder)
