@@ -55,6 +55,23 @@ def test_the_recorded_torque_gives_the_recorded_stop_under_its_own_law(exact):
     assert rolling > 10 * right
 
 
+def test_pieces_of_other_stops_laws_and_mechanisms_in_one_batch_are_as_they_are_alone():
+    campaign = read_campaign(demo_campaign())
+    radii, samples = rolling_radii(campaign), 300
+    drag = {"aerodynamic_drag": {"c_ns2_per_m2": 8.0}}
+    laws = [(0.05, 2e-4, {}), (0.05, 2e-4, drag), (0.06, 0.0, {})]
+    runs = list(campaign.runs.values())[:2]
+    pieces = [simulation.Piece(run, derive(campaign, run, radii), 200, *law) for run in runs for law in laws]
+    together = simulation.simulate_pieces(campaign, pieces, radii, samples)
+    for index, one in enumerate(pieces):
+        run, derived, start, *law = one
+        alone = simulation.simulate(campaign, run, derived, radii, np.array([start]), samples - 50, *law)
+        piece = together.piece(index, samples - 50)
+        assert_allclose(piece.speed_mps, alone.speed_mps, rtol=1e-9)
+        assert_allclose(piece.circumferential_mps, alone.circumferential_mps, atol=1e-7)
+    assert together.speed_mps[1, -1] < together.speed_mps[0, -1] - 0.1  # the drag slows it
+
+
 def test_windows_lie_side_by_side_where_the_vehicle_is_fast(exact):
     campaign, _, derived, _ = exact
     starts, samples = simulation.windows(derived, campaign.sample_time_s, Smoothing(least_speed_mps=28.0))

@@ -29,6 +29,14 @@ def test_work_inside_a_task_of_the_pool_stays_in_its_thread() -> None:
     assert [len(set(names)) for names in each] == [1, 1]
 
 
+def test_a_single_task_stays_in_its_thread_and_hands_its_own_work_on() -> None:
+    with ThreadPoolExecutor(2, "other") as pool, on_threads(pool):
+        ((thread, inside),) = side_by_side(lambda n: (threading.current_thread().name, side_by_side(_slowly, range(n))), [3])
+        assert side_by_side(_slowly, []) == []
+    assert thread == threading.current_thread().name
+    assert {name[:5] for _, name in inside} == {"other"}
+
+
 def test_afterwards_it_works_in_the_calling_thread() -> None:
     with ThreadPoolExecutor(1, "other") as pool, on_threads(pool):
         pass
