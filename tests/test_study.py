@@ -88,16 +88,15 @@ def test_replayed_conditions_are_those_of_the_recordings_and_nobody_beats_the_bo
     for name, one in zip(names, stops, strict=True):
         assert one.initial_speed == pytest.approx(campaign.runs[name].vehicle_speed_mps[:5].mean(), rel=0.02)
         assert one.tau == tuning.tau_m_per_J
-    (row,) = replayed.compare(replayed.Arguments((demo_campaign(),)))
-    assert row["stops"] == len(names)
-    assert row["stopped"]
-    assert row["over_bound"] > 1.0
-    assert replayed.table([row]).count("\n") == 2
-
-
-def test_replaying_against_unknown_thresholds_is_refused():
-    with pytest.raises(SystemExit, match=r"agents\.rules"):
-        replayed.compare(replayed.Arguments((demo_campaign(),), price="17"))
+    rows = replayed.compare(replayed.Arguments((demo_campaign(),)))
+    assert {row["stops"] for row in rows} == {len(names)}
+    assert {"policy", "adaptive 1.5", "rules 2"} <= {row["controller"] for row in rows}
+    assert all(row["over_bound"] > 1.0 and row["ran_on"] == 0 for row in rows)
+    of = {row["controller"]: row for row in rows}
+    assert np.isnan(of["rules 2"]["over_rules"]["distance_m_ratio"])  # it is on that front
+    # The policy is compared with all others, and these hold the rules.
+    assert of["policy"]["over_envelope"]["distance_m_ratio"] >= of["policy"]["over_rules"]["distance_m_ratio"]
+    assert replayed.table(rows).count("\n") == 1 + len(rows)
 
 
 def test_behaviour_counts_braked_wheels_by_speed_and_those_let_roll():
