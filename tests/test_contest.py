@@ -2,6 +2,7 @@
 
 import dataclasses
 from concurrent.futures import ThreadPoolExecutor
+from typing import ClassVar
 
 import pytest
 from trial_cases import GAIN, GRADIENT, TERM, trial
@@ -19,6 +20,15 @@ EVIDENCE = {"brake_gain_imbalance": 40.0, "track_gradient": 50.0, "brake torque 
 THREE = [trial(one, EVIDENCE[one.title]) for one in (GAIN, GRADIENT, TERM)]
 
 
+class Compared(Retested):
+    """One of which it is known by how much it exceeds others [nats]."""
+
+    more: ClassVar[dict[tuple[str, str], float]] = {}
+
+    def exceeds(self, other):
+        return self.more[self.trial.listed.title, other.trial.listed.title]
+
+
 def contest(batches, evidence=None, rejects=lambda one: False, first_round=True, asked=None, squares=None):
     """Ask for the best, where the evidence from both sides is given by title; None: it is cancelled by nuisances.
 
@@ -34,7 +44,7 @@ def contest(batches, evidence=None, rejects=lambda one: False, first_round=True,
         if asked is not None:
             asked.append(one.listed)
         value = (EVIDENCE | (evidence or {}))[one.listed.title]
-        return None if value is None else Retested(dataclasses.replace(one, evidence=value), None, None)
+        return None if value is None else Compared(dataclasses.replace(one, evidence=value), None)
 
     return best_of(batches, rejects, about, retest, lambda one: SURE, first_round)
 
@@ -110,14 +120,13 @@ def test_the_next_batch_is_tried_if_nothing_holds_in_the_first_round(first_round
 @pytest.mark.parametrize(
     ("squares", "evidence", "tested", "refused"),
     [
-        (1130.0, 50.0, [GRADIENT, GAIN], []),  # sums of 1000 squares scatter by 45
-        (1140.0, 50.0, [GRADIENT], [GAIN]),
-        (1140.0, 39.0, [GRADIENT, GAIN], []),  # the gain explains 40 nats about the model without it
+        (1130.0, 170.0, [GRADIENT, GAIN], []),  # sums of 1000 squares scatter by 45
+        (1140.0, 170.0, [GRADIENT], [GAIN]),
+        (1140.0, 150.0, [GRADIENT, GAIN], []),  # the gain explains 40 nats here, and may have four times that from both sides
         (1140.0, None, [GRADIENT, GAIN], [GRADIENT]),  # what does not hold replaces nothing
-        (900.0, 50.0, [GAIN, GRADIENT], []),
     ],
 )
-def test_what_explains_less_and_fits_distinctly_worse_about_itself_than_what_holds_is_not_tested(
+def test_what_fits_distinctly_worse_about_itself_and_cannot_explain_as_much_as_what_holds_is_not_tested(
     squares, evidence, tested, refused
 ):
     asked = []
@@ -126,12 +135,40 @@ def test_what_explains_less_and_fits_distinctly_worse_about_itself_than_what_hol
     assert list(rejected) == [one.title for one in refused]
 
 
-def test_fit_and_evidence_to_beat_are_those_of_one_name():
-    """The gain fits better than the mass and explains less, the gradient explains more and fits as well."""
+@pytest.mark.parametrize(
+    ("squares", "more", "expected", "left"),
+    [
+        (900.0, 6.0, GAIN, 34.0),
+        (900.0, -6.0, GRADIENT, 40.0),  # it has less evidence than that anyway
+        (900.0, -30.0, GRADIENT, 20.0),
+        (1000.0, None, GRADIENT, 40.0),  # fits no better: they are not compared
+    ],
+)
+def test_a_name_with_less_evidence_that_fits_better_about_itself_is_compared_with_the_first(
+    monkeypatch, squares, more, expected, left
+):
+    """The worse of the two has by so much less evidence than the better, which has 40 nats or 50."""
+    monkeypatch.setattr(Compared, "more", {(GAIN.title, GRADIENT.title): more})
+    best, _, trials = contest([THREE[:2]], squares={GAIN.title: squares})
+    assert best.trial.listed == expected
+    assert best.trial.evidence == EVIDENCE[expected.title]
+    (other,) = [one for one in trials if one.listed != expected]
+    assert other.evidence == left
+
+
+def test_a_term_is_compared_with_no_name():
+    best, _, _ = contest([THREE], squares={TERM.title: 1.0})
+    assert best.trial.listed == GRADIENT
+
+
+def test_fit_and_evidence_to_beat_are_those_of_one_name(monkeypatch):
+    """The gain fits better than the mass and may explain less, the gradient explains far more and fits as well."""
     mass = Variant("vehicle_mass", ("change",), {})
     asked = []
+    evidence = {mass.title: 15.0, GRADIENT.title: 70.0}
+    monkeypatch.setattr(Compared, "more", {(GAIN.title, GRADIENT.title): -5.0})
     contest(
-        [[*THREE[:2], trial(mass, 45.0)]], {mass.title: 45.0}, asked=asked,
-        squares={GAIN.title: 900.0, GRADIENT.title: 1000.0, mass.title: 1100.0},
+        [[*THREE[:2], trial(mass, 15.0)]], evidence, asked=asked,
+        squares={GAIN.title: 1000.0, GRADIENT.title: 1060.0, mass.title: 1180.0},
     )  # fmt: skip
     assert asked == [GAIN, GRADIENT, mass]

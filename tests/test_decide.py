@@ -83,7 +83,7 @@ def test_an_earlier_name_gives_way_to_a_rival_that_explains_distinctly_more_besi
         return Fitted(model, tuple(variants), values, (np.eye(1),) * len(values), costs[titles[0] if titles else None])
 
     def own(_, __, ___, one):
-        return decide.Retested(one, "its own", None) if holds else None
+        return decide.Retested(one, SimpleNamespace(replica="its own")) if holds else None
 
     monkeypatch.setattr(decide, "refit", refit)
     monkeypatch.setattr(decide, "weights_of", lambda *_: None)
@@ -217,7 +217,7 @@ def test_what_the_runs_leave_no_evidence_of_was_not_seen(left, monkeypatch):
     monkeypatch.setattr(decide, "_is_rejected", lambda *_: False)
     fit = SimpleNamespace(fitted=SimpleNamespace(cost=1.0))
     monkeypatch.setattr(decide, "about_itself", lambda *all_three: SimpleNamespace(trial=all_three[-1], step=fit))
-    monkeypatch.setattr(decide, "retest", lambda *_: decide.Retested(dataclasses.replace(one, evidence=left), None, None))
+    monkeypatch.setattr(decide, "retest", lambda *_: decide.Retested(dataclasses.replace(one, evidence=left), None))
     outcome = decide.select(
         SimpleNamespace(baseline=Model(2e-4, (0.06,)), rows=[], recorded=None), [GRADIENT], ThreadPoolExecutor(1)
     )

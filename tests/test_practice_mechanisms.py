@@ -92,6 +92,19 @@ def test_a_dragging_brake_stays_on_its_axle_once_it_was_applied():
     assert_array_equal(added[:, [0, 1, 3]], 0.0)
 
 
+def test_a_drag_that_builds_up_follows_its_time_constant_from_the_first_application_on():
+    """Whatever the cylinder does afterwards: it is released after a second, and the drag goes on growing."""
+    drag, rise, begins = 400.0, 1.5, 1.0
+    measured = trajectory(lambda time: np.where((time >= begins) & (time < 2.0), FULL_NM, 0.0))
+    values = {"torque_nm": drag, "axle": 3.0, "rise_s": rise}
+    added = said(measured, "dragging_brake", **values).torque_nm[:, 2] - measured.brake_torque_nm[:, 2]
+    expected = drag * -np.expm1(-np.maximum(measured.time_s - begins, 0.0) / rise)
+    sample_s = measured.time_s[1] - measured.time_s[0]
+    assert_allclose(added, expected, atol=1.01 * drag * sample_s / rise)
+    finer = said(measured, "dragging_brake", **(values | {"rise_s": 1e-9})).torque_nm
+    assert_array_equal(finer, said(measured, "dragging_brake", **(values | {"rise_s": 0.0})).torque_nm)
+
+
 def test_a_brake_that_has_stuck_since_the_stop_before_drags_from_the_start():
     measured = trajectory(lambda time: np.where(time > 1.0, FULL_NM, 0.0))
     torque = said(measured, "dragging_brake", torque_nm=400.0, axle=3.0, from_start=1.0).torque_nm

@@ -73,7 +73,7 @@ def test_evidence_is_the_mean_of_both_sides_if_neither_speaks_against_it(ask, he
     assert held.trial.reduction == reduction
     assert held.trial.evidence == 0.5 * reduction - PENALTY
     assert held.trial.size == StopChange(0.04, 0.0)
-    assert held.replica.name == held.noise_parameters == "own"
+    assert held.own.noise_parameters == "own"
 
 
 @pytest.mark.parametrize(("itself", "reduction"), [(67.0, 4300.5), (73.0, 1.0)])
@@ -81,6 +81,22 @@ def test_a_side_that_speaks_against_a_better_fit_does_not_count_alone(ask, itsel
     """A memory that does not show about a replica without it. Without it 106 squares are left there; 70 scatter by 12."""
     assert ask(1.0, 8600.0, itself=itself).trial.reduction == reduction
     assert ask(8600.0, 1.0, itself=itself).trial.reduction == 1.0  # not needed about itself
+
+
+@pytest.mark.parametrize(("about_mine", "about_others", "exceeds"), [(30.0, -10.0, 3.0), (30.0, -50.0, -7.0)])
+def test_two_names_are_compared_about_both_replicas(about_mine, about_others, exceeds):
+    """By the mean of both; `about_*`: by how much the other leaves a larger deviance there. It costs 2 nats less."""
+    fits = [Fitted(NULL, (one,), (), (), 0.0) for one in (GRADIENT, GAIN)]
+    mine = dataclasses.replace(trial(GRADIENT, 30.0), fitted=fits[0], penalty=PENALTY)
+    other = dataclasses.replace(trial(GAIN, 30.0), fitted=fits[1], penalty=PENALTY - 2.0)
+
+    def side(less):
+        deviance = {GRADIENT.title: 1000.0, GAIN.title: 1000.0 + less}
+        return SimpleNamespace(fit=lambda model, variants: SimpleNamespace(deviance=deviance[variants[0].title]))
+
+    first, second = retest.Retested(mine, side(about_mine)), retest.Retested(other, side(about_others))
+    assert first.exceeds(second) == pytest.approx(exceeds)
+    assert second.exceeds(first) == pytest.approx(-exceeds)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Which of the tried mechanisms holds, and is the best: from both sides, and beside its rivals."""
 
+import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
@@ -38,40 +39,63 @@ def best_of(
 
     Promising names are fitted to replicas of their own (`about`), where they may change places. In the order in which they fit
     there, they are tested from both sides (`retest_trial`): the log odds must exceed `threshold`, and `rejects` must be false.
-    A name that explains less here than one that holds explains from both sides, and fits worse about itself by more than the
-    scatter of sums of squares, is not tested. The same applies to terms that may replace the best name.
+    A name is not tested if it fits worse about itself than one that holds, by more than the scatter of sums of squares, and
+    explains so little here that it can hardly explain as much from both sides. The same applies to terms that may replace the
+    best name.
     """
     rejected: dict[str, float] = {}
     trials: list[Trial] = []
     for some in batches:
         last = {one.listed.title: one for one in some}
-        held: list[Retested] = []
-        marks: list[tuple[float, float]] = []  # evidence and sum of squares of what holds
+        held: list[tuple[Retested, float]] = []  # with its sum of squares about itself
         for kind in ([one for one in some if not one.listed.family], [one for one in some if one.listed.family]):
-            promising = _promising(kind, some, threshold, held)
+            promising = _promising(kind, some, threshold, [one for one, _ in held])
             tested = [one for one in promising if not rejects(one)]
             for one in sorted(side_by_side(about, tested), key=lambda one: one.step.fitted.cost):
                 cost = one.step.fitted.cost
-                worse = any(one.trial.evidence < most and fits_worse(cost, least) for most, least in marks)
+                most = _MOST_GAINED * one.trial.evidence
+                worse = any(most < other.trial.evidence and fits_worse(cost, least) for other, least in held)
                 retested = None if worse else retest_trial(one)
                 if retested is None:
                     continue
                 last[one.trial.listed.title] = retested.trial
                 odds = log_odds(retested.trial.listed, retested.trial.evidence)
                 if odds > threshold(retested.trial) and not rejects(retested.trial):
-                    held.append(retested)
-                    marks.append((retested.trial.evidence, cost))
-            hold = {one.trial.listed.title for one in held}
+                    held.append((retested, cost))
+            hold = {one.trial.listed.title for one, _ in held}
             for title in [one.listed.title for one in promising]:
                 if title not in hold:
                     rejected[title] = log_odds(last[title].listed, last[title].evidence)
-        trials += last.values()
         if held:
-            first = preferred([one.trial for one in held])[0]
-            return Contest(next(one for one in held if one.trial is first), rejected, trials)
+            best, *others = _compared(held)
+            return Contest(
+                best, rejected, trials + list((last | {one.trial.listed.title: one.trial for one in others}).values())
+            )
+        trials += last.values()
         if not first_round:
             break
     return Contest(None, rejected, trials)
+
+
+def _compared(held: Sequence[tuple[Retested, float]]) -> list[Retested]:
+    """Return what holds, best first, from the trials and their sums of squares about themselves.
+
+    Evidence is told against the model without the mechanism. A name with less of it that fits better about itself is compared
+    directly: the worse of the two then has so much less evidence than the better.
+    """
+    ranked = preferred([one.trial for one, _ in held])
+    (first, least), *others = [next(one for one in held if one[0].trial is trial) for trial in ranked]
+    after: list[Retested] = []
+    for one, cost in others:
+        if first.trial.listed.family or one.trial.listed.family or cost >= least:
+            after.append(one)
+            continue
+        more = one.exceeds(first)
+        better, worse = (one, first) if more > 0.0 else (first, one)
+        evidence = min(worse.trial.evidence, better.trial.evidence - abs(more))
+        after.append(worse._replace(trial=dataclasses.replace(worse.trial, evidence=evidence)))
+        first, least = better, cost if better is one else least
+    return [first, *after]
 
 
 def _promising(

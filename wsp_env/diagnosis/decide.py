@@ -138,7 +138,7 @@ def select(
         named = Accepted(best.trial, *posterior(best.trial, others, searched), tuple(sure))
         replica, fitted, accepted = _forward_step([*accepted, named], best, weights, seen)
         replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen, pool)
-        noise = best.noise_parameters
+        noise = best.own.noise_parameters
         if fitted is not best.trial.fitted:  # without an earlier mechanism, or with another one, sizes and noise are others
             own, again, noise = _converge_all(replica, fitted, accepted, seen)
             if np.isfinite(again.cost) and largest_change(fitted, again) > LARGE_CHANGE:
@@ -190,7 +190,7 @@ def _forward_step(
     accepted: list[Accepted], last: Retested, weights: Weights, seen: Screen
 ) -> tuple[Replica, Fitted, list[Accepted]]:  # fmt: skip
     """Return replica and fit of all accepted mechanisms, without those that are no longer sure with the last one present."""
-    replica = last.replica
+    replica = last.own.replica
     kept, fitted = _backward_elimination(replica, accepted, last.trial.fitted, seen)
     if len(kept) < len(accepted):
         replica, fitted = converge(replica.recorded, fitted, weights)
@@ -233,7 +233,7 @@ def _exchanged(
                 kept = [other for other in accepted if other is not one]
                 others_tried = [*tried, dataclasses.replace(one.trial, evidence=before)]
                 named = Accepted(retested.trial, *posterior(retested.trial, others_tried, ()))
-                return _sized(retested.replica, retested.trial.fitted, [*kept, named], seen)
+                return _sized(retested.own.replica, retested.trial.fitted, [*kept, named], seen)
     return replica, fitted, accepted
 
 

@@ -59,14 +59,6 @@ class AboutItself(NamedTuple):
         return fits_worse(self.trial.fitted.cost + self.trial.reduction, self.step.fitted.cost)
 
 
-class Retested(NamedTuple):
-    """A trial with its evidence from both sides, the replica of its own to which it was fitted, and the noise about it."""
-
-    trial: Trial
-    replica: Replica
-    noise_parameters: NoiseParameters
-
-
 class Weighted(NamedTuple):
     """A model fitted to a replica with nuisance sizes estimated from its own residuals."""
 
@@ -138,6 +130,23 @@ class Side:
         return float(amplitudes @ amplitudes)  # in prior deviations
 
 
+class Retested(NamedTuple):
+    """A trial with its evidence from both sides, and its own side."""
+
+    trial: Trial
+    own: Side
+
+    def exceeds(self, other: "Retested") -> float:
+        """Return how much more it explains than another trial [nats]: the mean about the replicas of both."""
+        mine, others = self.trial, other.trial
+        reduced = [
+            one.own.fit(others.fitted.model, others.fitted.variants).deviance
+            - one.own.fit(mine.fitted.model, mine.fitted.variants).deviance
+            for one in (self, other)
+        ]
+        return 0.5 * float(np.mean(reduced)) - mine.penalty + others.penalty
+
+
 def about_itself(recorded: Balances, weights: Weights, trial: Trial) -> AboutItself:
     """Return a trial about a replica of its own, with the weights of the other side.
 
@@ -195,7 +204,7 @@ def retest(make_here: Callable[[], Side], seen: Screen, pool: Executor, one: Abo
     if log_odds(trial.listed, reduced_evidence) <= SURE:
         evidence = reduced_evidence
     found_trial = dataclasses.replace(trial, fitted=fitted, reduction=reduction, evidence=evidence, size=size)
-    return Retested(found_trial, own.replica, own.noise_parameters)
+    return Retested(found_trial, own)
 
 
 def _linear(trial: Trial) -> Fitted:
