@@ -3,7 +3,7 @@
 The law is tuned on each campaign, every stop gets its initial speed, demand, load, mu_cd and tau, as `wsp replay` does. The
 shipped policy and all classical controllers brake the stops of all campaigns. The table gives each controller's distance as a
 ratio to the front of the rules, and to the lower envelope of the others' fronts (see `agents.rivals`), at its own mean slip.
-Standard errors are those of campaigns drawn anew.
+Standard errors are those of campaigns drawn anew, of stops where there is one campaign.
 """
 
 import dataclasses
@@ -22,6 +22,7 @@ from agents.measure import Yardstick
 from agents.rivals import classical
 from wsp_env.evaluation.policy import load_policy
 from wsp_env.evaluation.replay import braked
+from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import CampaignWarning, conditions, read_campaign, tune
 
 
@@ -51,6 +52,11 @@ def compare(arguments: Arguments) -> list[dict[str, Any]]:
     """Return a row for each controller: its means, over the bound, and over the fronts at its own slip."""
     measured = yardsticks(arguments.campaigns)
     own = load_policy(arguments.folder if arguments.folder.name else Path("agents/trained") / arguments.vehicle)
+    for yardstick in measured:
+        try:
+            own.check(yardstick.vehicle, yardstick.conduct.control_interval_s, yardstick.conduct.pressure_sensors)
+        except ParameterError as error:
+            raise SystemExit(f"{error}; choose its policy with --vehicle") from None
     every = {(family, who): one for family, members in classical(arguments.vehicle).items() for who, one in members.items()}
     found: dict[tuple[str, str], Stops] = {}
     ran_on: dict[tuple[str, str], int] = {}

@@ -99,6 +99,11 @@ def test_replayed_conditions_are_those_of_the_recordings_and_nobody_beats_the_bo
     assert replayed.table(rows).count("\n") == 1 + len(rows)
 
 
+def test_a_campaign_of_another_number_of_axles_is_refused_before_anything_is_braked():
+    with pytest.raises(SystemExit, match=r"2 axles of a bogie, .* has 4; choose its policy with --vehicle"):
+        replayed.compare(replayed.Arguments((demo_campaign(),), vehicle="bogie"))
+
+
 def test_behaviour_counts_braked_wheels_by_speed_and_those_let_roll():
     time, n = np.arange(0.0, 60.0, 0.5), 120
     speed = np.linspace(44.0, 0.0, n)[:, None]
