@@ -12,7 +12,7 @@ import numpy as np
 import tyro
 
 from agents import settings
-from agents.drawn import NOISE
+from agents.drawn import GRADIENT, NOISE
 from agents.improve import Improvement
 from agents.measure import COMPARED, HELD_OUT, INITIAL_ADHESION, INITIAL_SPEED_MPS, RECOVERY_M_PER_J, Yardstick
 from agents.rules import read_best
@@ -146,7 +146,8 @@ def card(contract: Contract, sections: Mapping[str, str], stops: int) -> str:
     if contract.limits["mechanisms"]:
         ranges += f", mechanisms {json.dumps(contract.limits['mechanisms'])}"
     if arguments.get("world") == "varied":
-        ranges += f"; brakes, gain and wear of one axle and sensor noise to {NOISE:g} rad/s drawn (`agents/varied.py`)"
+        ranges += f"; brakes, gain and wear of one axle, sensor noise to {NOISE:g} rad/s, gradient to "
+        ranges += f"{1000 * GRADIENT[1]:g} per mille, drag and fading pads drawn (`agents/varied.py`)"
     by_teacher = contract.training["decisions"] - contract.training["ppo_decisions"]
     learned = f"{by_teacher:,} decisions of imitation and {contract.training['ppo_decisions']:,} of PPO".replace(",", " ")
     brake, own = arguments["torque_per_bar_nm"], VEHICLES[contract.vehicle].brake.torque_per_bar_nm

@@ -33,6 +33,17 @@ from wsp_env.plant.port import Measurement, Stop
 DEAD_S, FILL_S, VENT_S, RISE_S = (0.02, 0.06), (0.18, 0.35), (0.10, 0.22), (3.0, 5.0)
 GAIN, GAIN_OF_ONE, RADIUS, LAG_S = 0.05, 0.1, 5e-4, (0.0, 0.03)
 
+#: What else may slow it less or more, in the world "line": rise of the track over distance [-], drag beyond the believed one
+#: [N s2/m2], change of the pads' friction with the speed [s/m] (assumptions).
+GRADIENT, DRAG_NS2_PER_M2, PADS_S_PER_M = (-0.01, 0.01), (0.0, 2.5), (-0.004, 0.0)
+
+#: The worlds of one further force each, at the ends of these ranges: rise of the track, mechanisms.
+FORCES: dict[str, tuple[float, dict[str, dict[str, float]]]] = {
+    "downhill": (GRADIENT[0], {}),
+    "uphill": (GRADIENT[1], {}),
+    "drag": (0.0, {"aerodynamic_drag": {"c_ns2_per_m2": DRAG_NS2_PER_M2[1]}}),
+}
+
 #: Vehicles drawn; each brakes as many of the stops.
 DRAWS = 8
 
@@ -116,33 +127,53 @@ def drawn_vehicle(vehicle: Vehicle, rng: np.random.Generator) -> tuple[Vehicle, 
     return dataclasses.replace(vehicle, brake=brake), mechanisms
 
 
+def drawn_line(rng: np.random.Generator) -> dict[str, dict[str, float]]:
+    """Draw drag and pads of the world "line" as mechanisms."""
+    drag, pads = float(rng.uniform(*DRAG_NS2_PER_M2)), float(rng.uniform(*PADS_S_PER_M))
+    return {"aerodynamic_drag": {"c_ns2_per_m2": drag}, "pad_friction": {"per_speed_s_per_m": pads}}
+
+
 def world(name: str, vehicle: Vehicle, law: str, count: int, seed: int) -> World:
     """Return the vehicles of a world with the stops of each.
 
-    "nominal"; "drawn brakes"; "noise"; "worn" (one wheelset of each stop, by 1 to 4 %); "all" of these.
+    "nominal"; "drawn brakes"; "noise"; "worn" (one wheelset of each stop, by 1 to 4 %); "all" of these; "line": all, on
+    gradients, with drag and fading pads; "downhill", "uphill" and "drag": nominal, with this force.
     """
     stops = low_adhesion(vehicle, law, count, seed)
     rng = np.random.default_rng([seed, 1])
-    if name in ("drawn brakes", "all"):
+    if name in ("drawn brakes", "all", "line"):
         stops = [_changed(stop, 1.0 + RADIUS * rng.normal(size=vehicle.axles)) for stop in stops]
-    if name in ("worn", "all"):
+    if name in ("worn", "all", "line"):
         wear = [WORN[i % len(WORN)] for i in range(count)]
         axles = rng.integers(vehicle.axles, size=count)
         one = np.eye(vehicle.axles)
         stops = [_changed(stop, 1.0 - worn * one[k]) for stop, worn, k in zip(stops, wear, axles, strict=True)]
     if name == "noise":
         stops = [dataclasses.replace(stop, noise=NOISE) for stop in stops]
-    if name == "all":
+    if name in ("all", "line"):
         stops = [dataclasses.replace(stop, noise=float(rng.uniform(0.0, NOISE))) for stop in stops]
     if name in ("nominal", "noise", "worn"):
         return [(vehicle, {}, stops)]
-    if name not in ("drawn brakes", "all"):
-        raise SystemExit(f"no world {name!r}; valid: nominal, drawn brakes, noise, worn, all")
-    return [(*drawn_vehicle(vehicle, rng), stops[i::DRAWS]) for i in range(min(DRAWS, count))]
+    if name in FORCES:
+        gradient, mechanisms = FORCES[name]
+        return [(vehicle, mechanisms, [dataclasses.replace(stop, gradient=gradient) for stop in stops])]
+    if name not in ("drawn brakes", "all", "line"):
+        valid = ", ".join(("nominal", "drawn brakes", "noise", "worn", "all", "line", *FORCES))
+        raise SystemExit(f"no world {name!r}; valid: {valid}")
+    parts = [(*drawn_vehicle(vehicle, rng), stops[i::DRAWS]) for i in range(min(DRAWS, count))]
+    if name != "line":
+        return parts
+    line = np.random.default_rng([seed, 2])
+    parts = [(own, mechanisms | drawn_line(line), of_it) for own, mechanisms, of_it in parts]
+    return [(own, mechanisms, [_sloping(stop, line) for stop in of_it]) for own, mechanisms, of_it in parts]
 
 
 def _changed(stop: Stop, radius: np.ndarray) -> Stop:
     return dataclasses.replace(stop, radius=stop.radius * radius)
+
+
+def _sloping(stop: Stop, rng: np.random.Generator) -> Stop:
+    return dataclasses.replace(stop, gradient=float(rng.uniform(*GRADIENT)))
 
 
 class Drawn:

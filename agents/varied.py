@@ -1,4 +1,4 @@
-"""Stops on vehicles that are not quite what the policy believes: brakes, gains, radii and sensors drawn, to train in.
+"""Stops on vehicles that are not quite what the policy believes: brakes, gains, radii, sensors and line drawn, to train in.
 
 The vehicles are those of `agents.drawn`: each part of the batch has a brake and a gain of its own, and the observer believes
 the nominal one, as when deployed. Some are nominal. The guard of deployed policies (`wsp_env.observer.guard`) stands before and
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.drawn import NOISE, RADIUS, WORN, drawn_vehicle
+from agents.drawn import GRADIENT, NOISE, RADIUS, WORN, drawn_line, drawn_vehicle
 from agents.worlds import Shaped
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
@@ -92,6 +92,8 @@ def varied_parts(
             own, mechanisms = drawn_vehicle(nominal, rng)
             changed["vehicle"] = {"brake": dataclasses.asdict(own.brake)}
             changed["scenario"] = {**options.get("scenario", {}), "sensor_noise": (0.0, NOISE)}
+            if guarded:
+                changed["scenario"]["gradient"], mechanisms = GRADIENT, mechanisms | drawn_line(rng)
             radius = {"change": float(RADIUS * rng.normal()), "axle": float(rng.integers(nominal.axles) + 1)}
             if guarded:
                 radius["change"] -= float(rng.uniform(0.0, max(WORN)))

@@ -166,7 +166,7 @@ def _wanted(i: int, k: int, s: Settings, own: Plan, memory: Memory, c: ObserverC
     mean = 0.0
     for j in range(own.command.shape[1]):
         mean += e.adhesion[i, j] / own.command.shape[1]
-    deceleration = e.mass_ratio[i] * _GRAVITY_MPS2 * mean
+    deceleration = e.mass_ratio[i] * _GRAVITY_MPS2 * mean + e.other[i]
     used, slip = e.adhesion[i, k], e.speed[i] - e.wheel[i, k]
     ahead = c.estimator.interval * e.commands.shape[1]
     coming = 0.5 * c.estimator.full_brake * (e.pressure[i, k] + e.pressure_to_come[i, k])

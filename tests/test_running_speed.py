@@ -41,11 +41,12 @@ def braked(rise_s, noise, seconds, mu_cd=0.1):
 
 @pytest.mark.parametrize("rise_s", [3.2, 4.0, 4.9])
 def test_the_rise_of_the_distributor_is_learnt_while_the_wheels_still_roll(rise_s):
-    """Within its own deviation, and at least a quarter of the way to the truth by then; the pressure is that of this rise."""
+    """Within its own deviation, and towards the truth; another force takes the rest, so that the running speed is right."""
     plant, observer = braked(rise_s, 0.05, 1.6)
     e, true = observer.estimate, np.log(rise_s / BOGIE.brake.demand_rise_s)
     assert (np.abs(e.rise - true) < 2.0 * np.sqrt(e.rise_variance)).all()
-    assert np.abs(np.mean(e.rise) - true) < max(0.75 * abs(true), 0.02)
+    assert np.abs(np.mean(e.rise) - true) < max(0.95 * abs(true), 0.02)
+    assert_allclose(e.speed, plant.truth().speed, atol=0.1)
     assert (e.rise_variance < running_speed.RISE_DEVIATION**2).all()
     share = plant.truth().pressure / BOGIE.brake.full_pressure_bar
     assert_allclose(np.mean(np.log(e.pressure / share)), true - np.mean(e.rise), atol=0.02)
@@ -128,12 +129,33 @@ def test_covariances_stay_those_of_something(steps):
             running_speed.correct(0, e.speed[0] + missing, 0.1, kind == "roll", e)
         v, q, r = e.speed_variance[0], e.mass_variance[0], e.rise_variance[0]
         vq, vr, qr = e.covariance[0], e.rise_speed[0], e.rise_mass[0]
-        matrix = np.array([[v, vq, vr], [vq, q, qr], [vr, qr, r]])
+        a, va, qa, ra = e.other_variance[0], e.other_speed[0], e.other_mass[0], e.other_rise[0]
+        matrix = np.array([[v, vq, vr, va], [vq, q, qr, qa], [vr, qr, r, ra], [va, qa, ra, a]])
         scale = np.sqrt(np.diag(matrix))
         assert (np.diag(matrix) >= 0.0).all()
         assert np.linalg.eigvalsh(matrix / np.outer(scale, scale)).min() > -1e-6
         assert running_speed.MASS_RANGE[0] <= e.mass_ratio[0] <= running_speed.MASS_RANGE[1]
         assert abs(e.rise[0]) <= np.log(bounds.RISES_FASTER) + 1e-12
+
+
+@pytest.mark.parametrize("gradient", [-0.01, 0.01])
+def test_a_gradient_passes_for_a_force_and_not_for_a_mass(gradient):
+    """Found before a wheel slides to half of it at least, kept with a brake released; the mass is that of the vehicle."""
+    drawn = low_adhesion(BOGIE, "classic", 8, 3)
+    mass = BOGIE.mass_kg + 0.5 * BOGIE.payload_kg
+    stops = [dataclasses.replace(s, gradient=gradient, noise=0.05, mass=mass, mu_cd=0.1, initial_speed=40.0) for s in drawn]
+    plant, observer = start_plant(BOGIE, stops, Conduct()), Observer(BOGIE, INTERVAL_S)
+    observer.reset(measure(plant))
+    for seconds, command in ((5.0, 1.0), (1.5, -1.0), (4.0, 1.0)):
+        commands = np.full((plant.n, BOGIE.axles), command)
+        for _ in range(round(seconds / INTERVAL_S)):
+            plant.step(commands)
+            observer.observe(measure(plant), commands)
+    e = observer.estimate
+    resisted = gradient * BOGIE.gravity_mps2
+    assert_allclose(np.mean(e.other), resisted, atol=0.5 * abs(resisted))
+    assert_allclose(e.mass_ratio, 1.0, atol=0.05)
+    assert_allclose(e.speed, plant.truth().speed, atol=0.25)
 
 
 def test_distrust_forgets_the_mass_and_doubts_the_speed():
@@ -143,7 +165,9 @@ def test_distrust_forgets_the_mass_and_doubts_the_speed():
         running_speed.predict(0, 0.02, -0.01, e, c)
     running_speed.correct(0, e.speed[0] + 0.3, 0.1, True, e)
     assert e.mass_ratio[0] != 1.0
+    assert e.other[0] != 0.0
     running_speed.distrust(0, 1.0, e)
-    assert e.mass_ratio[0] == 1.0
+    assert (e.mass_ratio[0], e.other[0]) == (1.0, 0.0)
     assert e.speed_variance[0] >= 1.0
     assert e.covariance[0] == e.rise_speed[0] == e.rise_mass[0] == 0.0
+    assert e.other_speed[0] == e.other_mass[0] == e.other_rise[0] == 0.0

@@ -35,6 +35,11 @@ class VehicleEstimate(NamedTuple):
     rise_variance: np.ndarray  # (N,) variance of r [-]
     rise_speed: np.ndarray  # (N,) covariance of running speed and r [m/s]
     rise_mass: np.ndarray  # (N,) covariance of q and r [-]
+    other: np.ndarray  # (N,) a, deceleration by other forces than those of the rail [m/s2]
+    other_variance: np.ndarray  # (N,) variance of a [m2/s4]
+    other_speed: np.ndarray  # (N,) covariance of running speed and a [m2/s3]
+    other_mass: np.ndarray  # (N,) covariance of q and a [m/s2]
+    other_rise: np.ndarray  # (N,) covariance of r and a [m/s2]
     distributor_by_rise: np.ndarray  # (N,) derivative of the distributor's pressure with respect to r [-]
     pressure_by_rise: np.ndarray  # (N, A) derivative of the cylinder pressure with respect to r [-]
     since_slide: np.ndarray  # (N,) time since a wheel slid [s]; inf: no wheel has
@@ -127,6 +132,7 @@ def allocate(n: int, vehicle: Vehicle, interval: float) -> VehicleEstimate:
     axles = vehicle.axles
     per_vehicle = {"speed", "uncertainty", "distributor", "demand", "mass_ratio", "since_slide"}
     per_vehicle |= {"speed_variance", "covariance", "mass_variance", "rise", "rise_variance", "rise_speed", "rise_mass"}
+    per_vehicle |= {"other", "other_variance", "other_speed", "other_mass", "other_rise"}
     per_vehicle |= {"distributor_by_rise", "most_distributor"}
     arrays = {name: np.zeros(n if name in per_vehicle else (n, axles)) for name in VehicleEstimate._fields}
     arrays["doubtful"] = np.zeros(n, dtype=bool)
