@@ -157,6 +157,17 @@ def test_sand_comes_after_its_delay_and_goes_after_the_slide():
     assert_allclose(left[100] / left[0], math.exp(-1.0 / decay), rtol=1e-6)
 
 
+def test_a_sander_that_needs_no_slide_works_late_or_slow():
+    """With a threshold of 0 it works from its delay on, whatever the slip; above its running speed it does not."""
+    given = {"axle": 2.0, "share": 0.3, "threshold_mps": 0.0, "build_up_s": 0.1, "decay_s": 0.1}
+    for speed, below, works in ((30.0, 20.0, False), (15.0, 20.0, True)):
+        creeps = trajectory(0.0, 1e-3, speed_mps=speed)
+        gained = said(creeps, "sanding", delay_s=2.0, below_mps=below, **given).adhesion - said(creeps).adhesion
+        assert_array_equal(gained[creeps.time_s < 2.0], 0.0)
+        assert (gained[creeps.time_s > 2.5, 1] > 0.0).all() == works
+        assert (gained[:, 1] != 0.0).any() == works
+
+
 def test_sanders_of_all_bogies_stand_before_their_leading_axles():
     creeps = trajectory(0.0, 0.1)
     gained = said(creeps, "sanding", axle=0.0, share=0.2).adhesion[-1] - said(creeps).adhesion[-1]

@@ -1,7 +1,8 @@
 """A sander blows sand before a sliding axle; the sand removes a share of the contaminant layer.
 
 It starts when the axle's slip has exceeded a threshold for some time, as triggered by a WSP, and stops when the slip falls
-below the threshold. The sand between wheel and rail builds up and decays with time constants. Later axles find the sand that
+below the threshold. With a threshold of 0 it works without a slide, as in an emergency brake. Above a running speed it does
+not work. The sand between wheel and rail builds up and decays with time constants. Later axles find the sand that
 earlier ones leave. Full-scale tests: S. R. Lewis, S. Riley, D. I. Fletcher, R. Lewis, International Journal of Railway
 Technology 6 (2017) 87-98. On track: RSSB's trials of 2017 at Melton; at an adhesion of 0.02, one sander with a fixed rate
 shortened a stop from over 1200 m to 800 m. The mean adhesion of all axles rose by about 0.01, a twentieth of the way to a dry
@@ -24,8 +25,14 @@ BEHIND = 0.7
 #: Slip thresholds [m/s] and delay [s] that are tried in recordings (assumption); a refit changes them.
 _THRESHOLDS_MPS = (0.7, 1.5, 3.0)
 _DELAY_S = 0.8
+#: The same of sanders that work without a slide: below a running speed [m/s], or some time after the start [s] (assumption).
+_BELOW_MPS, _LATE_S = 20.0, 5.0
 #: Initial time constants of a refit [s], see `CARD`.
 _BUILD_UP_S, _DECAY_S = 0.5, 1.5
+
+
+#: Above any running speed [m/s].
+_ANY_MPS = 200.0
 
 
 class Parameters(NamedTuple):
@@ -37,6 +44,7 @@ class Parameters(NamedTuple):
     delay_s: float
     build_up_s: float
     decay_s: float
+    below_mps: float
 
 
 class Bogies(NamedTuple):
@@ -81,7 +89,9 @@ def work(p: Parameters, bogies: Bogies, sand: Sand, i: int, k: int, passage: Pas
     """Update the sand at axle k, if it has a sander; the sander works during slides."""
     if p.share == 0.0 or not (p.axle == k + 1.0 or (p.axle == 0.0 and bogies.leads[k] > 0.0)):
         return
-    sand.slid_s[i, k] = sand.slid_s[i, k] + passage.duration_s if passage.slip_mps > p.threshold_mps else 0.0
+    slow = passage.after_m - passage.before_m < p.below_mps * passage.duration_s
+    slides = p.threshold_mps == 0.0 or passage.slip_mps > p.threshold_mps
+    sand.slid_s[i, k] = sand.slid_s[i, k] + passage.duration_s if slides and slow else 0.0
     works = sand.slid_s[i, k] > p.delay_s
     aim = 1.0 if works else 0.0
     past = math.exp(-passage.duration_s / (p.build_up_s if works else p.decay_s))
@@ -89,15 +99,21 @@ def work(p: Parameters, bogies: Bogies, sand: Sand, i: int, k: int, passage: Pas
 
 
 def sanders(recorded: Recorded) -> list[dict[str, float]]:
-    """Return the variants: a sander for every bogie, or on one axle, each with a slip threshold."""
+    """Return the variants: a sander for every bogie, or on one axle; with a slip threshold, or without, slow or late."""
     axles = range(recorded.axles + 1) if recorded.axles > 1 else (0,)
     times = {"delay_s": _DELAY_S, "build_up_s": _BUILD_UP_S, "decay_s": _DECAY_S}
-    return [{"axle": float(axle), "threshold_mps": slip} | times for axle in axles for slip in _THRESHOLDS_MPS]
+    starts: list[dict[str, float]] = [{"threshold_mps": slip} for slip in _THRESHOLDS_MPS]
+    starts += [{"threshold_mps": 0.0, "below_mps": _BELOW_MPS}, {"threshold_mps": 0.0, "delay_s": _LATE_S}]
+    return [{"axle": float(axle)} | times | start for axle in axles for start in starts]
 
 
 def where(values: Mapping[str, float]) -> dict[str, str]:
-    """Return the position of the sander in words, for the sentence."""
-    return {"where": f"axle {values['axle']:.0f}" if values["axle"] else "each bogie's leading axle"}
+    """Return position and time of the sander in words, for the sentence."""
+    where = f"axle {values['axle']:.0f}" if values["axle"] else "each bogie's leading axle"
+    when = "while it slides" if values["threshold_mps"] else f"from {values['delay_s']:.1f} s on"
+    if values.get("below_mps", _ANY_MPS) < _ANY_MPS:
+        when += f", below {3.6 * values['below_mps']:.0f} km/h"
+    return {"where": where, "when": when}
 
 
 CARD = Card(
@@ -134,6 +150,9 @@ CARD = Card(
             "shape",
             refit_step=0.15,
         ),
+        Parameter(
+            "below_mps", "m/s", _ANY_MPS, _ANY_MPS, 0.0, _ANY_MPS, "assumption: above, it does not work", "shape", refit_step=0.5
+        ),
     ),
     record=Parameters,
     acts={"layer": layer_left, "after_passage": work},
@@ -145,7 +164,7 @@ CARD = Card(
         trace="adhesion: rises about a second after a slide has begun, on one axle and less on those behind it",
         acts_on="contact",
         next_test="the same stop with the sanders cut out",
-        said=(Said("share", "%", percent, "sand at {where} takes away {size} of the contaminant layer while it slides"),),
+        said=(Said("share", "%", percent, "sand at {where} takes away {size} of the contaminant layer {when}"),),
         over="time",
         variants=sanders,
         words=where,
