@@ -145,9 +145,11 @@ def card(contract: Contract, sections: Mapping[str, str], stops: int) -> str:
     ranges = ", ".join(f"{name} {value}" for name, value in drawn.items())
     if contract.limits["mechanisms"]:
         ranges += f", mechanisms {json.dumps(contract.limits['mechanisms'])}"
-    if arguments.get("world") == "varied":
-        ranges += f"; brakes, gain and wear of one axle, sensor noise to {NOISE:g} rad/s, gradient to "
-        ranges += f"{1000 * GRADIENT[1]:g} per mille, drag and fading pads drawn (`agents/varied.py`)"
+    if arguments.get("world", "nominal") != "nominal":
+        ranges += f"; brakes, gain and wear of one axle and sensor noise to {NOISE:g} rad/s drawn (`agents/varied.py`)"
+    if arguments.get("world") == "line":
+        ranges += f", gradient to {1000 * GRADIENT[1]:g} per mille, drag and fading pads, too"
+    earlier = contract.training.get("observer", "")
     by_teacher = contract.training["decisions"] - contract.training["ppo_decisions"]
     learned = f"{by_teacher:,} decisions of imitation and {contract.training['ppo_decisions']:,} of PPO".replace(",", " ")
     brake, own = arguments["torque_per_bar_nm"], VEHICLES[contract.vehicle].brake.torque_per_bar_nm
@@ -160,7 +162,7 @@ def card(contract: Contract, sections: Mapping[str, str], stops: int) -> str:
         f"{'with' if contract.pressure_sensors else 'without'} cylinder-pressure sensors. For research; nobody has assessed it "
         "for use on a railway.",
         f"## Training\n\n{_command(contract.training)}: what had the best score on the watched stops after the imitation, at "
-        f"{learned}; arguments and versions in `contract.json`.\n\n"
+        f"{learned}; arguments and versions in `contract.json`.{earlier and f' It learned with {earlier}.'}\n\n"
         f"![curve](curve.png)\n\nConditions it was trained for: {ranges}, brakes of {brake:g} N m a bar (the vehicle's own: "
         f"{own:g}). Outside of them it was not trained.",
         f"## Measured\n\nMeans over {stops} held-out stops (seed {HELD_OUT}) on contaminated rail with an initial adhesion of "

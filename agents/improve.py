@@ -118,11 +118,12 @@ def make_agents(given: Improvement, base: Base, seed: int) -> EachAxle:
     """Return the wheelsets of vehicles drawn with a seed, under the conditions of the base's training."""
     options, classic = task_options(base.arguments), round(given.classic_share * given.envs)
     options["reward"] |= {"air": given.air_price * RewardWeights.stopping_distance}
+    line, price = base.training["arguments"].get("world") == "line", base.arguments.slide_price
     parts = [
         part
         for law, count in (("recovering", given.envs - classic), ("classic", classic))
         if count
-        for part in varied_parts(base.arguments.vehicle, count, law, options, base.arguments.slide_price, seed)
+        for part in varied_parts(base.arguments.vehicle, count, law, options, price, seed, line=line)
     ]
     return EachAxle(Joined(parts), base.steering, base.actor, base.arguments.slide_price, given.gamma)
 

@@ -69,8 +69,9 @@ def make_world(arguments: Arguments) -> VecNormalize:
     classic = round(arguments.classic_share * arguments.envs)
     parts = []
     for law, count in (("recovering", arguments.envs - classic), ("classic", classic)):
-        if count and arguments.world == "varied":
-            parts += varied_parts(arguments.vehicle, count, law, options, arguments.slide_price, arguments.seed)
+        if count and arguments.world != "nominal":
+            line, price = arguments.world == "line", arguments.slide_price
+            parts += varied_parts(arguments.vehicle, count, law, options, price, arguments.seed, line=line)
         elif count:
             env = BrakingVecEnv(f"wsp_env/{arguments.vehicle.title()}-v1", count, adhesion=law, **options)
             parts.append(Shaped(env, arguments.slide_price))
@@ -179,7 +180,7 @@ class Training:
             arguments.slide_price,
             arguments.classic_share,
             arguments.watched,
-            arguments.world == "varied",
+            arguments.world != "nominal",
         )
 
     def imitate(self) -> Iterator[None]:

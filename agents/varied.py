@@ -1,4 +1,4 @@
-"""Stops on vehicles that are not quite what the policy believes: brakes, gains, radii, sensors and line drawn, to train in.
+"""Stops on vehicles that are not quite what the policy believes: brakes, gains, radii and sensors drawn, to train in.
 
 The vehicles are those of `agents.drawn`: each part of the batch has a brake and a gain of its own, and the observer believes
 the nominal one, as when deployed. Some are nominal. The guard of deployed policies (`wsp_env.observer.guard`) stands before and
@@ -80,9 +80,13 @@ class Overruled(Shaped):
 
 
 def varied_parts(
-    vehicle: str, count: int, law: str, options: dict[str, Any], slide_price: float, seed: int, guarded: bool = True
+    vehicle: str, count: int, law: str, options: dict[str, Any], slide_price: float, seed: int, *, guarded: bool = True,
+    line: bool = False,
 ) -> list[Shaped]:  # fmt: skip
-    """Return `count` stops under a law, spread over drawn vehicles; without a guard no wheelset is worn, no vehicle nominal."""
+    """Return `count` stops under a law, spread over drawn vehicles; without a guard no wheelset is worn, no vehicle nominal.
+
+    With `line`, drawn vehicles have drag and fading pads, and run on gradients.
+    """
     rng = np.random.default_rng([seed, law == "classic"])
     nominal = make_task(options).make_vehicle(vehicle)
     parts: list[Shaped] = []
@@ -92,7 +96,7 @@ def varied_parts(
             own, mechanisms = drawn_vehicle(nominal, rng)
             changed["vehicle"] = {"brake": dataclasses.asdict(own.brake)}
             changed["scenario"] = {**options.get("scenario", {}), "sensor_noise": (0.0, NOISE)}
-            if guarded:
+            if line:
                 changed["scenario"]["gradient"], mechanisms = GRADIENT, mechanisms | drawn_line(rng)
             radius = {"change": float(RADIUS * rng.normal()), "axle": float(rng.integers(nominal.axles) + 1)}
             if guarded:

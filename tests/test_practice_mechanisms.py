@@ -175,6 +175,12 @@ def test_sanders_of_all_bogies_stand_before_their_leading_axles():
     assert_allclose(gained[1] / gained[0], sanding.BEHIND)
 
 
+def test_a_blended_brake_of_one_bogie_leaves_the_other():
+    measured = trajectory(0.5 * FULL_NM, speed_mps=30.0)
+    torque = said(measured, "blended_brake", torque_nm=500.0, axle=3.0, last_axle=4.0).torque_nm - measured.brake_torque_nm
+    assert_allclose(torque[1:], np.broadcast_to([0.0, 0.0, 500.0, 500.0], torque[1:].shape), atol=1e-9)
+
+
 def test_a_blended_brake_fades_below_its_speed_and_leaves_a_vented_axle():
     blending, added = 10.0, 1000.0
     for speed, share in ((30.0, 1.0), (10.0, 1.0), (5.0, 0.5)):

@@ -151,7 +151,7 @@ CARD = Card(
             refit_step=0.15,
         ),
         Parameter(
-            "below_mps", "m/s", _ANY_MPS, _ANY_MPS, 0.0, _ANY_MPS, "assumption: above, it does not work", "shape", refit_step=0.5
+            "below_mps", "m/s", _ANY_MPS, _ANY_MPS, 0.0, _ANY_MPS, "assumption: speed of its sander", "shape", refit_step=0.5
         ),
     ),
     record=Parameters,
