@@ -17,7 +17,7 @@ from wsp_env.diagnosis.data_first import data_first
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.parameters.quantity import ParameterError
 from wsp_env.recordings import CampaignError, CampaignWarning, demo_campaign, read_campaign, tune
-from wsp_env.recordings.suspect import delays, suspects
+from wsp_env.recordings.suspect import delays, factors, suspects
 from wsp_env.recordings.suspect.delays import _delay, _late, _onset, _weighed, _Witnesses
 from wsp_env.recordings.suspect.factors import level
 from wsp_env.recordings.suspect.momentum import axle_gain
@@ -182,6 +182,20 @@ def test_a_unit_near_one_on_one_axle_is_found_by_what_the_vehicle_loses(gentle, 
     (found,) = suspects(changed(gentle, scaled(TORQUE, 1, factor)))
     assert (found.channel, found.kind) == ("axle2_brake_torque", "factor")
     assert found.value == pytest.approx(factor, rel=0.1)
+
+
+@pytest.mark.parametrize(("said", "found"), [(1, 0), (2, 0), (3, 1)])
+def test_a_factor_that_most_runs_with_the_same_level_do_not_show_is_none(sound, monkeypatch, said, found):
+    """Four runs in which a torque is 0.7 of the others': the channel is wrong only if most of them say so."""
+    names = list(sound.runs)[:4]
+    campaign = dataclasses.replace(
+        changed(sound, scaled(TORQUE, 1, 0.7)), runs={n: changed(sound, scaled(TORQUE, 1, 0.7)).runs[n] for n in names}
+    )
+    told = names[:said]
+    monkeypatch.setattr(factors, "_factor", lambda search, name, axle: 0.7 if axle == 1 and name in told else np.nan)
+    search = Search(campaign)
+    factors._single_axles(search)
+    assert len(search.found) == found
 
 
 @pytest.mark.parametrize(
