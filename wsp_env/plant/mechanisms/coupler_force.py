@@ -4,7 +4,8 @@ A braking train oscillates along its length, at some tenths of a hertz to one he
 (Q. Wu, M. Spiryagin, C. Cole, Longitudinal train dynamics: an overview, Vehicle System Dynamics 54 (2016) 1688-1714). The force
 is one harmonic. It starts with the first brake application, or at the start of the stop if the train already oscillates. It
 acts in full while the brake is applied, and with the share `released` otherwise. Size, and constant amplitude within a stop:
-assumptions.
+assumptions. A liquid in a tank, or other cargo that swings, is a mass at a spring, too: recordings of one vehicle do not tell
+them apart.
 """
 
 import math
@@ -72,13 +73,13 @@ def _kilo(force_n: float) -> float:
     return 1e-3 * force_n
 
 
-_SWINGS = "a neighbouring vehicle pushes and pulls at {frequency_hz:.2f} Hz, with {size}"
+_SWINGS = "a neighbouring vehicle, or cargo that swings, pushes and pulls at {frequency_hz:.2f} Hz, with {size}"
 _FIRST = "as it begins"
 _LATER = "a quarter of a period after it begins"
 
 CARD = Card(
     name="coupler_force",
-    summary="a neighbouring vehicle pushes and pulls periodically",
+    summary="a neighbouring vehicle, or cargo that swings, pushes and pulls periodically",
     parameters=(
         Parameter("sine_n", "N", 0.0, 3000.0, -5e4, 5e4, "assumption: some 7 % of a coach's braking force"),
         Parameter("cosine_n", "N", 0.0, 2000.0, -5e4, 5e4, "assumption: the same, a quarter of a period earlier"),
@@ -93,7 +94,7 @@ CARD = Card(
         balances=frozenset({"vehicle"}),
         trace="vehicle: swings at one frequency, from the first application of the brake or from the start on",
         acts_on="vehicle",
-        next_test="the same stop with the vehicle alone, or with the coupler's force recorded",
+        next_test="the same stop with the vehicle alone and empty, or with the coupler's force recorded",
         said=(
             Said("sine_n", "kN", _kilo, f"{_SWINGS} against the motion {_LATER}", f"{_SWINGS} with the motion {_LATER}"),
             Said("cosine_n", "kN", _kilo, f"{_SWINGS} against the motion {_FIRST}", f"{_SWINGS} with the motion {_FIRST}"),
