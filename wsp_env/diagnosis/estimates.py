@@ -39,7 +39,9 @@ def estimates(
         low, high = np.clip(interval, parameter.low, parameter.high)
         found[name] = Estimate(value, parameter.unit, (float(low), float(high)))
     for name, fixed in variant.fixed.items():
-        found[name] = Estimate(float(fixed), parameter_of(variant.name, name).unit, (float(fixed), float(fixed)))
+        parameter = parameter_of(variant.name, name)
+        if parameter.kind != "axle" or name == "axle" or fixed != parameter.null:  # there may be no second axle
+            found[name] = Estimate(float(fixed), parameter.unit, (float(fixed), float(fixed)))
     return found
 
 

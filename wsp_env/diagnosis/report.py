@@ -133,7 +133,7 @@ def _parameters(parameters: Mapping[str, Estimate]) -> list[tuple[str, str, str,
     rows = []
     for name, one in parameters.items():
         low, high = one.interval90
-        words, unit = parameter_words(name), "" if name == "axle" else unit_words(one.unit)
+        words, unit = parameter_words(name), "" if name in ("axle", "last_axle") else unit_words(one.unit)
         value = "all" if name == "axle" and not one.value else f"{one.value:.4g}"
         rows.append((words, value, unit, f"{low:.4g} to {high:.4g}" if low != high else "not fitted"))
     return rows

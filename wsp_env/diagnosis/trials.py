@@ -76,6 +76,11 @@ def corrects_recordings(variant: Variant) -> bool:
     return on_a_sensor(variant) or variant.name in OF_TIME
 
 
+def changes_inertia(variant: Variant) -> bool:
+    """Whether a mechanism changes the wheelsets' inertia, and with it the noise of J dw/dt."""
+    return "inertia" in ALL[variant.name].acts
+
+
 def log_odds(variant: Variant, evidence: float) -> float:
     """Log posterior odds that a mechanism, or a term without a name, is missing."""
     return evidence + (PRIOR_TERM if variant.family else PRIOR)
@@ -99,7 +104,7 @@ def trials_of(
         kinds.setdefault(_kind(each.candidate.variant), each)
     left = [one for one in kinds.values() if log_odds(one.candidate.variant, one.evidence) > 0.0]
     start = refit(replica, fitted.model, fitted.variants, weights) if left else fitted
-    delays, late = [one for one in seen.found if one.name in OF_TIME], 0.0
+    missed, late = [one for one in seen.found if one.name in OF_TIME or changes_inertia(one.candidate.variant)], 0.0
 
     def trial(one: Found) -> Trial:
         tried = _fit_on_replica(replica, start, weights, one)
@@ -113,12 +118,13 @@ def trials_of(
     while left:
         names = [one for one in left if not one.candidate.variant.family]
         promising = names + [one for one in left if one.candidate.variant.family][:REFITTED]
-        # Delays are the least linear effects, and the linear search may miss them: try them with whatever is found first. Late
-        # wheel speeds are also equivalent to a late brake with an early clock.
-        in_time = any(one.name in OF_TIME or _follows_torque(one.candidate.variant) for one in promising)
-        if delays and (in_time or not fitted.variants):
-            promising = [*[one for one in promising if one.name not in OF_TIME], *delays]
-            delays = []
+        # Delays are the least linear effects, and another inertia is searched with the noise of the believed one: the linear
+        # search may miss both. They are tried with whatever is found first. Late wheel speeds are also equivalent to a late
+        # brake with an early clock.
+        in_time = any(one in missed or _follows_torque(one.candidate.variant) for one in promising)
+        if missed and (in_time or not fitted.variants):
+            promising = [*[one for one in promising if one not in missed], *missed]
+            missed = []
         left = [one for one in left if one not in promising]
         # A refit moves the location of a mechanism only locally; the second-best place or band may be the better start.
         seconds = [seen.second[one.name] for one in promising if one.name in seen.second]

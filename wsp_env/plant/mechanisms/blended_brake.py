@@ -52,7 +52,7 @@ def at_speeds(recorded: Recorded) -> list[dict[str, float]]:
     """Return the axles and blending speeds that are tried: all axles, each, and each bogie of two of several."""
     bogies = [{"axle": k + 1.0, "last_axle": k + 2.0} for k in range(0, recorded.axles - 1, 2)] if recorded.axles > 2 else []
     return [
-        axle | {"blending_mps": speed}
+        {"last_axle": 0.0} | axle | {"blending_mps": speed}
         for axle in [*all_or_each_axle(recorded), *bogies]
         for speed in _BLENDING_MPS[int(axle["axle"] > 0.0) :]
     ]
