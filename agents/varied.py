@@ -25,9 +25,6 @@ from wsp_env.plant.port import Measurement
 #: the stops.
 VEHICLES, NOMINAL = 32, 8
 
-#: Vehicles of a world without a guard, none of them nominal.
-UNGUARDED = 8
-
 
 class Guarded:
     """An observer with the guard of deployed policies before it, for environments: stops begin anew one by one.
@@ -80,31 +77,28 @@ class Overruled(Shaped):
 
 
 def varied_parts(
-    vehicle: str, count: int, law: str, options: dict[str, Any], slide_price: float, seed: int, *, guarded: bool = True,
-    line: bool = False,
+    vehicle: str, count: int, law: str, options: dict[str, Any], slide_price: float, seed: int, *, line: bool = False
 ) -> list[Shaped]:  # fmt: skip
-    """Return `count` stops under a law, spread over drawn vehicles; without a guard no wheelset is worn, no vehicle nominal.
+    """Return `count` stops under a law, spread over drawn vehicles, of which the last are nominal.
 
     With `line`, drawn vehicles have drag and fading pads, and run on gradients.
     """
     rng = np.random.default_rng([seed, law == "classic"])
     nominal = make_task(options).make_vehicle(vehicle)
     parts: list[Shaped] = []
-    for share in np.array_split(np.arange(count), min(VEHICLES if guarded else UNGUARDED, count)):
+    for share in np.array_split(np.arange(count), min(VEHICLES, count)):
         changed = dict(options)
-        if not guarded or len(parts) < VEHICLES - NOMINAL:
+        if len(parts) < VEHICLES - NOMINAL:
             own, mechanisms = drawn_vehicle(nominal, rng)
             changed["vehicle"] = {"brake": dataclasses.asdict(own.brake)}
             changed["scenario"] = {**options.get("scenario", {}), "sensor_noise": (0.0, NOISE)}
             if line:
                 changed["scenario"]["gradient"], mechanisms = GRADIENT, mechanisms | drawn_line(rng)
             radius = {"change": float(RADIUS * rng.normal()), "axle": float(rng.integers(nominal.axles) + 1)}
-            if guarded:
-                radius["change"] -= float(rng.uniform(0.0, max(WORN)))
+            radius["change"] -= float(rng.uniform(0.0, max(WORN)))
             changed["mechanisms"] = {**options.get("mechanisms", {}), **mechanisms, "wheel_radius": radius}
         env = BrakingVecEnv(f"wsp_env/{vehicle.title()}-v1", len(share), adhesion=law, **changed)
         batch: Any = env.env.batch
-        observer = Guarded if guarded else Observer
-        batch.observer = observer(nominal, batch.task.control_interval_s, batch.task.pressure_sensors)
-        parts.append((Overruled if guarded else Shaped)(env, slide_price))
+        batch.observer = Guarded(nominal, batch.task.control_interval_s, batch.task.pressure_sensors)
+        parts.append(Overruled(env, slide_price))
     return parts

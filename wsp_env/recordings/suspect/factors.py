@@ -66,9 +66,9 @@ def _over(usual: np.ndarray, torque: np.ndarray) -> float:
 def _single_axles(search: Search) -> None:
     for axle in range(search.axles):
         seen = {name: value for name in search.traces() if np.isfinite(value := _factor(search, name, axle))}
-        if not seen or _one_of_many(search, axle, agreed(seen), len(seen)):
-            continue
         size = agreed(seen)
+        if not seen or _one_of_many(search, axle, size, len(seen)):
+            continue
         factor, words = named("", _UNITS, size, _NEAR)
         channel = f"axle{axle + 1}_brake_torque"
         recorded = f": recorded in {words}" if words in _REAL_UNITS else f": {words}" if words else ""
