@@ -4,8 +4,9 @@ import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 from typing import ClassVar
 
+import numpy as np
 import pytest
-from trial_cases import GAIN, GRADIENT, TERM, trial
+from trial_cases import GAIN, GRADIENT, INERTIA, TERM, trial
 
 from wsp_env.diagnosis.candidates import Variant
 from wsp_env.diagnosis.contest import best_of
@@ -96,6 +97,16 @@ def test_what_explains_far_less_than_another_is_not_tested(one, found, evidence,
     _, rejected, _ = contest([[THREE[1], weak]], asked=asked)
     assert rejected == {}
     assert asked == [GRADIENT, *([one] if tested else [])]
+
+
+@pytest.mark.parametrize(("deviation", "tested"), [(0.5, True), (0.7, False)])
+def test_another_inertia_is_tested_though_it_explains_little_if_the_search_excludes_zero(deviation, tested):
+    """Beside a gradient of 50 nats; one smallest effect of interest, with its deviation."""
+    weak = trial(INERTIA, 0.3)
+    weak = dataclasses.replace(weak, found=dataclasses.replace(weak.found, deviation=np.array([deviation])))
+    asked = []
+    contest([[THREE[1], weak]], {INERTIA.title: 40.0}, asked=asked)
+    assert asked == [GRADIENT, *([INERTIA] if tested else [])]
 
 
 @pytest.mark.parametrize(("name", "tested"), [(150.0, True), (160.0, False)])

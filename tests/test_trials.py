@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from trial_cases import GAIN, GRADIENT, TERM, found, trial
+from trial_cases import GAIN, GRADIENT, INERTIA, TERM, found, trial
 
 from wsp_env.diagnosis import convergence, form_errors, trials
 from wsp_env.diagnosis.candidates import Variant, switched, values_in
@@ -38,6 +38,25 @@ def test_what_those_before_explain_better_is_no_merit_of_the_next(monkeypatch, o
         ((one,),) = trials.trials_of(None, screen, before, None, pool)
     assert one.reduction == pytest.approx(2.0 * expected)
     assert one.evidence == pytest.approx(5.0 + expected - 5.0)
+
+
+@pytest.mark.parametrize(
+    ("variant", "multiple", "tried"),
+    [(INERTIA, -0.61, True), (INERTIA, 0.54, True), (INERTIA, 0.2, False), (GRADIENT, -0.61, False)],
+)
+def test_another_inertia_that_the_search_does_not_find_is_tried_if_its_interval_excludes_zero(
+    monkeypatch, variant, multiple, tried
+):
+    """Beside a gain that the search finds; a deviation of 0.18: 0.3 at 90 %."""
+    monkeypatch.setattr(trials, "refit", lambda _, model, variants, __: Fitted(model, tuple(variants), (), (), 0.0))
+    monkeypatch.setattr(trials, "cost", lambda *_: 0.0)
+    monkeypatch.setattr(trials, "net_effect", lambda *_: StopChange(0.02, 0.0))
+    unseen = dataclasses.replace(found(variant, 0.2), multiple=np.array([multiple]), deviation=np.array([0.18]))
+    screen = SimpleNamespace(found=[found(GAIN, 30.0), unseen], second={}, whitening=None)
+    start = Fitted(Model(2e-4, (0.06,)), (), (), (), 0.0)
+    with ThreadPoolExecutor(1) as pool:
+        (batch,) = trials.trials_of(None, screen, start, None, pool)
+    assert [one.listed for one in batch] == [GAIN, *([variant] if tried else [])]
 
 
 @pytest.mark.parametrize("best", [2.0, 0.25, 0.1])

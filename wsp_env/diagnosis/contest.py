@@ -7,7 +7,7 @@ from typing import NamedTuple
 from wsp_env.diagnosis.convergence import fits_worse
 from wsp_env.diagnosis.retest import AboutItself, Retested
 from wsp_env.diagnosis.side_by_side import side_by_side
-from wsp_env.diagnosis.trials import FORM, Trial, changes_inertia, log_odds
+from wsp_env.diagnosis.trials import FORM, Trial, hides_in_noise, log_odds
 
 #: Largest ratio of the evidence from both sides to the evidence about the replica without it that is considered (assumption:
 #: 0.7 to 3.9 in the campaigns of docs/lab/diagnosis_both_sides.md). What would need more to be the best is not tested.
@@ -104,7 +104,7 @@ def _promising(
     """Return those of `some` that may hold and be the best of all, beside what holds.
 
     A name that explains little here, because it is nonlinear or hidden by nuisances, may explain most about its own replica.
-    Another inertia is always hidden: what it leaves of J dw/dt counts as noise.
+    Another inertia hides in the noise.
     """
     least = max((one.evidence for one in among), default=0.0)
     least = max([least, *(one.trial.evidence / (1.0 - FORM) ** 2 for one in held)]) / _MOST_GAINED
@@ -112,7 +112,7 @@ def _promising(
     def may_hold(one: Trial) -> bool:
         if not one.listed.family and log_odds(one.listed, one.found.evidence) > 0.0:
             return True
-        if changes_inertia(one.listed) and not held:
+        if hides_in_noise(one.found) and not held:
             return True
         return log_odds(one.listed, one.evidence) > threshold(one) and one.evidence > least
 

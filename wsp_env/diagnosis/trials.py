@@ -40,6 +40,7 @@ FORM = 0.2
 #: Size, in smallest effects of interest, from which on a mechanism matters: one less the form error at 95 %, 1 / (1 + 1.645
 #: FORM), rounded.
 MATTERS = 0.75
+_Z90 = 1.645  # two-sided 90 % quantile of the normal distribution
 #: Form error of a term without a name, which is one of few forms tried (assumption).
 FORM_TERM = 0.4
 
@@ -76,9 +77,13 @@ def corrects_recordings(variant: Variant) -> bool:
     return on_a_sensor(variant) or variant.name in OF_TIME
 
 
-def changes_inertia(variant: Variant) -> bool:
-    """Whether a mechanism changes the wheelsets' inertia, and with it the noise of J dw/dt."""
-    return "inertia" in ALL[variant.name].acts
+def hides_in_noise(one: Found) -> bool:
+    """Whether a mechanism changes the wheelsets' inertia, and the 90 % intervals of its search exclude its absence.
+
+    What another inertia leaves of J dw/dt counts as noise, so that the search finds too little evidence of it.
+    """
+    distinct = np.abs(one.multiple) > _Z90 * one.deviation
+    return "inertia" in ALL[one.candidate.variant.name].acts and bool(distinct.any())
 
 
 def log_odds(variant: Variant, evidence: float) -> float:
@@ -104,7 +109,7 @@ def trials_of(
         kinds.setdefault(_kind(each.candidate.variant), each)
     left = [one for one in kinds.values() if log_odds(one.candidate.variant, one.evidence) > 0.0]
     start = refit(replica, fitted.model, fitted.variants, weights) if left else fitted
-    missed, late = [one for one in seen.found if one.name in OF_TIME or changes_inertia(one.candidate.variant)], 0.0
+    missed, late = [one for one in seen.found if one.name in OF_TIME or hides_in_noise(one)], 0.0
 
     def trial(one: Found) -> Trial:
         tried = _fit_on_replica(replica, start, weights, one)
@@ -118,9 +123,8 @@ def trials_of(
     while left:
         names = [one for one in left if not one.candidate.variant.family]
         promising = names + [one for one in left if one.candidate.variant.family][:REFITTED]
-        # Delays are the least linear effects, and another inertia is searched with the noise of the believed one: the linear
-        # search may miss both. They are tried with whatever is found first. Late wheel speeds are also equivalent to a late
-        # brake with an early clock.
+        # Delays are the least linear effects, and another inertia looks like noise: the linear search may miss both. They are
+        # tried with whatever is found first. Late wheel speeds are also equivalent to a late brake with an early clock.
         in_time = any(one in missed or _follows_torque(one.candidate.variant) for one in promising)
         if missed and (in_time or not fitted.variants):
             promising = [*[one for one in promising if one not in missed], *missed]
