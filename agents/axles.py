@@ -47,16 +47,20 @@ class EachAxle(VecEnvWrapper):
     policy : whose wishes the actions change
     slide_price : of the slips worth their price, which the value function sees
     gamma : discount of a decision of 20 ms
+    shared : a wheelset is also rewarded for what those behind it give away, on the rail that it has cleaned for them
 
     """
 
     venv: Joined
 
-    def __init__(self, venv: Joined, steering: Steering, policy: ExportedPolicy, slide_price: float, gamma: float) -> None:
+    def __init__(
+        self, venv: Joined, steering: Steering, policy: ExportedPolicy, slide_price: float, gamma: float, *,
+        shared: bool = False,
+    ) -> None:  # fmt: skip
         assert isinstance(venv.observation_space, spaces.Box)
         self.parts = [part for part in venv.parts if isinstance(part, Shaped)]
         self.teachers = [Teacher(part.batch.plant, slide_price) for part in self.parts]
-        self.steering, self.policy, self.gamma = steering, policy, gamma
+        self.steering, self.policy, self.gamma, self.shared = steering, policy, gamma, shared
         self.axles, self.vehicles = steering.axles, venv.num_envs
         self.own = int(venv.observation_space.shape[0])
         size = self.own + self.axles + 2 * _PER_AXLE + _PER_STOP
@@ -91,12 +95,16 @@ class EachAxle(VecEnvWrapper):
             command = self.steering.commands(seen, wanted)
             observation, _, done, infos = self.venv.step(to_action(command.numpy()))
             self._observation = np.asarray(observation)
-            own = np.concatenate([part.own for part in self.parts])
-            total += np.where(over[:, None], 0.0, self.gamma**age * PER_METRE * own)
+            total += np.where(over[:, None], 0.0, self.gamma**age * PER_METRE * self.rewards())
             for i in np.flatnonzero(done & ~over):
                 ends[i] = {"stopped": infos[i]["stopped"]}
             over |= done
         return self._seen(), total.reshape(-1), np.repeat(over, self.axles), [end for end in ends for _ in range(self.axles)]
+
+    def rewards(self) -> np.ndarray:
+        """Return what each wheelset is rewarded for in the last decision (N, A) [m]."""
+        own = np.concatenate([part.own for part in self.parts])
+        return own[:, ::-1].cumsum(axis=1)[:, ::-1] if self.shared else own
 
     def _seen(self) -> np.ndarray:
         """Return what the agents see (N A, size)."""

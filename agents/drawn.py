@@ -37,12 +37,19 @@ GAIN, GAIN_OF_ONE, RADIUS, LAG_S = 0.05, 0.1, 5e-4, (0.0, 0.03)
 #: [N s2/m2], change of the pads' friction with the speed [s/m] (assumptions).
 GRADIENT, DRAG_NS2_PER_M2, PADS_S_PER_M = (-0.01, 0.01), (0.0, 2.5), (-0.004, 0.0)
 
+#: What the wheels remove from the contaminant layer for those behind them, in the world "cleaning" [m/J]: up to the usual
+#: recovery rate of the wheels themselves (assumption, no source).
+REMOVAL_M_PER_J = (0.0, 1.9e-4)
+
 #: The worlds of one further force each, at the ends of these ranges: rise of the track, mechanisms.
 FORCES: dict[str, tuple[float, dict[str, dict[str, float]]]] = {
     "downhill": (GRADIENT[0], {}),
     "uphill": (GRADIENT[1], {}),
     "drag": (0.0, {"aerodynamic_drag": {"c_ns2_per_m2": DRAG_NS2_PER_M2[1]}}),
 }
+
+#: Worlds in which brakes, radii, noise and wear are all drawn.
+ALL = ("all", "line", "cleaning")
 
 #: Vehicles drawn; each brakes as many of the stops.
 DRAWS = 8
@@ -133,6 +140,11 @@ def drawn_line(rng: np.random.Generator) -> dict[str, dict[str, float]]:
     return {"aerodynamic_drag": {"c_ns2_per_m2": drag}, "pad_friction": {"per_speed_s_per_m": pads}}
 
 
+def drawn_cleaning(rng: np.random.Generator) -> dict[str, dict[str, float]]:
+    """Draw what wheels of the world "cleaning" remove as a mechanism."""
+    return {"leading_axle_cleaning": {"removal_m_per_j": float(rng.uniform(*REMOVAL_M_PER_J))}}
+
+
 def world(name: str, vehicle: Vehicle, law: str, count: int, seed: int) -> World:
     """Return the vehicles of a world with the stops of each.
 
@@ -141,27 +153,29 @@ def world(name: str, vehicle: Vehicle, law: str, count: int, seed: int) -> World
     """
     stops = low_adhesion(vehicle, law, count, seed)
     rng = np.random.default_rng([seed, 1])
-    if name in ("drawn brakes", "all", "line"):
+    if name in ("drawn brakes", *ALL):
         stops = [_changed(stop, 1.0 + RADIUS * rng.normal(size=vehicle.axles)) for stop in stops]
-    if name in ("worn", "all", "line"):
+    if name in ("worn", *ALL):
         wear = [WORN[i % len(WORN)] for i in range(count)]
         axles = rng.integers(vehicle.axles, size=count)
         one = np.eye(vehicle.axles)
         stops = [_changed(stop, 1.0 - worn * one[k]) for stop, worn, k in zip(stops, wear, axles, strict=True)]
     if name == "noise":
         stops = [dataclasses.replace(stop, noise=NOISE) for stop in stops]
-    if name in ("all", "line"):
+    if name in ALL:
         stops = [dataclasses.replace(stop, noise=float(rng.uniform(0.0, NOISE))) for stop in stops]
     if name in ("nominal", "noise", "worn"):
         return [(vehicle, {}, stops)]
     if name in FORCES:
         gradient, mechanisms = FORCES[name]
         return [(vehicle, mechanisms, [dataclasses.replace(stop, gradient=gradient) for stop in stops])]
-    if name not in ("drawn brakes", "all", "line"):
-        valid = ", ".join(("nominal", "drawn brakes", "noise", "worn", "all", "line", *FORCES))
+    if name not in ("drawn brakes", *ALL):
+        valid = ", ".join(("nominal", "drawn brakes", "noise", "worn", *ALL, *FORCES))
         raise SystemExit(f"no world {name!r}; valid: {valid}")
     parts = [(*drawn_vehicle(vehicle, rng), stops[i::DRAWS]) for i in range(min(DRAWS, count))]
-    if name != "line":
+    if name == "cleaning":
+        return [(own, mechanisms | drawn_cleaning(rng), of_it) for own, mechanisms, of_it in parts]
+    if name == "all":
         return parts
     line = np.random.default_rng([seed, 2])
     parts = [(own, mechanisms | drawn_line(line), of_it) for own, mechanisms, of_it in parts]

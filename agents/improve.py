@@ -118,14 +118,14 @@ def make_agents(given: Improvement, base: Base, seed: int) -> EachAxle:
     """Return the wheelsets of vehicles drawn with a seed, under the conditions of the base's training."""
     options, classic = task_options(base.arguments), round(given.classic_share * given.envs)
     options["reward"] |= {"air": given.air_price * RewardWeights.stopping_distance}
-    line, price = base.training["arguments"].get("world") == "line", base.arguments.slide_price
+    kind, price = base.training["arguments"].get("world", "varied"), base.arguments.slide_price
     parts = [
         part
         for law, count in (("recovering", given.envs - classic), ("classic", classic))
         if count
-        for part in varied_parts(base.arguments.vehicle, count, law, options, price, seed, line=line)
+        for part in varied_parts(base.arguments.vehicle, count, law, options, price, seed, kind)
     ]
-    return EachAxle(Joined(parts), base.steering, base.actor, base.arguments.slide_price, given.gamma)
+    return EachAxle(Joined(parts), base.steering, base.actor, price, given.gamma, shared=kind == "cleaning")
 
 
 def make_ppo(given: Improvement, base: Base, agents: EachAxle) -> PPO:

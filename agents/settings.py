@@ -46,8 +46,9 @@ class Arguments:
     )
     torque_per_bar_nm: float = 2400.0  # of a wheelset; stronger brakes than the vehicles' own 1500, so that it learns for all
     mechanisms: str = "{}"  # JSON, {name: {parameter: value, or [lowest, highest] to draw from}}
-    #: varied: brakes, gains, radii and noise drawn; line: also gradients, drag and fading pads, see `agents.varied`
-    world: Literal["nominal", "varied", "line"] = "nominal"
+    #: varied: brakes, gains, radii and noise drawn; line: also gradients, drag and fading pads; cleaning: the wheels also clean
+    #: the rail for those behind, see `agents.varied`
+    world: Literal["nominal", "varied", "line", "cleaning"] = "nominal"
     recurrent: int = 0  # units of an LSTM before the networks (sb3-contrib), 0: none
     start: str = ""  # folder of a run whose last checkpoint this one begins from; none: from nothing
     watched: int = 24  # stops under each law by which learning is watched

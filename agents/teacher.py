@@ -2,7 +2,8 @@
 
 With the adhesion f(s) of the rail under it, a wheelset at slip speed s slows the vehicle by f g and slides s metres a second:
 of all slips the one with the least (v + c s) / f(s) costs least metres travelled and priced metres slid for the speed lost.
-It knows rail, load, speed, slips and pressures; of the mechanisms those that act on mass, gradient and radius alone.
+It knows rail, load, speed, slips and pressures; of the mechanisms those that act on mass, gradient and radius, and the cleaning
+of the rail for the wheels behind (`agents.together`).
 """
 
 from collections.abc import Sequence
@@ -10,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from agents.steering import wanted_brake
+from agents.together import Together, removal_of
 from wsp_env.contact.port import adhesion_under
 from wsp_env.evaluation.reference import nearest, wanted_pressure
 from wsp_env.evaluation.runner import Conduct, StopRecords, record, start_plant
@@ -42,6 +44,7 @@ class Teacher:
         self.plant = plant
         self.full_brake = full_brake(believed or plant.vehicle)
         self.slide_price = slide_price
+        self.together = Together(plant, slide_price) if removal_of(plant) else None
 
     def wanted(self, estimate: VehicleEstimate) -> np.ndarray:
         """Return the brakes wanted (N, A), see `agents.steering`; where the estimated speed is in doubt the last rolls."""
@@ -58,6 +61,8 @@ class Teacher:
         state, c, vehicle = plant.truth(), plant.conditions, plant.vehicle
         ahead = vehicle.brake.dead_time_s
         speed = np.maximum(state.speed - ahead * state.deceleration, 0.1)[:, None]
+        if self.together:
+            return self.together.targets(speed[:, 0])
         place = (state.position + ahead * state.speed)[:, None] - np.array(vehicle.axle_positions_m)
         node = np.clip(np.rint(place / plant.setup.track_step_m).astype(int), 0, c.profile.shape[1] - 1)
         rows = np.arange(plant.n)[:, None]

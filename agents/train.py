@@ -70,8 +70,9 @@ def make_world(arguments: Arguments) -> VecNormalize:
     parts = []
     for law, count in (("recovering", arguments.envs - classic), ("classic", classic)):
         if count and arguments.world != "nominal":
-            line, price = arguments.world == "line", arguments.slide_price
-            parts += varied_parts(arguments.vehicle, count, law, options, price, arguments.seed, line=line)
+            parts += varied_parts(
+                arguments.vehicle, count, law, options, arguments.slide_price, arguments.seed, arguments.world
+            )
         elif count:
             env = BrakingVecEnv(f"wsp_env/{arguments.vehicle.title()}-v1", count, adhesion=law, **options)
             parts.append(Shaped(env, arguments.slide_price))

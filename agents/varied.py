@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.drawn import GRADIENT, NOISE, RADIUS, WORN, drawn_line, drawn_vehicle
+from agents.drawn import GRADIENT, NOISE, RADIUS, WORN, drawn_cleaning, drawn_line, drawn_vehicle
 from agents.worlds import Shaped
 from wsp_env.envs.sb3 import BrakingVecEnv
 from wsp_env.envs.task import make_task
@@ -77,11 +77,13 @@ class Overruled(Shaped):
 
 
 def varied_parts(
-    vehicle: str, count: int, law: str, options: dict[str, Any], slide_price: float, seed: int, *, line: bool = False
+    vehicle: str, count: int, law: str, options: dict[str, Any], slide_price: float, seed: int,
+    kind: str = "varied",
 ) -> list[Shaped]:  # fmt: skip
     """Return `count` stops under a law, spread over drawn vehicles, of which the last are nominal.
 
-    With `line`, drawn vehicles have drag and fading pads, and run on gradients.
+    Of the kind "line", drawn vehicles have drag and fading pads, and run on gradients; of the kind "cleaning", their wheels
+    clean the rail for those behind.
     """
     rng = np.random.default_rng([seed, law == "classic"])
     nominal = make_task(options).make_vehicle(vehicle)
@@ -92,7 +94,9 @@ def varied_parts(
             own, mechanisms = drawn_vehicle(nominal, rng)
             changed["vehicle"] = {"brake": dataclasses.asdict(own.brake)}
             changed["scenario"] = {**options.get("scenario", {}), "sensor_noise": (0.0, NOISE)}
-            if line:
+            if kind == "cleaning":
+                mechanisms = mechanisms | drawn_cleaning(rng)
+            if kind == "line":
                 changed["scenario"]["gradient"], mechanisms = GRADIENT, mechanisms | drawn_line(rng)
             radius = {"change": float(RADIUS * rng.normal()), "axle": float(rng.integers(nominal.axles) + 1)}
             radius["change"] -= float(rng.uniform(0.0, max(WORN)))

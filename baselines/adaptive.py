@@ -45,6 +45,10 @@ class AdaptiveParameters(SafetyParameters):
     dead_band: float = quantity(0.1868, "-", _TUNED + "; share of the wanted brake within which the valve rests", 0.0, 1.0)
     reached_share: float = quantity(0.3872, "-", _TUNED + "; share of the dead band at which a moving valve rests", 0.0, 1.0)
     smallest_slip_mps: float = quantity(0.03, "m/s", _TUNED + "; the least slip that is wanted", 0.0, 2.0)
+    leading_creepage: float = quantity(
+        0.0, "-", "least creepage of the leading axles, which clean the rail for the others", 0.0, 0.5
+    )
+    leading_axles: float = quantity(1.0, "-", "how many axles these are, from the front", 0.0, 64.0)
     pressure_sensors: float = quantity(0.0, "-", "1: the cylinder pressures are measured; 0: they are estimated", 0.0, 1.0)
 
 
@@ -56,6 +60,8 @@ class Settings(NamedTuple):
     dead_band: float
     reached_share: float
     smallest_slip_mps: float
+    leading_creepage: float
+    leading_axles: float
 
 
 class Plan(NamedTuple):
@@ -128,7 +134,7 @@ def _control(settings: np.ndarray, plan: Any, state: Any, given: Any) -> None:
     memory, c, own = memory_of(state), constants_of(given), _plan_of(plan)
     for i in range(len(settings)):
         row = settings[i]
-        s = Settings(row[0], row[1], row[2], row[3], row[4])
+        s = Settings(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
         _think(i, s, own, memory, c)
         for k in range(own.command.shape[1]):
             wanted = _wanted(i, k, s, own, memory, c)
@@ -162,6 +168,8 @@ def _think(i: int, s: Settings, own: Plan, memory: Memory, c: ObserverConstants)
 def _wanted(i: int, k: int, s: Settings, own: Plan, memory: Memory, c: ObserverConstants) -> float:
     """Return the brake, as the adhesion that it asks for, which brings the slip of axle k to the target."""
     e, target = memory.estimate, own.target[i]
+    if k < s.leading_axles:
+        target = max(target, s.leading_creepage * e.speed[i])
     per_adhesion = c.estimator.axle_weight / c.estimator.rotating  # of the wheel's acceleration [m/s2]
     mean = 0.0
     for j in range(own.command.shape[1]):
