@@ -37,14 +37,17 @@ class Teacher:
     plant : whose state it reads
     slide_price : c [-]
     believed : vehicle whose brake the steering knows; none: the plant's
+    together : it knows what wheels clean for those behind
 
     """
 
-    def __init__(self, plant: Plant, slide_price: float, believed: Vehicle | None = None) -> None:
+    def __init__(
+        self, plant: Plant, slide_price: float, believed: Vehicle | None = None, *, together: bool = True
+    ) -> None:  # fmt: skip
         self.plant = plant
         self.full_brake = full_brake(believed or plant.vehicle)
         self.slide_price = slide_price
-        self.together = Together(plant, slide_price) if removal_of(plant) else None
+        self.together = Together(plant, slide_price) if together and removal_of(plant) else None
 
     def wanted(self, estimate: VehicleEstimate) -> np.ndarray:
         """Return the brakes wanted (N, A), see `agents.steering`; where the estimated speed is in doubt the last rolls."""
@@ -76,10 +79,12 @@ class Teacher:
         return chosen
 
 
-def taught(vehicle: Vehicle, stops: Sequence[Stop], slide_price: float, conduct: Conduct) -> StopRecords:
+def taught(
+    vehicle: Vehicle, stops: Sequence[Stop], slide_price: float, conduct: Conduct, *, together: bool = True
+) -> StopRecords:  # fmt: skip
     """Let the teacher itself brake the stops with the real valves: what a policy that imitates it cannot surpass by that."""
     plant = start_plant(vehicle, stops, conduct)
-    teacher = Teacher(plant, slide_price)
+    teacher = Teacher(plant, slide_price, together=together)
     return record(plant, lambda: nearest(plant, wanted_pressure(plant, teacher.targets())), conduct)
 
 

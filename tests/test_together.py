@@ -1,5 +1,6 @@
 """Wheelsets that clean the rail for those behind: the slips worth their price together, the rule, and the world to train in."""
 
+import dataclasses
 import itertools
 from types import SimpleNamespace
 
@@ -7,12 +8,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from agents import drawn, leading
 from agents.axles import EachAxle
 from agents.drawn import REMOVAL_M_PER_J, world
+from agents.measure import low_adhesion
 from agents.settings import Arguments, task_options
 from agents.teacher import Teacher
 from agents.together import Together
 from agents.varied import NOMINAL, VEHICLES, varied_parts
+from agents.watch import LAWS
 from baselines.adaptive import AdaptiveController, AdaptiveParameters
 from wsp_env.contact.port import adhesion_under
 from wsp_env.evaluation.runner import Conduct, run, start_plant
@@ -110,3 +114,23 @@ def test_a_shared_reward_counts_what_those_behind_give_away():
     assert_allclose(agents.rewards(), [[-15.0, -14.0, -12.0, -8.0]])
     agents.shared = False
     assert_allclose(agents.rewards(), own)
+
+
+def test_policies_are_told_over_the_best_of_all_rivals(monkeypatch):
+    def slow(*given):  # soon over
+        return [dataclasses.replace(stop, initial_speed=12.0) for stop in low_adhesion(*given)]
+
+    monkeypatch.setattr(drawn, "low_adhesion", slow)
+    for name, values in {"PRICES": (1.5,), "TAUGHT": (1.5,), "CREEPAGES": (0.2,), "_LED": (1.5,)}.items():
+        monkeypatch.setattr(leading, name, values)
+    rows, best = leading.compare(leading.Arguments("bogie", stops=8))
+    assert len(rows) == 5  # two adaptive controllers, two teachers and the shipped policy
+    by_name = {row["controller"]: row for row in rows}
+    assert by_name[best]["ratio"] == 1.0
+    assert by_name[best]["error"] == 0.0
+    rivals = [row["ratio"] for row in rows if not row["controller"].startswith(("policy", "teacher, price"))]
+    assert min(rivals) == 1.0
+    for row in rows:
+        both = [sum(one[f"{law}_paid_m"] for law in LAWS) for one in (row, by_name[best])]
+        assert_allclose(row["ratio"], both[0] / both[1])
+        assert f"| {row['controller']} |" in leading.table(rows, best)
