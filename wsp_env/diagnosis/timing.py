@@ -41,10 +41,10 @@ def times(replica: Replica) -> Times:
     amplitude = evidence.amplitudes(sizes)
     sample = replica.sample_s
     found = []
-    for name, axles in ((WHEEL_TIME, contrasts(replica.axles)), (TORQUE_TIME, np.eye(replica.axles))):
+    for name in (WHEEL_TIME, TORQUE_TIME):
         at = evidence.names.index(name)
-        early = groups[at].expected * axles @ amplitude[evidence.group == at]
-        found.append(np.clip(early - early.mean(), -sample, sample))
+        early = groups[at].expected * contrasts(replica.axles) @ amplitude[evidence.group == at]
+        found.append(np.clip(early, -sample, sample))
     return Times(found[0], found[1], bool(np.abs(found).max() > _LEAST * sample), sizes)
 
 

@@ -180,7 +180,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group(ONSET, forces.onsets(_ONSET_NODE_S, _ONSET_NODES), _EXPECTED["onset"]),
         Group(WHEEL_TIME, timed.late_wheels() @ apart, sample, True),
         Group("once a turn of a wheel sensor", timed.unround_wheels(), _EXPECTED["turn"]),
-        Group(TORQUE_TIME, timed.late_torques(), sample, True),
+        Group(TORQUE_TIME, timed.late_torques() @ apart, sample, True),
         Group("inertia", np.column_stack([turning, turning.sum(axis=1)]), _EXPECTED["inertia"], True),
         Group("radius", radius[:, None] * own, _EXPECTED["radius"], True, "radius of a run"),
         Group("radius of a run", each(radius[:, None] * own), _EXPECTED["radius"]),
