@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 import tyro
+from rich.console import Console
 from rich.progress import track
 
 from agents.drawn import DRAWS, RESAMPLED, Drawn, world
@@ -62,7 +63,7 @@ def compare(given: Arguments) -> tuple[list[dict[str, Any]], str]:
         for creepage in CREEPAGES
     }
     found: dict[str, dict[str, Figures]] = {}
-    for name, own in track(rivals.items(), "rivals"):
+    for name, own in track(rivals.items(), "rivals", console=Console(stderr=True)):
         found[name] = {law: one.figures(AdaptiveController(own)) for law, one in yardsticks.items()}
     for price in TAUGHT:
         found[f"teacher that does not know of it, price {price:g}"] = _taught(yardsticks, price, together=False)
