@@ -29,6 +29,7 @@ EXCEPTIONS = {
     "agents/drawn.py": "the worlds of a comparison, whose brakes differ from axle to axle",
     "agents/tolerances.py": "the worlds of a table: a brake that differs from what it is told",
     "agents/varied.py": "the world to train in: a wheel of another radius",
+    "agents/together.py": "what the wheels of a vehicle owe to each other where the leading ones clean the rail",
     "wsp_env/cli/plant_options.py": "examples in a help text",
     "agents/behaviour.py": "the worlds of a drawn picture, which its page discusses",
 }
