@@ -55,7 +55,11 @@ def test_what_is_searched_are_settings_of_the_controller():
             assert low <= default <= high, name
             KINDS[kind].parameters(**{name: low}), KINDS[kind].parameters(**{name: high})
     rule = {"leading_creepage", "leading_axles"}  # chosen by who knows what wheels clean for those behind
-    assert set(KINDS["adaptive"].ranges) | rule == set(Settings._fields) <= {f.name for f in dataclasses.fields(AdaptiveParameters)}
+    assert (
+        set(KINDS["adaptive"].ranges) | rule
+        == set(Settings._fields)
+        <= {f.name for f in dataclasses.fields(AdaptiveParameters)}
+    )
 
 
 def believed(friction, deviation):
