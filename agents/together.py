@@ -9,6 +9,7 @@ import numpy as np
 
 from agents.worlds import SPEEDS
 from wsp_env.contact.port import adhesion_under
+from wsp_env.plant.mechanisms import make
 from wsp_env.plant.port import Plant
 
 #: Slips tried, as shares of the running speed, and with a lowest one [m/s].
@@ -20,8 +21,11 @@ _ROUNDS = 2
 
 
 def removal_of(plant: Plant) -> float:
-    """Return what wheels remove from the layer for those behind them [m/J]; 0 without the mechanism."""
-    return float(plant.setup.mechanisms.get("leading_axle_cleaning", {}).get("removal_m_per_j", 0.0))
+    """Return what wheels of all stops remove from the layer for those behind them [m/J]; 0 without the mechanism.
+
+    Stops that are started with physics of their own are not known.
+    """
+    return float(make(plant.setup.mechanisms).leading_axle_cleaning.removal_m_per_j)
 
 
 class Together:

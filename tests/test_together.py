@@ -14,7 +14,7 @@ from agents.drawn import REMOVAL_M_PER_J, world
 from agents.measure import low_adhesion
 from agents.settings import Arguments, task_options
 from agents.teacher import Teacher
-from agents.together import Together
+from agents.together import Together, removal_of
 from agents.varied import NOMINAL, VEHICLES, varied_parts
 from agents.watch import LAWS
 from baselines.adaptive import AdaptiveController, AdaptiveParameters
@@ -65,6 +65,13 @@ def test_the_leading_axle_slides_more_if_it_cleans_and_the_last_no_more():
     for own in found[1:]:
         assert own[0] > found[0][0]
         assert own[-1] < found[0][-1] * 1.01
+
+
+@pytest.mark.parametrize(
+    ("mechanisms", "removal"), [({}, 0.0), (CLEANS, 1.5e-4), ({"leading_axle_cleaning": {}}, 2e-5), ({"vehicle_mass": {}}, 0.0)]
+)
+def test_the_removal_is_that_of_the_plant_by_default_too(mechanisms, removal):
+    assert removal_of(start_plant(BOGIE, stops(BOGIE), Conduct(mechanisms=mechanisms))) == removal
 
 
 def test_targets_follow_a_stop_that_begins_anew():
