@@ -6,6 +6,8 @@ import math
 import gymnasium as gym
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from plant_cases import DIRECT, a_stop, arrays, plant_of, run
 from synthetic_stops import AXLES, stop, write_campaign
@@ -67,15 +69,50 @@ def test_inertia_is_that_of_another_vehicle():
     assert_allclose(plants[0].kinetic_energy, plants[1].kinetic_energy)
 
 
-def test_a_late_brake_lags_a_rising_torque_by_its_time_constant():
-    """On a straight line that rises by g a lag of first order is behind by g lag (1 - exp(-t / lag))."""
+@pytest.mark.parametrize("rise_share", [1.0, 0.4, 0.0])
+def test_a_late_brake_follows_a_rising_torque_after_its_dead_time(rise_share):
+    """A line that rises by g is given, after the dead time, with a deficit of g T (1 - exp(-t / T)) by the time constant T."""
     lag, rate = 0.15, 1000.0
+    constant = max(rise_share * lag, 1e-9)
     measured = trajectory(lambda time: rate * time)
-    late = said(measured, "brake_delay", lag_s=lag, axle=2.0).torque_nm
-    expected = rate * (measured.time_s - lag * -np.expm1(-measured.time_s / lag))
+    late = said(measured, "brake_delay", lag_s=lag, rise_share=rise_share, axle=2.0).torque_nm
+    since = np.clip(measured.time_s - (1.0 - rise_share) * lag, 0.0, None)
+    expected = rate * (since - constant * -np.expm1(-since / constant))
     assert_allclose(late[:, 1], expected, atol=1e-9 * FULL_NM)
     assert_array_equal(late[:, [0, 2, 3]], measured.brake_torque_nm[:, [0, 2, 3]])
-    assert_allclose(said(measured, "brake_delay", lag_s=lag, axle=0.0).torque_nm, expected[:, None] * np.ones(4), atol=1e-5)
+    every = said(measured, "brake_delay", lag_s=lag, rise_share=rise_share).torque_nm
+    assert_allclose(every, expected[:, None] * np.ones(4), atol=1e-5)
+
+
+@given(lag_s=st.floats(0.02, 1.5), rise_share=st.floats(0.0, 1.0), per_s=st.floats(0.1, 0.8))
+@settings(max_examples=25, deadline=None)
+def test_a_late_brake_is_a_linear_system_with_that_frequency_response(lag_s, rise_share, per_s):
+    """A swinging torque is given as by exp(-s dead time) / (1 + s time constant), once what it began with has died away."""
+    turning = 2.0j * np.pi * per_s
+    measured = trajectory(lambda time: 0.5 * FULL_NM * (1.0 + np.exp(turning * time).imag), seconds=12.0 * lag_s + 1.0)
+    late = said(measured, "brake_delay", lag_s=lag_s, rise_share=rise_share).torque_nm[:, 0]
+    response = np.exp(-turning * (1.0 - rise_share) * lag_s) / (1.0 + turning * rise_share * lag_s)
+    expected = 0.5 * FULL_NM * (1.0 + (response * np.exp(turning * measured.time_s)).imag)
+    settled = measured.time_s > 12.0 * lag_s
+    # Kept instants are up to a 30th of the dead time and a sample apart: a chord is below its arc by an eighth of (w dt)^2.
+    chord = (abs(turning) * (lag_s / 30.0 + STEP_S)) ** 2 / 8.0
+    assert_allclose(late[settled], expected[settled], atol=(chord + 2e-5) * 0.5 * FULL_NM)
+
+
+def test_brakes_of_the_plant_give_what_they_gave_a_dead_time_before():
+    """A vehicle whose wheels all roll is braked by the torques alone."""
+    late_s, lost = 0.2, []
+    for choice in ({"brake_delay": {"lag_s": late_s, "rise_share": 0.0}}, {}):
+        plant = plant_of(COACH, mechanisms=choice)
+        plant.start(0, a_stop(COACH, mu_cd=0.28, demand=0.3))
+        speeds = []
+        for _ in range(200):
+            run(plant, plant.setup.control_interval_s)
+            speeds.append(float(plant.state.speed[0]))
+        lost.append(-np.diff(speeds) / plant.setup.control_interval_s)
+    late = round(late_s / plant.setup.control_interval_s)
+    assert lost[1].max() > 0.2
+    assert_allclose(lost[0][late:], lost[1][:-late], atol=0.01 * lost[1].max())
 
 
 def test_a_late_brake_gives_a_steady_torque_as_believed():
