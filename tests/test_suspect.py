@@ -461,3 +461,19 @@ def test_a_comparison_that_needs_a_delay_beyond_reason_says_nothing(monkeypatch,
     monkeypatch.setattr(delays, "rolled", lambda *_: SimpleNamespace(solved=lambda: solved))
     monkeypatch.setattr(delays, "_coarse_wheel", lambda *_: 0.0)
     assert (_late(SimpleNamespace(), 0) is not None) is told
+
+
+@pytest.mark.parametrize(("usual_s", "told"), [(0.01, 1), (0.12, 0)])
+def test_a_torque_of_one_run_is_late_only_beyond_what_the_other_runs_brakes_are(monkeypatch, usual_s, told):
+    """One onset is 0.22 s late; those of the other runs scatter by `usual_s`."""
+    rng, nan = np.random.default_rng(5), np.nan
+    onsets = {name: usual_s * rng.choice([-1.0, 1.0], 4) for name in "ABCD"}
+    onsets["D"][2] = 0.22
+    found = []
+    monkeypatch.setattr(
+        delays, "_witnesses",
+        lambda _, run: {k: _Witnesses(nan, onset, 0.0, 1.0, 0.0, 1.0) for k, onset in enumerate(onsets[run])},
+    )  # fmt: skip
+    monkeypatch.setattr(delays, "_tell", lambda *given: found.append(given[1:]))
+    delays.find(SimpleNamespace(axles=4, traces=lambda: dict.fromkeys("ABCD")))
+    assert found == [(["D"], 2, "brake_torque", 0.22)] * told

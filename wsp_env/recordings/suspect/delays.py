@@ -53,11 +53,12 @@ def find(search: Search) -> None:
     for group in [names, *([name] for name in names if len(names) > 1)]:
         left = set(range(search.axles))
         while left:
-            for name in group:
+            for name in names:
                 if name not in heard:
                     heard[name] = _witnesses(search, name)
             least = _LEAST_ALONE_S if len(group) < len(names) else 0.0
-            told = {axle: _delay([heard[name] for name in group], axle) for axle in left}
+            usual = _SURE * _scatter([abs(one.onset) for name in names if name not in group for one in heard[name].values()])
+            told = {axle: _delay([heard[name] for name in group], axle, usual) for axle in left}
             late = {axle: one for axle, one in told.items() if one is not None and abs(one[1]) >= least}
             if not late:
                 break
@@ -87,8 +88,14 @@ def _tell(search: Search, names: list[str], axle: int, channel: str, seconds: fl
         search.mend(name, **{field: with_column(values, axle, moved)})
 
 
-def _delay(runs: list[dict[int, "_Witnesses"]], axle: int) -> tuple[str, float] | None:
-    """Return the channel of an axle (from 0) that is late in some runs, and by how much [s]; None where none is."""
+def _delay(runs: list[dict[int, "_Witnesses"]], axle: int, usual: float = 0.0) -> tuple[str, float] | None:
+    """Return the channel of an axle (from 0) that is late in some runs, and by how much [s]; None where none is.
+
+    Parameters
+    ----------
+    usual : by which the brakes of sound axles may apply late [s], as those of the other runs do
+
+    """
     heard = [by_axle[axle] for by_axle in runs if axle in by_axle]
     if not heard:
         return None
@@ -105,11 +112,11 @@ def _delay(runs: list[dict[int, "_Witnesses"]], axle: int) -> tuple[str, float] 
         return _told_apart(apart, onset, wheel, wheel_is_late)
     if wheel_is_late:
         return "wheel_speed", wheel
-    if abs(onset) > _BRAKE_LAG_S:
+    if abs(onset) > max(_BRAKE_LAG_S, usual):
         return "brake_torque", onset
     confirmed = bool(onset) and torque / onset > _LATE and abs(torque) > _SURE * scatter * torque_error
     # The creepage of rolling wheels is a poor witness: noise moves the onsets of two gentle stops alike by some hundredths.
-    return ("brake_torque", onset) if abs(onset) > 0.5 * _BRAKE_LAG_S and confirmed else None
+    return ("brake_torque", onset) if abs(onset) > max(0.5 * _BRAKE_LAG_S, usual) and confirmed else None
 
 
 def _told_apart(apart: float, onset: float, wheel: float, wheel_is_late: bool) -> tuple[str, float] | None:
@@ -210,8 +217,8 @@ def _coarse_wheel(one: Traces, axle: int) -> float:
 
 
 def _scatter(others: list[float]) -> float:
-    """Return the deviation that as many others' values say, which should be none."""
-    return 1.5 * _median(others)
+    """Return the deviation that as many others' values say, which should be none; 0 where there are none."""
+    return 1.5 * _median(others) if np.isfinite(others).any() else 0.0
 
 
 def _median(values: list[float]) -> float:
