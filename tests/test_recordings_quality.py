@@ -21,8 +21,8 @@ def sines(time):
     return 3.0 + np.sin(2 * np.pi * 0.7 * time) + 0.5 * time
 
 
-def even(n=500):
-    return clock.repair(STEP * np.arange(n), "here")[0]
+def even(n=500, step=STEP):
+    return clock.repair(step * np.arange(n), "here")[0]
 
 
 def test_a_good_clock_is_left_alone():
@@ -138,6 +138,27 @@ def test_a_lost_sample_and_a_drop_out_are_bridged_and_marked():
     assert_array_equal(np.flatnonzero(bad), np.r_[100, 200, 300:340])
     assert_allclose(repaired, true, atol=0.15)
     assert len(notes) == 2
+
+
+@pytest.fixture(scope="module")
+def vented():
+    """Wheel speeds of a stop in which wheels slide and are vented, ten samples a second."""
+    columns = stop(2e-4, 0.05, noise=1.0, seed=3)
+    every = round(0.1 / (columns["time_s"][1] - columns["time_s"][0]))
+    return np.column_stack([columns[f"axle{k + 1}_wheel_speed_radps"][::every] for k in range(AXLES)])
+
+
+@given(st.integers(3, 60), st.sampled_from([-1.0, 1.0]), st.floats(8.0, 25.0), st.integers(0, AXLES - 1))
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_coarsely_sampled_wheel_speed_is_freed_of_a_spike_and_stays_as_it_is_otherwise(vented, at, sign, height, axle):
+    """At ten samples a second a wheel may change by more than such a spike in one step, but not up and down."""
+    values = vented[:, axle].copy()
+    assert not quality.repair(values, "axle1_wheel_speed", even(len(values), 0.1), "here")[1].any()
+    values[at] += sign * height
+    repaired, bad, notes = quality.repair(values, "axle1_wheel_speed", even(len(values), 0.1), "here")
+    assert_array_equal(np.flatnonzero(bad), [at])
+    assert "stand out of their neighbours" in notes[0]
+    assert np.abs(repaired - vented[:, axle]).max() < 0.5 * height
 
 
 def test_a_command_that_keeps_its_value_is_not_frozen():

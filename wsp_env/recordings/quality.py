@@ -15,6 +15,8 @@ from wsp_env.recordings.errors import CampaignError
 _ABSURD = 1e12  # in SI, no value of any channel in whatever unit: a damaged file's
 _SPIKE_S = 0.1  # an impossible excursion up to this long is a fault whatever it looks like; a longer one if it is constant
 _SIGMAS = 12.0  # an excursion must stand out of the noise this far
+_TAIL = 0.1, 0.03  # shares of a channel's bends from which their tail is known: a few spikes are not in the second
+_CHANCE = 1e-3  # probability that the course of a sound speed is taken for a spike (assumption, where its tail is exponential)
 _HELD_S = 0.3  # a noisy channel that repeats one value for so long is saturated or frozen
 _HELD_SAMPLES = 20
 _NOISY = 5e-5  # noise below this share of the range is that of a simulation or of rounding, whose values may repeat
@@ -85,6 +87,10 @@ def repair(values: np.ndarray, name: str, clock: Clock, where: str) -> tuple[np.
         )
         bad |= spikes
         values = _bridged(values, bad)
+    if "speed" in name and (lone := _lone(values, _SIGMAS * noise)).any():
+        notes.append(f"{where}: {lone.sum()} samples stand out of their neighbours, {_where(lone, clock)}; bridged")
+        bad |= lone
+        values = _bridged(values, bad)
     _check_bridges(bad, clock, where)
     command = np.isinf(channel(name).fastest)  # it keeps its value as long as the valve stays
     if not command and noise > _NOISY * float(np.ptp(values)) and (held := _held(values, clock.step_s) & ~bad).any():
@@ -143,6 +149,32 @@ def _excursions(
             notes.append(f"{where}: jumps by {steps[start]:g} in {row} and stays there; {fate}")
             whole &= trusted
     return marked, whole
+
+
+def _lone(values: np.ndarray, least: float) -> np.ndarray:
+    """Return the single samples (n,) bool that no course explains: inertia keeps a speed from a jump in one sample and back.
+
+    A channel's own bends say how far a sample may be from the middle of its neighbours: their tail, taken as exponential from
+    the 90 % and the 97 % quantile, and not less than `least`. Coarsely sampled, this is far less than what physics allows.
+    """
+    lone: np.ndarray = np.zeros(len(values), dtype=bool)
+    if len(values) < _HELD_SAMPLES:
+        return lone
+    bends = np.abs(_bends(values))
+    usual, rare = np.quantile(bends, 1.0 - np.array(_TAIL))
+    limit = max(least, rare + (rare - usual) / np.log(_TAIL[0] / _TAIL[1]) * np.log(_TAIL[1] * len(bends) / _CHANCE))
+    found = [int(i) + 1 for i in np.flatnonzero(bends > limit) if bends[i] == bends[max(i - 1, 0) : i + 2].max()]
+    for i in found if len(found) <= max(_MANY_JUMPS * len(values), 1.0) else ():
+        near = values[max(i - 2, 0) : i + 3].copy()
+        near[min(i, 2)] = 0.5 * (values[i - 1] + values[i + 1])
+        lone[i] = np.abs(_bends(near)).max() <= limit  # a step still bends without it
+    return lone
+
+
+def _bends(values: np.ndarray) -> np.ndarray:
+    """Return the distances (n - 2,) of samples from the middle of their neighbours."""
+    result: np.ndarray = values[1:-1] - 0.5 * (values[:-2] + values[2:])
+    return result
 
 
 def _may_be(values: np.ndarray, start: int, name: str, step_s: float) -> bool:
