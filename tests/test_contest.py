@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from trial_cases import GAIN, GRADIENT, INERTIA, TERM, trial
+from trial_cases import GAIN, GRADIENT, INERTIA, TERM, found, trial
 
 from wsp_env.diagnosis.candidates import Variant
 from wsp_env.diagnosis.contest import best_of
@@ -183,3 +183,16 @@ def test_fit_and_evidence_to_beat_are_those_of_one_name(monkeypatch):
         squares={GAIN.title: 1000.0, GRADIENT.title: 1060.0, mass.title: 1180.0},
     )  # fmt: skip
     assert asked == [GAIN, GRADIENT, mass]
+
+
+@pytest.mark.parametrize(("evidence", "tested"), [(30.4, True), (3.0, False)])
+def test_a_delay_is_tested_however_much_another_explains_here(evidence, tested):
+    """A lag of the wheel speeds of 30 nats beside a false late brake of 249, which does not hold."""
+    late, lag = (Variant(name, ("lag_s",), {}) for name in ("brake_delay", "wheel_speed_lag"))
+    asked = []
+    said = {late.title: 0.0, lag.title: 387.0, GAIN.title: 0.0}
+    others = [dataclasses.replace(trial(one, 30.4), found=found(one, -1.0)) for one in (GAIN,)]
+    mine = dataclasses.replace(trial(lag, evidence), found=found(lag, -1.0))
+    best = contest([[trial(late, 249.0), mine, *others]], said, asked=asked).best
+    assert asked == ([late, lag] if tested else [late])
+    assert (best.trial.listed if best else None) == (lag if tested else None)

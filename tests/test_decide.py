@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from trial_cases import GAIN, GRADIENT, TERM, found, trial
+from trial_cases import GAIN, GRADIENT, TERM, found, trial, unfreed
 
 from wsp_env.diagnosis import decide
 from wsp_env.diagnosis.candidates import Variant, parameter_of, refined, switched, values_in, without
@@ -17,6 +17,12 @@ from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.trials import INDISTINCT, MATTERS, SURE
+
+
+@pytest.fixture(autouse=True)
+def no_small_mechanisms(monkeypatch):
+    monkeypatch.setattr(decide, "freed", unfreed)
+
 
 # --- models and answers
 
@@ -121,7 +127,7 @@ def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, h
     monkeypatch.setattr(decide, "weights_of", lambda *_: None)
     monkeypatch.setattr(decide, "Side", lambda *_: side(here))
     monkeypatch.setattr(decide, "ReplicaNoise", lambda *_, **__: None)
-    monkeypatch.setattr(decide, "begun", lambda _, fitted, __: fitted)
+    monkeypatch.setattr(decide, "begun", lambda _, fitted, *__: fitted)
     monkeypatch.setattr(decide, "own_side", lambda fitted, _: (side(without), fitted))
     first, last = (decide.Accepted(trial(one, 40.0), (one.name,), 1.0) for one in (GRADIENT, GAIN))
     accepted, fitted = decide._backward_elimination(

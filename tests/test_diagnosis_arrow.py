@@ -83,6 +83,23 @@ def test_further_columns_beside_a_projector_are_as_if_they_had_been_in_it(seed):
         assert bordered.amplitudes(one) == pytest.approx(whole.amplitudes(one))
 
 
+@given(st.integers(0, 10_000))
+@settings(deadline=None, max_examples=10)
+def test_columns_that_leave_a_projector_are_as_if_they_had_not_been_in_it(seed):
+    columns, run = columns_of(seed)
+    prior = np.ones(columns.shape[1], dtype=bool)
+    left = Projector.of(columns, prior, run).without(columns[:, -2:])
+    expected = Projector.of(columns[:, :-2], prior[:-2], run)
+    y = np.random.default_rng(seed).standard_normal((len(columns), 3))
+    assert left.logdet == pytest.approx(expected.logdet)
+    assert left.inner(y, y[:, :2]) == pytest.approx(expected.inner(y, y[:, :2]))
+    for one in (y, y[:, 0]):
+        assert left.rest(one) == pytest.approx(expected.rest(one))
+        found = left.amplitudes(one)
+        assert found[:-4] == pytest.approx(expected.amplitudes(one))
+        assert found[-4:-2] == pytest.approx(-found[-2:])
+
+
 def test_the_last_columns_stay_whole_even_if_they_concern_one_run():
     columns, run = columns_of(1)
     columns[run != 0, -SIDES:] = 0.0

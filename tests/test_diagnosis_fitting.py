@@ -1,21 +1,25 @@
 """What a refit moves, and what its weights let vary in place of it."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic_stops import stop, write_campaign
 
-from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis import fitting
+from wsp_env.diagnosis.balances import Balances, Rows, Whitening
 from wsp_env.diagnosis.candidates import Variant, columns, parameter_of, switched, without
 from wsp_env.diagnosis.covariance import Evidence
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import free_parameters, refit, weigh
+from wsp_env.diagnosis.fitting import Weights, free_parameters, refit, weigh
 from wsp_env.diagnosis.form_errors import forms
+from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.diagnosis.variation import MU_CD, ONSET, Group, Net, law_columns, nuisances, segment_columns
+from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import read_campaign
 
 LAW = Model(2e-4, (0.06, 0.07))
@@ -122,3 +126,53 @@ def test_at_a_bound_a_step_goes_the_other_way(replica, variant):
         for sign in (1.0, -1.0):
             stepped = dataclasses.replace(variant, steps=(sign * step,))
             assert_array_equal(columns(replica, model, base, stepped)[:, 0], (moved - base) * sign * inside)
+
+
+class _Bent:
+    """A replica whose residuals y - f(size) are known; the law is known too."""
+
+    def __init__(self, y, effect):
+        self._y, self._effect = y, effect
+        self.rows = Rows(**{one.name: np.zeros(len(y), dtype=int) for one in dataclasses.fields(Rows)})
+        self.stops, self.campaign = (None,), SimpleNamespace(contact=SimpleNamespace(kinetic_friction_r=0.28))
+
+    def raw(self, model):
+        values = {one.name: 0.0 for one in ALL["brake_delay"].parameters} | dict(model.choice.get("brake_delay", {}))
+        return self._y - self._effect(values["lag_s"], values["rise_share"])
+
+
+DELAY = Variant("brake_delay", ("lag_s",), {"axle": 0.0, "rise_share": 0.0})
+TIME = np.linspace(0.0, 1.0, 200)
+
+
+def one_kind(nuisances):
+    """Return weights of rows with white noise of deviation 0.01 and these nuisances (n, k)."""
+    scaled = np.column_stack([np.zeros((len(TIME), 0)), nuisances]) / 0.01
+    projector = Projector.of(scaled, np.ones(scaled.shape[1], dtype=bool))
+    return Weights(Whitening(np.full(len(TIME), 0.01), ()), np.ones(len(TIME)), projector)
+
+
+def test_small_sizes_of_what_is_fitted_change_no_fit_of_a_linear_effect(monkeypatch):
+    """But they widen its interval: of the whole, a part may be of the small one."""
+    monkeypatch.setattr(fitting, "law_columns", lambda balances, *_: np.zeros((len(TIME), 2)))
+    slope, small_s = np.sin(20.0 * TIME), 0.01
+    rows = _Bent(0.3 * slope + 0.01 * np.random.default_rng(1).standard_normal(len(TIME)), lambda lag, _: lag * slope)
+    weights = one_kind(small_s * slope[:, None])
+    found = [refit(rows, Model(2e-4, (0.06,)), (DELAY,), one) for one in (weights, weights.freed(small_s * slope[:, None]))]
+    assert found[0].values[0] == pytest.approx(found[1].values[0], rel=1e-6)
+    assert found[0].cost == pytest.approx(found[1].cost, rel=1e-6)
+    assert found[0].covariance[0] == pytest.approx(found[1].covariance[0], rel=1e-6)
+    own = 0.01**2 / float(slope @ slope)
+    assert found[1].covariance[0][0, 0] == pytest.approx(own + small_s**2, rel=1e-3)
+
+
+def test_a_parameter_at_its_bound_does_not_keep_the_others_from_moving(monkeypatch):
+    """The rise share would fall below 0, and a lag beside it is then another than alone."""
+    monkeypatch.setattr(fitting, "law_columns", lambda balances, *_: np.zeros((len(TIME), 2)))
+    first, second = np.sin(20.0 * TIME), np.sin(20.0 * TIME) + 0.5 * np.cos(20.0 * TIME)
+    rows = _Bent(0.3 * first - 0.2 * second, lambda lag, share: lag * first + share * second)
+    both = Variant("brake_delay", ("lag_s", "rise_share"), {"axle": 0.0})
+    start = switched(Model(2e-4, (0.06,)), both, np.array([0.2, 0.0]))
+    fitted = refit(rows, start, (both,), one_kind(np.zeros((len(TIME), 0))))
+    alone = float(first @ (0.3 * first - 0.2 * second)) / float(first @ first)
+    assert fitted.values[0] == pytest.approx([alone, 0.0], rel=1e-4)

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from trial_cases import BENT, GAIN, GRADIENT, PLAIN, TERM, trial
+from trial_cases import BENT, GAIN, GRADIENT, PLAIN, TERM, trial, unfreed
 
 from wsp_env.diagnosis import retest
 from wsp_env.diagnosis.answer import Estimate
@@ -29,13 +29,18 @@ PENALTY = 3.0
 ALONE = ThreadPoolExecutor(1)
 
 
+@pytest.fixture(autouse=True)
+def no_small_mechanisms(monkeypatch):
+    monkeypatch.setattr(retest, "freed", unfreed)
+
+
 @pytest.fixture
 def ask(monkeypatch):
     """What is said of a gradient that reduces the squares by so much on both sides."""
 
     def asked(
         here: float, own: float, shift: float = 0.0, left: float = 20.0, interval: tuple[float, float] = (0.001, 0.003),
-        itself: float = 100.0,
+        itself: float = 100.0, worse: bool = False,
     ) -> retest.Retested | None:  # fmt: skip
         fitted = Fitted(ON, (GRADIENT,), (np.array([0.002]),), (np.eye(1),), 100.0)
         one = dataclasses.replace(trial(GRADIENT, 30.0), fitted=fitted, reduction=6.0, penalty=PENALTY)
@@ -43,7 +48,10 @@ def ask(monkeypatch):
 
         def side(name, less):
             replica = SimpleNamespace(name=name, recorded=None, sample_s=0.01)
-            return SimpleNamespace(replica=replica, weights=PLAIN, compare=lambda *_: (less, shift), noise_parameters=name)
+            return SimpleNamespace(
+                replica=replica, weights=PLAIN, compare=lambda *_: (less, shift), noise_parameters=name,
+                fits_worse=lambda other: worse,
+            )  # fmt: skip
 
         monkeypatch.setattr(retest, "own_side", lambda step, seen: (side("own", own), step.fitted))
         monkeypatch.setattr(retest, "estimates", lambda *_: {"rise": Estimate(0.002, "-", interval)})
@@ -83,6 +91,24 @@ def test_a_side_that_speaks_against_a_better_fit_does_not_count_alone(ask, itsel
     assert ask(8600.0, 1.0, itself=itself).trial.reduction == 1.0  # not needed about itself
 
 
+def test_what_fits_worse_about_itself_than_nothing_has_no_evidence_from_both_sides(ask):
+    """A false delay: each side extrapolates in its favour."""
+    assert ask(540.0, 1386.0, worse=True).trial.evidence == -PENALTY
+
+
+@pytest.mark.parametrize(("deviance", "worse"), [(17704.0, False), (18000.0, False), (18100.0, True)])
+def test_a_model_fits_worse_if_its_deviance_is_larger_by_more_than_deviances_scatter(side, deviance, worse):
+    """Of 7800 rows it scatters by 125; three times that is 375."""
+    replica = SimpleNamespace(rows=range(7800), recorded=None)
+
+    def known(value):
+        return retest.Weighted(Fitted(NULL, (), (), (), 0.0), None, value)
+
+    own, here = (retest.Side(replica, SEEN, PLAIN, None, known=known(value)) for value in (deviance, 17704.0))
+    assert own.fits_worse(here) == worse
+    assert not here.fits_worse(own)
+
+
 @pytest.mark.parametrize(("about_mine", "about_others", "exceeds"), [(30.0, -10.0, 3.0), (30.0, -50.0, -7.0)])
 def test_two_names_are_compared_about_both_replicas(about_mine, about_others, exceeds):
     """By the mean of both; `about_*`: by how much the other leaves a larger deviance there. It costs 2 nats less."""
@@ -116,12 +142,12 @@ def test_what_a_refit_has_lost_is_sought_from_the_linear_step(monkeypatch, varia
     monkeypatch.setattr(retest, "rescaled", lambda *_: fits["step"])
     monkeypatch.setattr(retest, "_linear", lambda one: one.fitted)
 
-    def steps(_, fitted, weights):
+    def steps(_, fitted, weights, seen):
         return retest.Step(HERE, fitted, dataclasses.replace(fitted, cost=100.0 if fitted is fits["refit"] else ends))
 
     monkeypatch.setattr(retest, "begun", steps)
     one = dataclasses.replace(trial(variant, 30.0), fitted=fits["refit"])
-    assert retest.about_itself(None, PLAIN, one).step.begin is fits[begun]
+    assert retest.about_itself(None, PLAIN, SEEN, one).step.begin is fits[begun]
 
 
 @pytest.mark.parametrize(("interval", "holds"), [((1e-6, 0.004), True), ((-1e-6, 0.004), False)])
@@ -223,7 +249,7 @@ def test_sizes_are_estimated_on_replicas_that_have_converged(monkeypatch, slope,
     monkeypatch.setattr(retest, "replica_of", lambda _, model, __: SimpleNamespace(model=model, recorded=None))
     monkeypatch.setattr(retest, "ReplicaNoise", noise)
     monkeypatch.setattr(retest, "refit", refit)
-    own, fitted, _ = retest.converge_reweighted(retest.begun(None, begin, 0.0035), SEEN)
+    own, fitted, _ = retest.converge_reweighted(retest.begun(None, begin, 0.0035, SEEN), SEEN)
     assert own == estimated[-1]
     assert values_in(own.model, GRADIENT) == pytest.approx(of_sizes, abs=2.0 * deviation)
     assert fitted.values[0] == pytest.approx(of_sizes, abs=2.0 * deviation)
@@ -262,7 +288,7 @@ def test_replicas_are_made_until_one_fits_the_recordings_worse(monkeypatch, cost
     monkeypatch.setattr(retest, "replica_of", lambda _, model, __: model)
     monkeypatch.setattr(retest, "refit", refit)
     begin = Fitted(NULL, (GRADIENT,), (np.zeros(1),), (np.eye(1),), 0.0)
-    step = retest.begun(None, begin, PLAIN)
+    step = retest.begun(None, begin, PLAIN, SEEN)
     assert step.fitted.cost == costs[made - 1]
     assert step.begin.values[0] == pytest.approx(0.002 * (made - 1))
     assert values_in(step.replica, GRADIENT) == pytest.approx(step.begin.values[0])

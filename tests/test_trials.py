@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from trial_cases import GAIN, GRADIENT, INERTIA, TERM, found, trial
+from trial_cases import GAIN, GRADIENT, INERTIA, TERM, found, trial, unfreed
 
 from wsp_env.diagnosis import convergence, form_errors, trials
 from wsp_env.diagnosis.candidates import Variant, switched, values_in
@@ -15,6 +15,11 @@ from wsp_env.diagnosis.fitting import Fitted
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.trials import FORM
 from wsp_env.plant.mechanisms.terms import Feature
+
+
+@pytest.fixture(autouse=True)
+def no_small_mechanisms(monkeypatch):
+    monkeypatch.setattr(trials, "freed", unfreed)
 
 
 @pytest.mark.parametrize(("own", "expected"), [(0.0, 0.0), (12.0, 12.0)])
@@ -154,7 +159,7 @@ def test_a_form_at_its_end_is_left_for_one_that_is_not(monkeypatch):
     monkeypatch.setattr(trials, "cost", lambda *_: 0.0)
     one = dataclasses.replace(found(patch, 5.0), reduction=20.0)
     start = Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0)
-    tried = trials._fit_on_replica(None, start, None, one)
+    tried = trials._fit_on_replica(None, start, None, None, one)
     assert tried.variant.sizes == ("change",)
     assert tried.reduction == pytest.approx(20.0)
 

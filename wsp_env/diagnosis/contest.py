@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 from wsp_env.diagnosis.convergence import fits_worse
+from wsp_env.diagnosis.replica import OF_TIME
 from wsp_env.diagnosis.retest import AboutItself, Retested
 from wsp_env.diagnosis.side_by_side import side_by_side
 from wsp_env.diagnosis.trials import FORM, Trial, hides_in_noise, log_odds
@@ -104,7 +105,8 @@ def _promising(
     """Return those of `some` that may hold and be the best of all, beside what holds.
 
     A name that explains little here, because it is nonlinear or hidden by nuisances, may explain most about its own replica.
-    Another inertia hides in the noise.
+    Delays are the least linear effects: the true one may explain far less here than a false one. Another inertia hides in the
+    noise.
     """
     least = max((one.evidence for one in among), default=0.0)
     least = max([least, *(one.trial.evidence / (1.0 - FORM) ** 2 for one in held)]) / _MOST_GAINED
@@ -114,6 +116,6 @@ def _promising(
             return True
         if hides_in_noise(one.found) and not held:
             return True
-        return log_odds(one.listed, one.evidence) > threshold(one) and one.evidence > least
+        return log_odds(one.listed, one.evidence) > threshold(one) and (one.evidence > least or one.listed.name in OF_TIME)
 
     return [one for one in some if may_hold(one)]

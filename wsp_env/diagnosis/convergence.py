@@ -27,7 +27,7 @@ _CONVERGED = 0.5
 _CONTRACTION = 0.5
 #: Standard deviations of a sum of squares by which a model must fit worse than another (assumption: by chance, this happens
 #: once in a thousand).
-_WORSE = 3.0
+WORSE = 3.0
 #: Largest numbers of estimates of the nuisance sizes about the law alone, and of replicas under each of them.
 _SIZE_ESTIMATES, _LAW_REPLICAS = 2, 4
 #: Relative change of tau and mu_cd at which the law alone has converged: it moves a stop by some 0.1 % (assumption).
@@ -122,7 +122,7 @@ def fits_worse(cost: float, other: float) -> bool:
 
     On its own replica, any model is right by construction. The evidence there does not show a diverged mechanism, the fit does.
     """
-    return cost > other + _WORSE * float(np.sqrt(2.0 * other))
+    return cost > other + WORSE * float(np.sqrt(2.0 * other))
 
 
 def moves(before: Fitted, after: Fitted) -> np.ndarray:

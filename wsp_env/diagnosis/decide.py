@@ -33,6 +33,7 @@ from wsp_env.diagnosis.trials import (
     ReplicaNoise,
     Trial,
     corrects_recordings,
+    freed,
     log_odds,
     trials_of,
     weights_of,
@@ -112,7 +113,7 @@ def select(
         progress(f"refitting {len(accepted) + 1} of {MOST}")
         rejects = functools.partial(_is_rejected, replica, accepted, seen)
         here = functools.cache(functools.partial(_without_new, replica, fitted, seen, weights))
-        both = functools.partial(about_itself, replica.recorded, weights), functools.partial(retest, here, seen, pool)
+        both = functools.partial(about_itself, replica.recorded, weights, seen), functools.partial(retest, here, seen, pool)
         threshold = FormErrorThreshold(
             replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen
         )
@@ -181,8 +182,8 @@ def _converge_all(
     """
     if not any(corrects_recordings(one.trial.listed) for one in accepted):
         noise = ReplicaNoise(replica, seen)
-        return *converge(replica.recorded, fitted, noise.weights()), noise.parameters
-    own, again, noise = converge_reweighted(begun(replica.recorded, fitted, weights_of(replica, seen)), seen)
+        return *converge(replica.recorded, fitted, freed(noise.weights(), seen, fitted.variants)), noise.parameters
+    own, again, noise = converge_reweighted(begun(replica.recorded, fitted, weights_of(replica, seen), seen), seen)
     return own, again, noise.parameters
 
 
@@ -193,7 +194,7 @@ def _forward_step(
     replica = last.own.replica
     kept, fitted = _backward_elimination(replica, accepted, last.trial.fitted, seen)
     if len(kept) < len(accepted):
-        replica, fitted = converge(replica.recorded, fitted, weights)
+        replica, fitted = converge(replica.recorded, fitted, freed(weights, seen, fitted.variants))
     return _sized(replica, fitted, kept, seen)
 
 
@@ -205,16 +206,17 @@ def _exchanged(
         return replica, fitted, accepted
     weights = weights_of(replica, seen)
     for one in accepted[:-1]:
-        now = refit(replica, fitted.model, fitted.variants, weights)
+        now = refit(replica, fitted.model, fitted.variants, freed(weights, seen, fitted.variants))
         others = [variant for variant in fitted.variants if variant is not one.trial.variant]
-        rest = refit(replica, without(fitted.model, one.trial.variant), others, weights)
+        rest = refit(replica, without(fitted.model, one.trial.variant), others, freed(weights, seen, others))
         taken = {variant.title for variant in others}
         tried = []
         for rival in one.rivals:
             # Those that correct the recordings were compared on their own replica.
             if rival.listed.title not in taken and not corrects_recordings(rival.listed):
                 begin = switched(rest.model, rival.variant, values_in(rival.fitted.model, rival.variant))
-                again = refit(replica, begin, [*others, rival.variant], weights)
+                every = [*others, rival.variant]
+                again = refit(replica, begin, every, freed(weights, seen, every))
                 reduction = rest.cost - again.cost
                 tried.append(dataclasses.replace(
                     rival, fitted=again, null_model=rest.model, reduction=reduction, evidence=0.5 * reduction - rival.penalty
@@ -226,7 +228,7 @@ def _exchanged(
             if at_bound(better.variant, better.fitted.model):
                 continue
             here = functools.partial(Side, replica, seen, weights, ReplicaNoise(replica, seen), (rest.model, others))
-            retested = retest(here, seen, pool, about_itself(replica.recorded, weights, better))
+            retested = retest(here, seen, pool, about_itself(replica.recorded, weights, seen, better))
             if retested is None:
                 continue
             if log_odds(retested.trial.listed, retested.trial.evidence) > SURE:
@@ -252,8 +254,8 @@ def _backward_elimination(
     for one in accepted[:-1]:
         variant, weights = one.trial.variant, weights_of(replica, seen)
         others = [other for other in fitted.variants if other is not variant]
-        reduced = refit(replica, without(fitted.model, variant), others, weights)
-        rest, left = own_side(begun(replica.recorded, reduced, weights), seen)
+        reduced = refit(replica, without(fitted.model, variant), others, freed(weights, seen, others))
+        rest, left = own_side(begun(replica.recorded, reduced, weights, seen), seen)
         here = Side(replica, seen, weights, ReplicaNoise(replica, seen))
         both = [side.compare([fitted.model], variant, fitted.variants)[0] for side in (rest, here)]
         if log_odds(one.trial.listed, 0.5 * min(both) - one.trial.penalty) <= SURE:

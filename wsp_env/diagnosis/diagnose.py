@@ -16,7 +16,7 @@ from wsp_env.diagnosis.data_first import data_first
 from wsp_env.diagnosis.decide import Accepted, Outcome, select
 from wsp_env.diagnosis.discovered import OF_WHEELS, equation, looks_like, slot_of, slot_of_title
 from wsp_env.diagnosis.effects import course, curve, held_out
-from wsp_env.diagnosis.estimates import estimates
+from wsp_env.diagnosis.estimates import estimates, intervals_contain_null
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import baseline, sliding
 from wsp_env.diagnosis.locate import locate, residual_map
@@ -123,8 +123,12 @@ def _beside_their_kind(mean: np.ndarray, slides: np.ndarray) -> np.ndarray:
 def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor) -> Diagnosis:
     found = quality(replica, outcome)
     # A finding must be confirmed: at the size fitted to the tuning runs, the held-out runs alone must make it as sure. This is
-    # a single question, so the prior odds do not count again.
-    repeated = [one for one, sure in zip(outcome.accepted, found.repeated, strict=True) if sure]
+    # a single question, so the prior odds do not count again. Nor may its intervals, beside all others, contain its absence.
+    repeated = [
+        one
+        for one, sure in zip(outcome.accepted, found.repeated, strict=True)
+        if sure and not intervals_contain_null(_estimates(outcome, one), one.trial.variant)
+    ]
     missing = [one for one in outcome.missing if one in repeated]
     worse = max(found.fit.extended[group] / found.fit.baseline[group] for group in found.fit.baseline) > _WORSE
     removed = found.fit.removed_validate
@@ -154,7 +158,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
         if one not in outcome.missing
     ]
     small += [
-        f"seen, but not confirmed by the held-out runs, or at a size that cannot be: {one.words}"
+        f"seen, but not confirmed by the held-out runs, or at a size that cannot be or may be none: {one.words}"
         for one in outcome.missing
         if one not in repeated
     ]

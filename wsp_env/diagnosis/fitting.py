@@ -30,6 +30,7 @@ class Weights:
     noise: np.ndarray  # (n,) factor on each row's standard deviation
     projector: Projector  # removes all nuisances except the law's parameters
     constant: float = 0.0  # -2 log likelihood less the sum of squares, without the channels' own noise
+    spread: Projector | None = None  # with which the covariances of sizes are computed; None: the projector
 
     def deviance(self, fitted: "Fitted") -> float:
         """Return -2 log likelihood of a fit, without the terms of the channels' own noise.
@@ -43,6 +44,16 @@ class Weights:
         """Return the same with a few further nuisances (n, k), scaled by their standard deviations."""
         projector = self.projector.beside(self(columns))
         return dataclasses.replace(self, projector=projector, constant=self.constant + projector.logdet - self.projector.logdet)
+
+    def freed(self, columns: np.ndarray) -> "Weights":
+        """Return the same without some of the nuisances (n, k), scaled by their standard deviations, for the best fit.
+
+        They are small sizes of the mechanisms that are fitted. As these may have any size, they change no fit of a linear
+        effect. About another size of a nonlinear effect they are no size of it, but another form. Covariances contain them.
+        """
+        if not columns.shape[1]:
+            return self
+        return dataclasses.replace(self, projector=self.projector.without(self(columns)), spread=self.projector)
 
     def __call__(self, raw: np.ndarray) -> np.ndarray:
         """Return rows (n,) or (n, k) whitened."""
@@ -189,6 +200,7 @@ class _System(NamedTuple):
 
     gram: np.ndarray  # (k, k)
     against: np.ndarray  # (k,) products of the columns with the rows
+    columns: np.ndarray  # (n, k) whitened
     steps: np.ndarray  # of the variants' parameters
 
 
@@ -228,15 +240,28 @@ class _State:
         known = self.weights.projector.inner(white, white)
         gram, against = known[:-1, :-1], known[:-1, -1]
         own = sum(len(step) for step in steps)
-        gram[np.diag_indices_from(gram)] += np.where(np.arange(len(gram)) < own, 0.0, 1.0)  # priors of the law's parameters
+        gram[np.diag_indices_from(gram)] += self._prior(own, len(gram))
         if self.moves[0]:
             against[own] += self.tau
-        return _System(gram, against, np.concatenate(steps))
+        return _System(gram, against, white[:, :-1], np.concatenate(steps))
+
+    @staticmethod
+    def _prior(own: int, several: int) -> np.ndarray:
+        """Return the precisions of the priors: none of the variants' parameters, those of the law."""
+        return np.where(np.arange(several) < own, 0.0, 1.0)
 
     def moved(self, system: _System, damping: float) -> Model:
-        """Return the model after a Gauss-Newton step; a long step is shortened in its direction."""
-        steps, gram = system.steps, system.gram
-        amplitude = fit(gram + damping * np.diag(np.diag(gram)), system.against).amplitude
+        """Return the model after a Gauss-Newton step; a long step is shortened in its direction.
+
+        A parameter that is at a bound and would move beyond it stays there, and the others move as without it (projected Newton
+        method, D. P. Bertsekas, SIAM Journal on Control and Optimization 20, 1982).
+        """
+        steps, damped = system.steps, system.gram + damping * np.diag(np.diag(system.gram))
+        amplitude, free = fit(damped, system.against).amplitude, np.ones(len(damped), dtype=bool)
+        while (beyond := self._beyond(-amplitude[: len(steps)] * steps)).any():
+            free[: len(steps)] &= ~beyond
+            amplitude = np.zeros(len(damped))
+            amplitude[free] = fit(damped[np.ix_(free, free)], system.against[free]).amplitude
         highest = 0.9 * self.balances.campaign.contact.kinetic_friction_r
         change, step = -amplitude[: len(steps)] * steps, np.zeros(len(self.moves))
         step[self.moves] = -amplitude[len(steps) :]
@@ -251,12 +276,26 @@ class _State:
             found = candidates.switched(found, one, values)
         return found
 
+    def _beyond(self, change: np.ndarray) -> np.ndarray:
+        """Return which of the variants' parameters (k,) are at a bound that a change (k,) exceeds."""
+        found = []
+        for one in self.variants:
+            ends = [candidates.parameter_of(one.name, name) for name in one.sizes]
+            values = candidates.values_in(self.model, one)
+            found += [(value <= end.low, value >= end.high) for value, end in zip(values, ends, strict=True)]
+        at = np.array(found, dtype=bool).reshape(-1, 2)
+        result: np.ndarray = (at[:, 0] & (change < 0.0)) | (at[:, 1] & (change > 0.0))
+        return result
+
     def fitted(self, system: _System) -> Fitted:
         """Return the fit, with the covariances at the beginning of the last step, small unless iterations ran out."""
         covariances = []
         if self.variants:
-            steps = system.steps
-            whole = fit(system.gram, system.against).covariance[: len(steps), : len(steps)] * np.outer(steps, steps)
+            steps, gram = system.steps, system.gram
+            if self.weights.spread is not None:
+                gram = self.weights.spread.inner(system.columns, system.columns)
+                gram[np.diag_indices_from(gram)] += self._prior(len(steps), len(gram))
+            whole = fit(gram, system.against).covariance[: len(steps), : len(steps)] * np.outer(steps, steps)
             first = 0
             for one in self.variants:
                 part = slice(first, first + len(one.sizes))

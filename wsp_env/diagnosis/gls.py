@@ -93,13 +93,21 @@ class Projector:
         """Return the projector that also removes a few further columns (n, k), with a prior of deviation 1."""
         return Beside(self, columns)
 
+    def without(self, columns: np.ndarray) -> "Beside":
+        """Return the projector that does not remove a few of its nuisances (n, k), with a prior of deviation 1."""
+        return Beside(self, columns, -1.0)
+
 
 class Beside(Projector):
-    """A projector off the nuisances of another one and a few further columns, which come last."""
+    """A projector off the nuisances of another one and a few further columns, which come last.
 
-    def __init__(self, projector: Projector, columns: np.ndarray) -> None:
-        self._projector, self._columns, self._freed = projector, columns, projector.rest(columns)
-        self._factor = np.linalg.cholesky(columns.T @ self._freed + np.eye(columns.shape[1]))
+    With `sign` -1, the further columns are nuisances of the other one, and removed from it: added with variance -1, they cancel
+    those with variance 1, and their amplitudes too.
+    """
+
+    def __init__(self, projector: Projector, columns: np.ndarray, sign: float = 1.0) -> None:
+        self._projector, self._columns, self._freed, self._sign = projector, columns, projector.rest(columns), sign
+        self._factor = np.linalg.cholesky(sign * columns.T @ self._freed + np.eye(columns.shape[1]))
 
     @property
     def logdet(self) -> float:
@@ -109,7 +117,7 @@ class Beside(Projector):
     def inner(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """As for the projector."""
         left, right = (solved(self._factor, self._freed.T @ one) for one in (a, b))
-        result: np.ndarray = self._projector.inner(a, b) - left.T @ right
+        result: np.ndarray = self._projector.inner(a, b) - self._sign * left.T @ right
         return result
 
     def rest(self, y: np.ndarray) -> np.ndarray:
@@ -123,7 +131,7 @@ class Beside(Projector):
 
     def _further(self, y: np.ndarray) -> np.ndarray:
         """Best amplitudes (k,) or (k, m) of the further columns."""
-        return solved(self._factor, solved(self._factor, self._freed.T @ y), True)
+        return self._sign * solved(self._factor, solved(self._factor, self._freed.T @ y), True)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -17,7 +17,7 @@ import numpy as np
 from wsp_env.diagnosis.agreement import agreement
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import Variant, switched, values_in, without
-from wsp_env.diagnosis.convergence import fits_worse, largest_change, midpoint, moves, rescaled
+from wsp_env.diagnosis.convergence import WORSE, fits_worse, largest_change, midpoint, moves, rescaled
 from wsp_env.diagnosis.estimates import estimates, intervals_contain_null, within_a_sample
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit, replica_of
@@ -26,7 +26,7 @@ from wsp_env.diagnosis.noise import Noise, NoiseParameters
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Screen, net_effect
 from wsp_env.diagnosis.side_by_side import side_by_side
-from wsp_env.diagnosis.trials import SURE, ReplicaNoise, Trial, form_of, log_odds
+from wsp_env.diagnosis.trials import SURE, ReplicaNoise, Trial, form_of, freed, log_odds
 
 #: Change of a mechanism with new nuisance sizes, in standard deviations, from which on its replica is made again.
 LARGE_CHANGE = 1.0
@@ -88,6 +88,13 @@ class Side:
         self._seen, self._like, self._known = seen, like, known
         self._without = self.fit(*without) if without else None
 
+    def fits_worse(self, other: "Side") -> bool:
+        """Whether the model about which this side is fits worse than that of the other side, by more than deviances scatter."""
+        mine, least = (one._known or one._without for one in (self, other))
+        assert mine is not None
+        assert least is not None
+        return mine.deviance > least.deviance + WORSE * float(np.sqrt(2.0 * len(self.replica.rows)))
+
     @property
     def noise_parameters(self) -> NoiseParameters:
         """What this side tells about the noise of similar residuals."""
@@ -97,9 +104,9 @@ class Side:
         """Fit a model and estimate its nuisance sizes."""
         if self._known and list(self._known.fitted.variants) == list(variants):
             return self._known
-        first = refit(self.replica, model, variants, self.weights)
+        first = refit(self.replica, model, variants, freed(self.weights, self._seen, variants))
         weights = self._like.about(first.model).weights()
-        fitted = refit(self.replica, first.model, variants, weights)
+        fitted = refit(self.replica, first.model, variants, freed(weights, self._seen, variants))
         return Weighted(fitted, weights, weights.deviance(fitted))
 
     def compare(self, models: Sequence[Model], variant: Variant, variants: Sequence[Variant]) -> tuple[float, float]:
@@ -123,7 +130,8 @@ class Side:
         if not bent:
             return one.deviance
         weights = one.weights.beside(np.column_stack([group.columns * group.expected for group in bent]))
-        return weights.deviance(refit(self.replica, one.fitted.model, one.fitted.variants, weights))
+        own = freed(weights, self._seen, one.fitted.variants)
+        return weights.deviance(refit(self.replica, one.fitted.model, one.fitted.variants, own))
 
     def _nuisance_chi_square(self, model: Model) -> float:
         amplitudes = self.weights.projector.amplitudes(self.weights(self.replica.raw(model)))
@@ -147,20 +155,21 @@ class Retested(NamedTuple):
         return 0.5 * float(np.mean(reduced)) - mine.penalty + others.penalty
 
 
-def about_itself(recorded: Balances, weights: Weights, trial: Trial) -> AboutItself:
+def about_itself(recorded: Balances, weights: Weights, seen: Screen, trial: Trial) -> AboutItself:
     """Return a trial about a replica of its own, with the weights of the other side.
 
     About a replica without a strongly nonlinear mechanism, a refit may lead away from it. A name is tried from its refit and
     from its linear step; what fits better counts.
     """
-    refitted = functools.partial(begun, recorded, trial.fitted, weights)
+    refitted = functools.partial(begun, recorded, trial.fitted, weights, seen)
     if trial.listed.family:
         return AboutItself(trial, refitted())
-    stepped = functools.partial(rescaled, recorded, _linear(trial), trial.variant, weights, _MULTIPLES)
+    own = freed(weights, seen, trial.fitted.variants)
+    stepped = functools.partial(rescaled, recorded, _linear(trial), trial.variant, own, _MULTIPLES)
     first, begin = side_by_side(lambda one: one(), (refitted, stepped))
     if begin.cost >= first.fitted.cost or largest_change(first.fitted, begin) <= LARGE_CHANGE:
         return AboutItself(trial, first)
-    further = begun(recorded, begin, weights)
+    further = begun(recorded, begin, weights, seen)
     return AboutItself(trial, min(first, further, key=lambda one: one.fitted.cost))
 
 
@@ -178,8 +187,8 @@ def retest(make_here: Callable[[], Side], seen: Screen, pool: Executor, one: Abo
     `make_here` returns the side without it. Both sides are evaluated in parallel.
 
     The evidence is the mean of both sides. If a side speaks against it, this side counts alone, but the side without it only
-    unless the model with it fits distinctly better, each about itself. If the parts of the recordings leave it no longer sure,
-    the evidence is what they leave.
+    unless the model with it fits distinctly better, each about itself. There is none if it fits distinctly worse: both sides
+    may extrapolate in its favour. If the parts of the recordings leave it no longer sure, the evidence is what they leave.
     """
     here = pool.submit(make_here)
     own, fitted = own_side(one.step, seen)
@@ -195,6 +204,8 @@ def retest(make_here: Callable[[], Side], seen: Screen, pool: Executor, one: Abo
     reduction, least = float(np.mean(both)), min(both)
     if 0.5 * least <= trial.penalty and not one.fits_better:
         reduction = least
+    if own.fits_worse(here.result()):
+        reduction = 0.0
     found = estimates(own.replica, fitted, variant, own.weights, reduction)
     if intervals_contain_null(found, variant) or within_a_sample(found, variant, own.replica.sample_s):
         reduction = 0.0  # these recordings cannot distinguish it from its absence: it is not seen
@@ -226,22 +237,24 @@ def converge_reweighted(step: Step, seen: Screen) -> tuple[Replica, Fitted, Repl
     fitted = step.begin
     for _ in range(_REWEIGHTED):
         if weights is not None:
-            step = begun(step.replica.recorded, fitted, weights)
+            step = begun(step.replica.recorded, fitted, weights, seen)
         noise = ReplicaNoise(step.replica, seen, like=like)
         like = noise.noise._replace(groups=())  # which depend on the replica
         weights = noise.weights()
-        fitted = refit(step.replica, step.begin.model, step.begin.variants, weights)
+        own = freed(weights, seen, step.begin.variants)
+        fitted = refit(step.replica, step.begin.model, step.begin.variants, own)
         if largest_change(step.begin, fitted) < LARGE_CHANGE:
             break
     return step.replica, fitted, noise
 
 
-def begun(recorded: Balances, fitted: Fitted, weights: Weights) -> Step:
+def begun(recorded: Balances, fitted: Fitted, weights: Weights, seen: Screen) -> Step:
     """Return the last of a few replicas, each made from the fit to the previous one, until one fits the recordings worse.
 
     A step that turns back is halved.
     """
     last, found, least = np.zeros(1), None, np.inf
+    weights = freed(weights, seen, fitted.variants)
     for _ in range(_STEPS):
         begin, own = fitted, replica_of(recorded, fitted.model, weights)
         again = refit(own, begin.model, begin.variants, weights)

@@ -63,11 +63,19 @@ class Screen:
     whitening: Whitening
     groups: tuple[Group, ...]  # nuisances
     small: Group  # mechanisms at sizes that do not matter
+    small_names: tuple[str, ...]  # (k,) mechanisms of their columns
     times: Group  # the small mechanisms whose size is a time
     sizes: Sizes  # of the nuisances
     colour: np.ndarray  # (p,) autoregression of sliding wheels' rows
     found: tuple[Found, ...]  # best first
     second: Mapping[str, Found]  # the second-best variant of each name
+
+    def small_of(self, variants: Sequence[Variant]) -> np.ndarray:
+        """Return the columns (n, k) of the small mechanisms of the same names, scaled by their standard deviations."""
+        names = {one.name for one in variants}
+        mine = np.array([name in names for name in self.small_names], dtype=bool)
+        result: np.ndarray = self.small.columns[:, mine] * self.small.expected
+        return result
 
     @property
     def noise(self) -> Noise:
@@ -180,6 +188,7 @@ def screen(
     shares = _shares(named)
     every = [one.columns / one.scale * share for one, share in zip(named, shares, strict=True)]
     small = Group("small mechanisms", _net_by_run(law, np.column_stack([nothing, *every]), replica.rows.run), SMALL, True)
+    names = tuple(one.variant.name for one in named for _ in one.variant.sizes)
     late = [parameter_of(one.variant.name, name).unit == "s" for one in named for name in one.variant.sizes]
     times = small._replace(columns=small.columns[:, np.array(late, dtype=bool)])
     terms = law.net(np.column_stack([nothing, *(one.columns / one.scale for one in unnamed)]))[0]
@@ -187,7 +196,7 @@ def screen(
     sizes = evidence.solve(Sizes(np.append(noise.sizes.groups, [1.0, 1.0]), noise.sizes.noise))
     found, second = _judged(evidence, sizes, named, unnamed)
     kept = Sizes(sizes.groups[: len(groups)], sizes.noise)
-    return Screen(model, replica.about, base, whitening, groups, small, times, kept, noise.colour, tuple(found), second)
+    return Screen(model, replica.about, base, whitening, groups, small, names, times, kept, noise.colour, tuple(found), second)
 
 
 def _net_by_run(law: _Law, columns: np.ndarray, run: np.ndarray) -> np.ndarray:
