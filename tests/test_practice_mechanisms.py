@@ -94,8 +94,9 @@ def test_a_late_brake_is_a_linear_system_with_that_frequency_response(lag_s, ris
     response = np.exp(-turning * (1.0 - rise_share) * lag_s) / (1.0 + turning * rise_share * lag_s)
     expected = 0.5 * FULL_NM * (1.0 + (response * np.exp(turning * measured.time_s)).imag)
     settled = measured.time_s > 12.0 * lag_s
-    # Kept instants are up to a 30th of the dead time and a sample apart: a chord is below its arc by an eighth of (w dt)^2.
-    chord = (abs(turning) * (lag_s / 30.0 + STEP_S)) ** 2 / 8.0
+    # A chord is below its arc by an eighth of (w dt)^2: between samples, and between instants that are kept, up to a 30th
+    # of the dead time and a sample apart.
+    chord = sum((abs(turning) * apart) ** 2 / 8.0 for apart in (STEP_S, (1.0 - rise_share) * lag_s / 30.0 + STEP_S))
     assert_allclose(late[settled], expected[settled], atol=(chord + 2e-5) * 0.5 * FULL_NM)
 
 
