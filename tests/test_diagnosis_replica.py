@@ -16,7 +16,8 @@ from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.diagnose import _describes_a_part
 from wsp_env.diagnosis.evaluate import Evaluator, Model
 from wsp_env.diagnosis.forces import Forces
-from wsp_env.diagnosis.replica import _FLAT_S, Replica, _required_slips
+from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.replica_slips import _FLAT_S, required_slips
 from wsp_env.diagnosis.search import _Law, candidate
 from wsp_env.diagnosis.stops import BLOCK_S, SLIP_MPS, VEHICLE_BLOCK_S, PreparedStop, least_slip, prepare, smooth_wheels
 from wsp_env.diagnosis.swings import swings
@@ -98,7 +99,7 @@ def test_the_slip_that_a_force_needs_is_where_the_law_gives_it(sound):
     law, load = sound.vehicle.contact.law, MASS_KG * 9.81 / (2 * AXLES)
     evaluator = Evaluator(sound.campaign, sound.sources)
     found = evaluator(LAW)
-    needed = _required_slips(sound, evaluator, LAW, found, [one.slip for one in found])
+    needed = required_slips(sound, evaluator, LAW, found, [one.slip for one in found])
     for i, (stop, one, slip, share) in enumerate(zip(sound.sources, found, *needed, strict=True)):
         limit = least_slip(stop.speed)[:, None]
         inside = np.abs(slip) < 0.99 * limit
@@ -128,7 +129,7 @@ def test_the_slip_that_a_force_needs_is_where_the_extended_model_gives_it(sound,
     """Other loads, another slope: a wheel that rolls is where the model that the replica is about puts it."""
     model, evaluator = Model(LAW.tau, LAW.mu_cd, choice), Evaluator(sound.campaign, sound.sources)
     found = evaluator(model)
-    slips, _ = _required_slips(sound, evaluator, model, found, [one.slip for one in found])
+    slips, _ = required_slips(sound, evaluator, model, found, [one.slip for one in found])
     there = evaluator(model, [(one.slip - slip) / sound.radius for one, slip in zip(found, slips, strict=True)])
     for stop, one, slip in zip(sound.sources, there, slips, strict=True):
         needed = one.force / (2.0 * one.load)
@@ -145,7 +146,7 @@ def test_a_clock_s_error_is_no_slide(sound):
     fast = Balances(sound.campaign, [dataclasses.replace(stop, speed=stop.speed + 0.1)])
     evaluator, model = Evaluator(sound.campaign, fast.sources), Model(LAW.tau, LAW.mu_cd[:1])
     (one,) = found = evaluator(model)
-    (slip,), (share,) = _required_slips(fast, evaluator, model, found, [one.slip])
+    (slip,), (share,) = required_slips(fast, evaluator, model, found, [one.slip])
     assert (one.slip[rolls] > 0.05).all()
     assert np.abs((share * one.slip + (1.0 - share) * slip)[rolls]).max() < 0.01
 

@@ -25,34 +25,22 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from wsp_env.diagnosis.balances import ADHESION, Balances, Blocks, Rows, Whitening
-from wsp_env.diagnosis.denoise import denoised
 from wsp_env.diagnosis.evaluate import Choice, Evaluation, Evaluator, Model
 from wsp_env.diagnosis.loop import predicted
 from wsp_env.diagnosis.readings import correct_readings, on_sensors, readings_of, simulate_readings
-from wsp_env.diagnosis.stops import (
-    BLOCK_S,
-    ROLLING_SHARE,
-    SLIP_MPS,
-    PreparedStop,
-    least_slip,
-    smooth_wheels,
-    wheel_filter,
-)
+from wsp_env.diagnosis.replica_slips import braked, larger_radii, required_slips, rolling, true_slips
+from wsp_env.diagnosis.stops import PreparedStop
 from wsp_env.diagnosis.thinning import averaged
 from wsp_env.plant.mechanisms import ALL, discovered
 from wsp_env.plant.mechanisms.terms import Feature
 
-_NEWTON, _CONVERGED = 12, 1e-6  # iterations of the required slip, and its change [m/s] at which it has converged
 #: Share kept of the measured slip from which on a wheel slides: its friction, not its slip, fluctuates with load and rail.
 _SLIDES = 0.5
-_FLAT_S = 0.5  # averaging time of the curve's flatness [s], so that it does not follow noise
 OF_TIME = tuple(name for name, card in ALL.items() if any(one.unit == "s" and one.fitted for one in card.sizes))
 #: Features that follow the course of the torque, as delays do.
 OF_TORQUE = frozenset({float(Feature.TORQUE_MEMORY), float(Feature.TORQUE_PLAY)})
-_LEAST_ADHESION = 0.01  # lower bound of the adhesion with which a slip error is compared: hardly braked wheels roll
 
 
 class Replica:
@@ -73,15 +61,15 @@ class Replica:
         self._readings: Choice = {}
         campaign = recorded.campaign
         right = recorded.like(correct_readings(campaign, recorded.sources, readings)) if readings else recorded
-        larger = _larger_radii(right, baseline)
+        larger = larger_radii(right, baseline)
         evaluator = Evaluator(campaign, right.sources)
         found = evaluator(baseline)
-        true = _true_slips(found, found if rest is baseline else evaluator(rest), right.sources, larger)
-        needed, kept = _required_slips(right, evaluator, baseline, found, true)
-        made = [_rolling(right, one, i, needed[i], kept[i], true[i], larger) for i, one in enumerate(found)]
+        true = true_slips(found, found if rest is baseline else evaluator(rest), right.sources, larger)
+        needed, kept = required_slips(right, evaluator, baseline, found, true)
+        made = [rolling(right, one, i, needed[i], kept[i], true[i], larger) for i, one in enumerate(found)]
         forces = Evaluator(campaign, made)(baseline)
-        braked = [_braked(right, stop, one) for stop, one in zip(made, forces, strict=True)]
-        self._copy = self.timed = right.like(braked)
+        balanced = [braked(right, stop, one) for stop, one in zip(made, forces, strict=True)]
+        self._copy = self.timed = right.like(balanced)
         self.rows = _rows_of_true_slips(right.rows, self._copy.rows, larger)
         self._kept = threading.local()  # each thread keeps its last evaluation
         # The replica contains the true slip of a wheel with wrong radius; the reading of its sensor is linear in the radius.
@@ -99,7 +87,7 @@ class Replica:
         if prompt is not baseline:
             slopes = [one.slope for one in self._at_true_slips(prompt, on_sensors(rest))]
             of_prompt = self._residuals(right, prompt, slopes) - smoothing
-        turned = zip(*_predicted_stops(right, braked, forces, [share > _SLIDES for share in kept]), strict=True)
+        turned = zip(*_predicted_stops(right, balanced, forces, [share > _SLIDES for share in kept]), strict=True)
         self._copy, self.timed = (
             right.like(simulate_readings(campaign, stops, readings) if readings else stops) for stops in turned
         )
@@ -276,99 +264,3 @@ def _rows_as_they_slide(rows: Rows, parts: Sequence[Blocks], slid: Sequence[Eval
             mine = part.wheel_rows(values)
             found[name].append(part.joined(mine, brakes=mine))
     return dataclasses.replace(rows, **{name: np.concatenate(values) for name, values in found.items()})
-
-
-def _larger_radii(recorded: Balances, model: Model) -> np.ndarray:
-    """Return the relative excess (A,) of the wheel radii over the believed ones, from rolling before the first braking.
-
-    It is 0 if the resulting slip error is below the smallest one of interest, or if there are fewer than three blocks of data.
-    """
-    found: list[list[np.ndarray]] = [[] for _ in range(recorded.axles)]
-    for stop, one in zip(recorded.stops, recorded.evaluate(model), strict=True):
-        braked = np.abs(stop.torque) > ROLLING_SHARE * np.abs(stop.torque).max()
-        before = ~np.logical_or.accumulate(braked, axis=0) & stop.usable
-        for axle, mine in enumerate(before.T):
-            found[axle].append(one.slip[mine, axle] / (stop.speed[mine] - one.slip[mine, axle]))
-    least = 3.0 * BLOCK_S / max(stop.step_s for stop in recorded.stops)
-    every = [np.concatenate(one) for one in found]
-    larger = np.array([np.median(one) if len(one) >= least else 0.0 for one in every])
-    fastest = max(float(stop.speed.max()) for stop in recorded.stops)
-    result: np.ndarray = np.where(np.abs(larger) * fastest > SLIP_MPS, larger, 0.0)
-    return result
-
-
-def _rolling(
-    recorded: Balances, one: Evaluation, index: int, needed: np.ndarray, share: np.ndarray, true: np.ndarray, larger: np.ndarray
-) -> PreparedStop:
-    """Return a stop with the wheels at the replica's slip and the recorded torques.
-
-    The slip is the measured one where the wheel slides (the true one if its radius is wrong), else the one that its force
-    requires.
-    """
-    stop, radius, noise = recorded.sources[index], recorded.radius, recorded.sources[index].noise
-    v = np.maximum(stop.speed, 0.1)[:, None]
-    creepage = np.clip((share * np.where(larger != 0.0, true, one.slip) + (1.0 - share) * needed) / v, -0.2, 0.999)
-    slip = creepage * stop.speed[:, None]
-    smooth = denoised(slip, share, radius * noise.wheel, wheel_filter(noise.step_s), stop.step_s, noise.step_s)
-    wheel = (one.speed[:, None] - smooth) / radius
-    return dataclasses.replace(stop, wheel=wheel, wheel_rate=np.gradient(wheel, stop.step_s, axis=0))
-
-
-def _braked(recorded: Balances, stop: PreparedStop, one: Evaluation) -> PreparedStop:
-    """Return the stop with the torques that balance its wheels with the baseline's brakes and wheelsets, smoothed."""
-    torque = stop.torque + (2.0 * one.load * one.adhesion - one.force) * recorded.radius
-    wheel, rate, jerk, smooth = smooth_wheels(stop.wheel, torque, stop.step_s)
-    return dataclasses.replace(stop, wheel=wheel, wheel_rate=rate, wheel_jerk=jerk, torque=smooth)
-
-
-def _true_slips(
-    read: Sequence[Evaluation], evaluations: Sequence[Evaluation], stops: Sequence[PreparedStop], larger: np.ndarray
-) -> list[np.ndarray]:
-    """Return the true slips (T, A) of every stop: from a model's sensors, or from the measured radii if these are wrong."""
-    true = []
-    for one, other, stop in zip(read, evaluations, stops, strict=True):
-        v = np.maximum(stop.speed, 0.1)[:, None]
-        true.append(np.where(larger != 0.0, one.slip - larger * (v - one.slip), other.slip))
-    return true
-
-
-def _required_slips(
-    balances: Balances, evaluator: Evaluator, model: Model, found: Sequence[Evaluation], true: Sequence[np.ndarray]
-) -> tuple[list[np.ndarray], list[np.ndarray]]:  # fmt: skip
-    """Return the slips (T, A) required by the wheels' forces on the steep part, and the share kept of the measured slips.
-
-    The measured slip is kept where the true slip (T, A) is a slide, and where the curve is so flat at both slips that a slip
-    error hardly changes the adhesion. The transition is gradual, so that no wheel jumps. A sensor's error of a rolling wheel is
-    no slide: the true slips decide. The curve includes the model's loads and friction.
-    """
-    speeds = [np.maximum(stop.speed, 0.1)[:, None] for stop in balances.sources]
-
-    def at(slips: Sequence[np.ndarray]) -> list[Evaluation]:
-        return evaluator(model, [(one.slip - slip) / balances.radius for one, slip in zip(found, slips, strict=True)])
-
-    slips = [np.zeros_like(one.slip) for one in found]
-    for _ in range(_NEWTON):
-        there, before = at(slips), slips
-        slips = [
-            np.clip(
-                one.slip + (_required_adhesion(one) - one.adhesion) / np.maximum(one.slope, 0.05 / v),
-                -least_slip(v),
-                least_slip(v),
-            )
-            for one, v in zip(there, speeds, strict=True)
-        ]
-        if max(float(np.abs(new - old).max()) for new, old in zip(slips, before, strict=True)) < _CONVERGED:
-            break
-    measured = at([np.clip(slip, 0.0, None) for slip in true])
-    shares = []
-    for one, other, slip, v, stop in zip(there, measured, true, speeds, balances.sources, strict=True):
-        steep = SLIP_MPS * np.maximum(one.slope, other.slope) / np.maximum(_required_adhesion(one), _LEAST_ADHESION)
-        slides = (slip / least_slip(v) - 0.7) / 0.6
-        flat = uniform_filter1d(np.clip(2.0 * (1.0 - steep), 0.0, 1.0), 2 * round(0.5 * _FLAT_S / stop.step_s) + 1, axis=0)
-        shares.append(np.clip(np.maximum(slides, flat), 0.0, 1.0))
-    return slips, shares
-
-
-def _required_adhesion(one: Evaluation) -> np.ndarray:
-    """Return the adhesion (T, A) that a wheel's force requires."""
-    return np.clip(one.force / (2.0 * one.load), -0.05, None)
