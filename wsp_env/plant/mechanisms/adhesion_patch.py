@@ -19,6 +19,8 @@ _SHARP_M = 2.0
 
 #: Lengths of a patch that are tried in recordings [m]; positions are half a length apart (assumption).
 _LENGTHS_M = (30.0, 60.0, 120.0)
+#: Longer than a stop [m]: of such a patch, one end lies beyond what was recorded (assumption).
+_LONGER_M = 3000.0
 
 
 class Parameters(NamedTuple):
@@ -59,9 +61,12 @@ def inside(shape: Mapping[str, float], place_m: np.ndarray) -> np.ndarray:
     return result
 
 
-def end(values: Mapping[str, float]) -> dict[str, float]:
-    """Return the end of the patch, for the sentence."""
-    return {"end_m": values["start_m"] + values["length_m"]}
+def where(values: Mapping[str, float]) -> dict[str, str]:
+    """Return where the patch is, for the sentence; of one longer than a stop, only the end that was recorded."""
+    start_m, end_m = values["start_m"], values["start_m"] + values["length_m"]
+    if values["length_m"] <= _LONGER_M:
+        return {"where": f"from {start_m:.0f} m to {end_m:.0f} m"}
+    return {"where": f"up to {end_m:.0f} m" if start_m < 0.0 else f"from {start_m:.0f} m on"}
 
 
 CARD = Card(
@@ -87,13 +92,13 @@ CARD = Card(
                 "change",
                 "%",
                 percent,
-                "the adhesion is {size} higher from {start_m:.0f} m to {end_m:.0f} m",
-                "the adhesion is {size} lower from {start_m:.0f} m to {end_m:.0f} m",
+                "the adhesion is {size} higher {where}",
+                "the adhesion is {size} lower {where}",
             ),
         ),
         over="place",
         variants=stretches,
-        words=end,
+        words=where,
         friction_pattern=inside,
     ),
     study={"change": -0.4, "start_m": 200.0, "length_m": 150.0},
