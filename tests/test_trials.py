@@ -159,7 +159,7 @@ def test_a_form_at_its_end_is_left_for_one_that_is_not(monkeypatch):
     monkeypatch.setattr(trials, "cost", lambda *_: 0.0)
     one = dataclasses.replace(found(patch, 5.0), reduction=20.0)
     start = Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0)
-    tried = trials._fit_on_replica(None, start, None, None, one)
+    tried = trials._fit_on_replica(None, start, None, one)
     assert tried.variant.sizes == ("change",)
     assert tried.reduction == pytest.approx(20.0)
 

@@ -206,17 +206,16 @@ def _exchanged(
         return replica, fitted, accepted
     weights = weights_of(replica, seen)
     for one in accepted[:-1]:
-        now = refit(replica, fitted.model, fitted.variants, freed(weights, seen, fitted.variants))
+        now = refit(replica, fitted.model, fitted.variants, weights)
         others = [variant for variant in fitted.variants if variant is not one.trial.variant]
-        rest = refit(replica, without(fitted.model, one.trial.variant), others, freed(weights, seen, others))
+        rest = refit(replica, without(fitted.model, one.trial.variant), others, weights)
         taken = {variant.title for variant in others}
         tried = []
         for rival in one.rivals:
             # Those that correct the recordings were compared on their own replica.
             if rival.listed.title not in taken and not corrects_recordings(rival.listed):
                 begin = switched(rest.model, rival.variant, values_in(rival.fitted.model, rival.variant))
-                every = [*others, rival.variant]
-                again = refit(replica, begin, every, freed(weights, seen, every))
+                again = refit(replica, begin, [*others, rival.variant], weights)
                 reduction = rest.cost - again.cost
                 tried.append(dataclasses.replace(
                     rival, fitted=again, null_model=rest.model, reduction=reduction, evidence=0.5 * reduction - rival.penalty
@@ -254,7 +253,7 @@ def _backward_elimination(
     for one in accepted[:-1]:
         variant, weights = one.trial.variant, weights_of(replica, seen)
         others = [other for other in fitted.variants if other is not variant]
-        reduced = refit(replica, without(fitted.model, variant), others, freed(weights, seen, others))
+        reduced = refit(replica, without(fitted.model, variant), others, weights)
         rest, left = own_side(begun(replica.recorded, reduced, weights, seen), seen)
         here = Side(replica, seen, weights, ReplicaNoise(replica, seen))
         both = [side.compare([fitted.model], variant, fitted.variants)[0] for side in (rest, here)]

@@ -30,7 +30,7 @@ class Weights:
     noise: np.ndarray  # (n,) factor on each row's standard deviation
     projector: Projector  # removes all nuisances except the law's parameters
     constant: float = 0.0  # -2 log likelihood less the sum of squares, without the channels' own noise
-    spread: Projector | None = None  # with which the covariances of sizes are computed; None: the projector
+    whole: Projector | None = None  # with all nuisances, if the best fit is sought without some of them
 
     def deviance(self, fitted: "Fitted") -> float:
         """Return -2 log likelihood of a fit, without the terms of the channels' own noise.
@@ -46,14 +46,15 @@ class Weights:
         return dataclasses.replace(self, projector=projector, constant=self.constant + projector.logdet - self.projector.logdet)
 
     def freed(self, columns: np.ndarray) -> "Weights":
-        """Return the same without some of the nuisances (n, k), scaled by their standard deviations, for the best fit.
+        """Return the same without some of the nuisances (n, k), scaled by their standard deviations, to seek the best fit.
 
         They are small sizes of the mechanisms that are fitted. As these may have any size, they change no fit of a linear
-        effect. About another size of a nonlinear effect they are no size of it, but another form. Covariances contain them.
+        effect. About another size of a nonlinear effect they are no size of it, but another form, and keep the fit where it
+        begins. The fit's cost and covariances contain them, so that it can be compared with fits of other mechanisms.
         """
         if not columns.shape[1]:
             return self
-        return dataclasses.replace(self, projector=self.projector.without(self(columns)), spread=self.projector)
+        return dataclasses.replace(self, projector=self.projector.without(self(columns)), whole=self.projector)
 
     def __call__(self, raw: np.ndarray) -> np.ndarray:
         """Return rows (n,) or (n, k) whitened."""
@@ -220,8 +221,12 @@ class _State:
         self.y = self.weights(self.base)[self.keep]
         # Prior of log tau: if other effects change the friction, the likelihood alone may drive tau to a range without effect.
         self.tau = float(np.log(self.model.tau / TAU)) / LOG_TAU * bool(self.moves[0])
+        self.cost = self._squares(self.weights.projector)
+
+    def _squares(self, projector: Projector) -> float:
+        """Return the sum of squares that is left, with the prior of tau."""
         rows = self.y[:, None]
-        self.cost = float(self.weights.projector.inner(rows, rows)[0, 0]) + self.tau**2
+        return float(projector.inner(rows, rows)[0, 0]) + self.tau**2
 
     def at(self, model: Model) -> "_State":
         """Return the same fit at another model."""
@@ -288,12 +293,12 @@ class _State:
         return result
 
     def fitted(self, system: _System) -> Fitted:
-        """Return the fit, with the covariances at the beginning of the last step, small unless iterations ran out."""
+        """Return the fit, with the covariances at the beginning of the last step, which is small unless iterations ran out."""
         covariances = []
         if self.variants:
             steps, gram = system.steps, system.gram
-            if self.weights.spread is not None:
-                gram = self.weights.spread.inner(system.columns, system.columns)
+            if self.weights.whole is not None:
+                gram = self.weights.whole.inner(system.columns, system.columns)
                 gram[np.diag_indices_from(gram)] += self._prior(len(steps), len(gram))
             whole = fit(gram, system.against).covariance[: len(steps), : len(steps)] * np.outer(steps, steps)
             first = 0
@@ -306,5 +311,5 @@ class _State:
             self.variants,
             tuple(candidates.values_in(self.model, one) for one in self.variants),
             tuple(covariances),
-            self.cost,
+            self._squares(self.weights.whole) if self.weights.whole is not None else self.cost,
         )

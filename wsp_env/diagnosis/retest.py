@@ -104,9 +104,9 @@ class Side:
         """Fit a model and estimate its nuisance sizes."""
         if self._known and list(self._known.fitted.variants) == list(variants):
             return self._known
-        first = refit(self.replica, model, variants, freed(self.weights, self._seen, variants))
+        first = refit(self.replica, model, variants, self.weights)
         weights = self._like.about(first.model).weights()
-        fitted = refit(self.replica, first.model, variants, freed(weights, self._seen, variants))
+        fitted = refit(self.replica, first.model, variants, weights)
         return Weighted(fitted, weights, weights.deviance(fitted))
 
     def compare(self, models: Sequence[Model], variant: Variant, variants: Sequence[Variant]) -> tuple[float, float]:
@@ -130,8 +130,7 @@ class Side:
         if not bent:
             return one.deviance
         weights = one.weights.beside(np.column_stack([group.columns * group.expected for group in bent]))
-        own = freed(weights, self._seen, one.fitted.variants)
-        return weights.deviance(refit(self.replica, one.fitted.model, one.fitted.variants, own))
+        return weights.deviance(refit(self.replica, one.fitted.model, one.fitted.variants, weights))
 
     def _nuisance_chi_square(self, model: Model) -> float:
         amplitudes = self.weights.projector.amplitudes(self.weights(self.replica.raw(model)))

@@ -112,7 +112,7 @@ def trials_of(
     missed, late = [one for one in seen.found if one.name in OF_TIME or hides_in_noise(one)], 0.0
 
     def trial(one: Found) -> Trial:
-        tried = _fit_on_replica(replica, start, weights, seen, one)
+        tried = _fit_on_replica(replica, start, weights, one)
         penalty = 0.5 * one.reduction - one.evidence
         size = net_effect(replica, tried.fitted.model, tried.variant, seen.whitening)
         return Trial(
@@ -175,20 +175,20 @@ class _BestFit(NamedTuple):
     reduction: float  # decrease of the sum of squares
 
 
-def _fit_on_replica(replica: Replica, start: Fitted, weights: Weights, seen: Screen, one: Found) -> _BestFit:
+def _fit_on_replica(replica: Replica, start: Fitted, weights: Weights, one: Found) -> _BestFit:
     """Fit a mechanism, starting at those shares of its linear step that fit best.
 
     The linear step may be wrong, and a refit of the location may improve it or lose it.
     """
     listed = one.candidate.variant
-    best, free, ends, own = start, listed, True, freed(weights, seen, [listed])
+    best, free, ends = start, listed, True
     values = listed.null() - np.multiply.outer(_SHARES, one.amplitude * listed.moves())
     on_the_way = [switched(start.model, listed, each) for each in values]
-    first, second = sorted(on_the_way, key=lambda model: cost(replica, model, own))[:2]
+    first, second = sorted(on_the_way, key=lambda model: cost(replica, model, weights))[:2]
     there, wide = near(listed), refined(near(listed))
     narrow = [(there, first)] if wide.sizes != there.sizes else []
     for tried, begin in ((wide, first), *narrow, (wide, second)):
-        again = refit(replica, begin, (*start.variants, tried), own)
+        again = refit(replica, begin, (*start.variants, tried), weights)
         outside = at_bound(tried, again.model)  # the recordings require another form
         if best is start or (outside, again.cost) < (ends, best.cost):
             best, free, ends = again, tried, outside
@@ -215,7 +215,7 @@ def weights_of(replica: Replica, seen: Screen) -> Weights:
 
 
 def freed(weights: Weights, seen: Screen, variants: Sequence[Variant]) -> Weights:
-    """Return the weights to fit these mechanisms: small ones of the same names are no nuisances (see `Weights.freed`)."""
+    """Return the weights to seek the sizes of mechanisms: small ones of the same names are left out (see `Weights.freed`)."""
     return weights.freed(seen.small_of(variants))
 
 
