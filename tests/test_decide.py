@@ -115,13 +115,27 @@ def test_an_earlier_name_gives_way_to_a_rival_that_explains_distinctly_more_besi
     assert (GAIN.name in fitted.model.choice, drag.name in fitted.model.choice) == (gives_way, not gives_way)
 
 
-@pytest.mark.parametrize(("here", "without"), [(2.0, 200.0), (200.0, 2.0), (200.0, 200.0)])
-def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, here, without):
-    """The first of two reduces the squares by so much about the model of both, and about the model without it."""
+@pytest.mark.parametrize(
+    ("here", "without", "worse", "lost"),
+    [
+        (2.0, 200.0, False, True),
+        (200.0, 2.0, False, True),
+        (200.0, 200.0, False, False),
+        (1800.0, -180.0, True, False),  # a memory of the contaminant layer: alone, the later name leaves 9600 more
+        (-180.0, 1800.0, False, True),
+    ],
+)
+def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, here, without, worse, lost):
+    """The first of two reduces the squares by so much about the model of both, and about the model without it.
+
+    The side without it counts alone only where that model does not fit distinctly worse, each about itself.
+    """
     whole = Fitted(Model(2e-4, (0.06,)), (GRADIENT, GAIN), (), (), 50.0)
 
     def side(less):
-        return SimpleNamespace(replica="rest", compare=lambda _, variant, __: (less * (variant is GRADIENT), 0.0))
+        one = SimpleNamespace(replica="rest", compare=lambda _, variant, __: (less * (variant is GRADIENT), 0.0))
+        one.holding, one.fits_worse = lambda *_: one, lambda _: worse
+        return one
 
     monkeypatch.setattr(decide, "refit", lambda _, model, variants, __: Fitted(model, tuple(variants), (), (), 50.0))
     monkeypatch.setattr(decide, "weights_of", lambda *_: None)
@@ -133,7 +147,6 @@ def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, h
     accepted, fitted = decide._backward_elimination(
         SimpleNamespace(recorded=None), [first, last], whole, SimpleNamespace(whitening=None)
     )
-    lost = min(here, without) < 10.0
     assert [one.name for one in accepted] == (["brake_gain_imbalance"] if lost else ["track_gradient", "brake_gain_imbalance"])
     assert fitted.variants == ((GAIN,) if lost else (GRADIENT, GAIN))
 

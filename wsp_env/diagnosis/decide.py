@@ -255,9 +255,11 @@ def _backward_elimination(
         others = [other for other in fitted.variants if other is not variant]
         reduced = refit(replica, without(fitted.model, variant), others, weights)
         rest, left = own_side(begun(replica.recorded, reduced, weights, seen), seen)
-        here = Side(replica, seen, weights, ReplicaNoise(replica, seen))
-        both = [side.compare([fitted.model], variant, fitted.variants)[0] for side in (rest, here)]
-        if log_odds(one.trial.listed, 0.5 * min(both) - one.trial.penalty) <= SURE:
+        here = Side(replica, seen, weights, ReplicaNoise(replica, seen)).holding(fitted.model, fitted.variants)
+        # About a replica of a model that fits distinctly worse, what it lacks is extrapolated: that side does not count then.
+        sides = [here] if rest.fits_worse(here) else [here, rest]
+        least = min(side.compare([fitted.model], variant, fitted.variants)[0] for side in sides)
+        if log_odds(one.trial.listed, 0.5 * least - one.trial.penalty) <= SURE:
             accepted, fitted, replica = [other for other in accepted if other is not one], left, rest.replica
     return accepted, fitted
 

@@ -88,6 +88,10 @@ class Side:
         self._seen, self._like, self._known = seen, like, known
         self._without = self.fit(*without) if without else None
 
+    def holding(self, model: Model, variants: Sequence[Variant]) -> "Side":
+        """Return the same side with a model that is fitted to this replica."""
+        return Side(self.replica, self._seen, self.weights, self._like, known=self.fit(model, variants))
+
     def fits_worse(self, other: "Side") -> bool:
         """Whether the model about which this side is fits worse than that of the other side, by more than deviances scatter."""
         mine, least = (one._known or one._without for one in (self, other))
