@@ -39,7 +39,10 @@ class Arguments:
 
 
 def braked(policy: Policy, given: Arguments, law: str, price: float) -> dict[str, np.ndarray]:
-    """Return what a policy paid, travelled and slid [m], its air [Nl] and its longest lock [s] on each vehicle (V,)."""
+    """Return what a policy paid, travelled and slid [m], air [Nl], longest lock [s] and stops that ran on of each vehicle (V,).
+
+    Of a stop that runs on, what it paid until its time was over counts: too little.
+    """
     believed, rows = VEHICLES[policy.contract.vehicle], list[list[float]]()
     for number in range(given.sets):
         parts = world(given.world, under(believed, law), law, given.stops, given.drawn_by + number)
@@ -50,8 +53,9 @@ def braked(policy: Policy, given: Arguments, law: str, price: float) -> dict[str
         names = ("paid_m", "distance_m", "slid_m", "air_nl")
         for vehicle in np.unique(blocks):
             own = {name: values[blocks == vehicle] for name, values in found.items()}
-            rows.append([float(own[name].mean()) for name in names] + [float(own["locked_s"].max())])
-    return dict(zip(("paid", "travelled", "slid", "air", "locked_s"), np.array(rows).T, strict=True))
+            ends = [float(own["locked_s"].max()), float(np.sum(~own["stopped"]))]
+            rows.append([float(own[name].mean()) for name in names] + ends)
+    return dict(zip(("paid", "travelled", "slid", "air", "locked_s", "ran_on"), np.array(rows).T, strict=True))
 
 
 def compare(given: Arguments) -> list[dict[str, Any]]:
@@ -67,14 +71,18 @@ def compare(given: Arguments) -> list[dict[str, Any]]:
     for folder, policy in zip(given.policies, policies, strict=True):
         after = {law: braked(policy, given, law, price) for law in LAWS}
         ratios = {
-            law: {name: after[law][name] / before[law][name] for name in before[law] if name != "locked_s"} for law in LAWS
+            law: {name: after[law][name] / before[law][name] for name in ("paid", "travelled", "slid", "air")} for law in LAWS
         }
         both = {name: np.mean([ratios[law][name] for law in LAWS], axis=0) for name in ratios[LAWS[0]]}
         for law, own in {"both": both, **ratios}.items():
             mean, half = interval(own["paid"])
-            locked = max(float(after[one]["locked_s"].max()) for one in (LAWS if law == "both" else [law]))
+            some = [after[one] for one in (LAWS if law == "both" else [law])]
             means = {name: float(own[name].mean()) for name in ("travelled", "slid", "air")}
-            rows.append({"policy": str(folder), "law": law, "paid": mean, "half": half} | means | {"locked_s": locked})
+            ends = {
+                "locked_s": max(float(one["locked_s"].max()) for one in some),
+                "ran_on": int(sum(one["ran_on"].sum() for one in some)),
+            }
+            rows.append({"policy": str(folder), "law": law, "paid": mean, "half": half} | means | ends)
     return rows
 
 
@@ -91,11 +99,11 @@ def _load(folder: Path) -> Policy:
 def table(rows: list[dict[str, Any]]) -> str:
     """Return the rows as tables in Markdown: each policy, and the mean of all if there are several."""
     lines = [
-        "| policy | law | paid / base | travelled / base | slid / base | air / base | longest lock [s] |",
-        "|:--|:--|--:|--:|--:|--:|--:|",
+        "| policy | law | paid / base | travelled / base | slid / base | air / base | longest lock [s] | stops that run on |",
+        "|:--|:--|--:|--:|--:|--:|--:|--:|",
     ]
     for row in rows:
-        figures = f"{row['travelled']:.3f} | {row['slid']:.2f} | {row['air']:.2f} | {row['locked_s']:.2f}"
+        figures = f"{row['travelled']:.3f} | {row['slid']:.2f} | {row['air']:.2f} | {row['locked_s']:.2f} | {row['ran_on']}"
         lines.append(f"| {row['policy']} | {row['law']} | {row['paid']:.4f} ± {row['half']:.4f} | {figures} |")
     if len({row["policy"] for row in rows}) > 1:
         lines += ["", "| policies | law | paid / base, ± over the policies | least to greatest |", "|--:|:--|--:|--:|"]

@@ -18,7 +18,7 @@ def test_a_policy_pays_what_it_pays_itself():
     assert [row["law"] for row in rows] == ["both", "recovering", "classic"]
     for row in rows:
         assert [row[name] for name in ("paid", "travelled", "slid", "air")] == [1.0] * 4
-        assert row["half"] == row["locked_s"] == 0.0
+        assert row["half"] == row["locked_s"] == row["ran_on"] == 0.0
 
 
 def test_ratios_are_taken_vehicle_by_vehicle_and_laws_count_alike(monkeypatch):
@@ -32,6 +32,7 @@ def test_ratios_are_taken_vehicle_by_vehicle_and_laws_count_alike(monkeypatch):
             "slid": paid,
             "air": paid,
             "locked_s": np.array([0.0, 1.0 * (law == "classic")]),
+            "ran_on": np.array([1.0, 2.0 * (law == "classic")]),
         }
 
     monkeypatch.setattr(agents.gained, "braked", braked)
@@ -40,10 +41,21 @@ def test_ratios_are_taken_vehicle_by_vehicle_and_laws_count_alike(monkeypatch):
     rows = compare(Arguments(base=Path("old"), policies=(Path("new"),)))
     assert {row["law"]: row["paid"] for row in rows} == pytest.approx({"both": 0.8, "recovering": 0.9, "classic": 0.7})
     assert {row["law"]: row["locked_s"] for row in rows} == {"both": 1.0, "recovering": 0.0, "classic": 1.0}
+    assert {row["law"]: row["ran_on"] for row in rows} == {"both": 4, "recovering": 1, "classic": 3}
 
 
 def test_several_trainings_have_an_interval_of_their_own():
-    row = {"policy": "a", "law": "both", "paid": 0.98, "half": 0.01, "travelled": 1.0, "slid": 0.9, "air": 1.1, "locked_s": 0.0}
+    row = {
+        "policy": "a",
+        "law": "both",
+        "paid": 0.98,
+        "half": 0.01,
+        "travelled": 1.0,
+        "slid": 0.9,
+        "air": 1.1,
+        "locked_s": 0.0,
+        "ran_on": 0,
+    }
     assert "over the policies" not in table([row])
     text = table([row, {**row, "policy": "b", "paid": 0.99}])
     mean, least = 0.985, "0.9800 to 0.9900"
@@ -64,7 +76,7 @@ def test_sets_have_stops_and_vehicles_of_their_own(monkeypatch):
 
         def figures(self, policy):
             names = ("distance_m", "mean_slip_mps", "duration_s", "air_nl", "locked_s")
-            return {name: np.ones(1) for name in names}
+            return {name: np.ones(1) for name in names} | {"stopped": np.array([True])}
 
     monkeypatch.setattr(agents.gained, "Drawn", Nothing)
     given = Arguments(Path(), (), sets=3, stops=8)
