@@ -16,6 +16,7 @@ from wsp_env.diagnosis.diagnose import _beside_their_kind, _evidence
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted
 from wsp_env.diagnosis.interest import StopChange
+from wsp_env.diagnosis.retest import Step
 from wsp_env.diagnosis.trials import INDISTINCT, MATTERS, SURE
 
 
@@ -121,7 +122,7 @@ def test_an_earlier_name_gives_way_to_a_rival_that_explains_distinctly_more_besi
         (2.0, 200.0, False, True),
         (200.0, 2.0, False, True),
         (200.0, 200.0, False, False),
-        (1800.0, -180.0, True, False),  # a memory of the contaminant layer: alone, the later name leaves 9600 more
+        (1800.0, -180.0, True, False),  # a memory of the contaminant layer, without which the later name fits far worse
         (-180.0, 1800.0, False, True),
     ],
 )
@@ -133,16 +134,16 @@ def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, h
     whole = Fitted(Model(2e-4, (0.06,)), (GRADIENT, GAIN), (), (), 50.0)
 
     def side(less):
-        one = SimpleNamespace(replica="rest", compare=lambda _, variant, __: (less * (variant is GRADIENT), 0.0))
-        one.holding, one.fits_worse = lambda *_: one, lambda _: worse
-        return one
+        return SimpleNamespace(replica="rest", compare=lambda _, variant, __: (less * (variant is GRADIENT), 0.0))
 
     monkeypatch.setattr(decide, "refit", lambda _, model, variants, __: Fitted(model, tuple(variants), (), (), 50.0))
     monkeypatch.setattr(decide, "weights_of", lambda *_: None)
     monkeypatch.setattr(decide, "Side", lambda *_: side(here))
     monkeypatch.setattr(decide, "ReplicaNoise", lambda *_, **__: None)
-    monkeypatch.setattr(decide, "begun", lambda _, fitted, *__: fitted)
-    monkeypatch.setattr(decide, "own_side", lambda fitted, _: (side(without), fitted))
+    monkeypatch.setattr(
+        decide, "begun", lambda _, fitted, *__: Step(None, fitted, dataclasses.replace(fitted, cost=5000.0 if worse else 50.0))
+    )
+    monkeypatch.setattr(decide, "own_side", lambda step, _: (side(without), step.fitted))
     first, last = (decide.Accepted(trial(one, 40.0), (one.name,), 1.0) for one in (GRADIENT, GAIN))
     accepted, fitted = decide._backward_elimination(
         SimpleNamespace(recorded=None), [first, last], whole, SimpleNamespace(whitening=None)

@@ -14,7 +14,7 @@ import numpy as np
 
 from wsp_env.diagnosis.candidates import Variant, at_bound, switched, values_in, without
 from wsp_env.diagnosis.contest import best_of
-from wsp_env.diagnosis.convergence import converge, largest_change
+from wsp_env.diagnosis.convergence import converge, fits_worse, largest_change
 from wsp_env.diagnosis.discovered import curves, terms
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
@@ -254,10 +254,12 @@ def _backward_elimination(
         variant, weights = one.trial.variant, weights_of(replica, seen)
         others = [other for other in fitted.variants if other is not variant]
         reduced = refit(replica, without(fitted.model, variant), others, weights)
-        rest, left = own_side(begun(replica.recorded, reduced, weights, seen), seen)
-        here = Side(replica, seen, weights, ReplicaNoise(replica, seen)).holding(fitted.model, fitted.variants)
-        # About a replica of a model that fits distinctly worse, what it lacks is extrapolated: that side does not count then.
-        sides = [here] if rest.fits_worse(here) else [here, rest]
+        step = begun(replica.recorded, reduced, weights, seen)
+        rest, left = own_side(step, seen)
+        here = Side(replica, seen, weights, ReplicaNoise(replica, seen))
+        # The side of a model that fits distinctly worse about itself does not count: what it lacks is extrapolated there.
+        whole = refit(replica, fitted.model, fitted.variants, weights)
+        sides = [here] if fits_worse(step.fitted.cost, whole.cost) else [here, rest]
         least = min(side.compare([fitted.model], variant, fitted.variants)[0] for side in sides)
         if log_odds(one.trial.listed, 0.5 * least - one.trial.penalty) <= SURE:
             accepted, fitted, replica = [other for other in accepted if other is not one], left, rest.replica

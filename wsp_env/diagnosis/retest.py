@@ -88,10 +88,6 @@ class Side:
         self._seen, self._like, self._known = seen, like, known
         self._without = self.fit(*without) if without else None
 
-    def holding(self, model: Model, variants: Sequence[Variant]) -> "Side":
-        """Return the same side with a model that is fitted to this replica."""
-        return Side(self.replica, self._seen, self.weights, self._like, known=self.fit(model, variants))
-
     def fits_worse(self, other: "Side") -> bool:
         """Whether the model about which this side is fits worse than that of the other side, by more than deviances scatter."""
         mine, least = (one._known or one._without for one in (self, other))
@@ -190,8 +186,9 @@ def retest(make_here: Callable[[], Side], seen: Screen, pool: Executor, one: Abo
     `make_here` returns the side without it. Both sides are evaluated in parallel.
 
     The evidence is the mean of both sides. If a side speaks against it, this side counts alone, but the side without it only
-    unless the model with it fits distinctly better, each about itself. There is none if it fits distinctly worse: both sides
-    may extrapolate in its favour. If the parts of the recordings leave it no longer sure, the evidence is what they leave.
+    unless the model with it fits distinctly better, each about itself with the same weights. There is none if it fits
+    distinctly worse, each with weights of its own, and not better with the same: both sides may extrapolate in its favour. If
+    the parts of the recordings leave it no longer sure, the evidence is what they leave.
     """
     here = pool.submit(make_here)
     own, fitted = own_side(one.step, seen)
@@ -207,7 +204,7 @@ def retest(make_here: Callable[[], Side], seen: Screen, pool: Executor, one: Abo
     reduction, least = float(np.mean(both)), min(both)
     if 0.5 * least <= trial.penalty and not one.fits_better:
         reduction = least
-    if own.fits_worse(here.result()):
+    if own.fits_worse(here.result()) and not one.fits_better:
         reduction = 0.0
     found = estimates(own.replica, fitted, variant, own.weights, reduction)
     if intervals_contain_null(found, variant) or within_a_sample(found, variant, own.replica.sample_s):

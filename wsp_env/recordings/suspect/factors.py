@@ -183,10 +183,15 @@ def _all_axles(search: Search) -> None:
 
 
 def _slopes_agree(search: Search, factor: float, only: str = "") -> bool:
-    """Whether the wheels' own balances ask for the factor as well, or say nothing."""
+    """Whether the wheels' own balances ask for the factor as well, or say nothing, which is not enough for `only` one run.
+
+    In one run without slides a brake that drags, a gradient or a mass loses as much momentum.
+    """
     balances = search.own_balances()
     chosen = [one.slope for name, several in balances.items() if only in ("", name) for one in several if one is not None]
-    return not chosen or abs(np.log(max(float(np.median(chosen)), 1e-9) / factor)) < abs(np.log(factor)) / 2.0
+    if not chosen:
+        return not only
+    return abs(np.log(max(float(np.median(chosen)), 1e-9) / factor)) < abs(np.log(factor)) / 2.0
 
 
 def _or_the_mass(search: Search, names: list[str]) -> str:
