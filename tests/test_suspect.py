@@ -184,6 +184,16 @@ def test_a_unit_near_one_on_one_axle_is_found_by_what_the_vehicle_loses(gentle, 
     assert found.value == pytest.approx(factor, rel=0.1)
 
 
+@pytest.mark.parametrize(
+    ("slopes", "only", "agree"),
+    [([], "", True), ([], "A", False), ([0.74], "A", True), ([1.0], "A", False), ([1.0], "", False)],
+)
+def test_one_run_is_in_another_unit_only_if_its_own_wheels_say_so(slopes, only, agree):
+    """A dragging brake in a gentle run takes as much momentum as torques in lbf ft would leave; a campaign has many runs."""
+    search = SimpleNamespace(own_balances=lambda: {"A": [None, *(SimpleNamespace(slope=one) for one in slopes)], "B": [None]})
+    assert factors._slopes_agree(search, 0.7376, only) == agree
+
+
 @pytest.mark.parametrize(("said", "found"), [(1, 0), (2, 0), (3, 1)])
 def test_a_factor_that_most_runs_with_the_same_level_do_not_show_is_none(sound, monkeypatch, said, found):
     """Four runs in which a torque is 0.7 of the others': the channel is wrong only if most of them say so."""

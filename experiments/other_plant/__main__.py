@@ -1,8 +1,8 @@
 """Controllers on a plant that none of them was made on: `python -m experiments.other_plant --vehicle bogie`.
 
 The same controllers brake stops of this plant and of the project's own. The table gives each controller's distance as a ratio
-to the front of the rules, and to the lower envelope of the other families' fronts, at its own mean slip on the same plant (see
-`agents.rivals`). Standard errors are those of stops, or drawn vehicles, drawn anew.
+to the front of the rules, and to the lower envelope of the fronts of rules and adaptive controller, without its own, at its own
+mean slip on the same plant (see `agents.rivals`). Standard errors are those of stops, or drawn vehicles, drawn anew.
 """
 
 import dataclasses
@@ -26,7 +26,7 @@ from wsp_env.parameters.uic_z1 import VEHICLES
 #: Worlds of this plant, and those of `agents.drawn` that are most like them.
 LIKE: dict[World, str] = {"nominal": "nominal", "drawn": "drawn brakes", "all": "all"}
 
-#: Families of classical controllers whose fronts are braked.
+#: Families of classical controllers whose fronts are braked: the rules, and those that are nearly everywhere the envelope.
 FAMILIES = ("rules", "adaptive")
 
 
