@@ -85,8 +85,8 @@ CONDITIONS = st.fixed_dictionaries({
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("vehicle", [WHEELSET, BOGIE])
-@pytest.mark.parametrize("quick", [False, True], ids=["real brake", "instant brake"])
+@pytest.mark.parametrize("vehicle", [WHEELSET, pytest.param(BOGIE, marks=pytest.mark.long)])
+@pytest.mark.parametrize("quick", [pytest.param(False, marks=pytest.mark.long), True], ids=["real brake", "instant brake"])
 @given(data=st.data())
 @settings(max_examples=3)
 def test_never_beaten_within_the_limit(vehicle, quick, data):

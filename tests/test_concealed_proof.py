@@ -292,6 +292,7 @@ def test_bic_wants_more_than_chance_and_held_out_does_not():
     assert named["held_out"] > 10  # every other candidate improves held-out runs by chance
 
 
+@pytest.mark.long
 def test_black_box_learns_from_the_other_folds():
     rng, targets, seen = np.random.default_rng(0), {}, {}
     for i in range(40):
@@ -356,7 +357,7 @@ def said_of(name, **values):
     return {"model": model, "mechanisms": [{"name": name, "parameters": parameters}]}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_change_of_distance_is_that_of_stops_driven_with_and_without():
     campaign = dataclasses.replace(read_campaign(demo_campaign()), tune=("A1",), validate=())
     band = {"lowest_mps": 5.0, "highest_mps": 100.0}

@@ -112,7 +112,7 @@ def test_level_is_the_friction_at_the_mean_slip_speed():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_nothing_missing_is_adequate_and_says_what_would_have_been_seen(seed):
     found = diagnose_creep_curves(synthetic(seed), seed=seed)
     assert found.verdict == "adequate"
@@ -149,7 +149,7 @@ def test_only_the_fall():
     assert found.law["friction decrease rate"].value == pytest.approx(0.8, rel=0.3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_slope_and_fall_together():
     found = diagnose_creep_curves(synthetic(slope=0.4, friction=(0.35, 0.15, 0.8)))
     assert len(found.mechanisms) == 2
@@ -180,13 +180,13 @@ def test_adhesion_that_rises_again_is_unknown():
     assert found.closure.held_out_gain > 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_points_that_scatter_wildly_are_insufficient():
     found = diagnose_creep_curves(synthetic(noise=0.3, points=24, low=0.02))
     assert found.verdict == "insufficient"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_fall_that_never_levels_off_leaves_its_parameters_open():
     found = diagnose_creep_curves(synthetic(friction=(0.35, 0.1, 0.15)))
     assert "falling_friction" in names(found)

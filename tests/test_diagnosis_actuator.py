@@ -73,7 +73,7 @@ def test_sound_brakes_are_adequate(tmp_path):
     assert {"pad_friction", "brake_gain_imbalance"} <= set(found.detectable)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_pads_that_fade_with_speed_are_named_from_the_actuator_alone(tmp_path):
     found = found_in(campaign_with(tmp_path / "c", per_speed=PADS))
     (one,) = found.mechanisms
@@ -107,7 +107,7 @@ def test_a_return_spring_is_normal_and_hides_nothing(tmp_path):
     assert low < PADS < high
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_misfit_that_nothing_describes_is_not_adequate(tmp_path):
     """One axle's gauge swings by a fifth, 1.3 times a second, in every run."""
     campaign_with(tmp_path / "c")

@@ -221,7 +221,7 @@ def test_bad_controllers_are_reported_and_the_others_evaluated(tmp_path, own):
     assert {verdict.controller for verdict in verdicts} == {REFERENCE, own, *bad}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_controller_that_ends_its_process_is_reported_and_the_others_evaluated(tmp_path, own):
     """By one process at a time; that of two one dies alone is what test_limits says."""
     bad = write_controller(tmp_path, "ends", "__import__('os')._exit(3)")

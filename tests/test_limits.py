@@ -135,6 +135,7 @@ def task(what):
     return what.encode()
 
 
+@pytest.mark.long
 @posix
 def test_workers_die_alone():
     tasks = ["works", "dies", "swallows", "fails", "native"]

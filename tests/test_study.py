@@ -78,7 +78,7 @@ def test_a_front_is_linear_between_its_points_and_keeps_its_ends():
     assert [at_slip(front, slip)["distance_m"] for slip in (0.5, 3.0)] == [800.0, 700.0]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_replayed_conditions_are_those_of_the_recordings_and_nobody_beats_the_bound():
     campaign = read_campaign(demo_campaign())
     tuning = tune(campaign)

@@ -123,6 +123,7 @@ def test_a_shared_reward_counts_what_those_behind_give_away():
     assert_allclose(agents.rewards(), own)
 
 
+@pytest.mark.long
 def test_policies_are_told_over_the_best_of_all_rivals(monkeypatch):
     def slow(*given):  # soon over
         return [dataclasses.replace(stop, initial_speed=12.0) for stop in low_adhesion(*given)]
