@@ -1,13 +1,13 @@
 """Which of the tried mechanisms holds best."""
 
 import dataclasses
-from concurrent.futures import ThreadPoolExecutor
 from typing import ClassVar
 
 import numpy as np
 import pytest
 from trial_cases import GAIN, GRADIENT, INERTIA, TERM, found, trial
 
+import wsp_env.diagnosis.contest
 from wsp_env.diagnosis.candidates import Variant
 from wsp_env.diagnosis.contest import best_of
 from wsp_env.diagnosis.evaluate import Model
@@ -16,7 +16,6 @@ from wsp_env.diagnosis.retest import AboutItself, Retested, Step
 from wsp_env.diagnosis.trials import SURE, log_odds
 
 NULL = Model(2e-4, (0.06,))
-INLINE = ThreadPoolExecutor(1)
 EVIDENCE = {"brake_gain_imbalance": 40.0, "track_gradient": 50.0, "brake torque by braking": 60.0}
 THREE = [trial(one, EVIDENCE[one.title]) for one in (GAIN, GRADIENT, TERM)]
 
@@ -40,14 +39,15 @@ def contest(batches, evidence=None, rejects=lambda one: False, first_round=True,
         cost = (squares or {}).get(one.listed.title, 1000.0)
         return AboutItself(one, Step(None, None, Fitted(NULL, (), (), (), cost)))
 
-    def retest(own):
+    def retest(here, own):
+        assert here == "here"
         one = own.trial
         if asked is not None:
             asked.append(one.listed)
         value = (EVIDENCE | (evidence or {}))[one.listed.title]
         return None if value is None else Compared(dataclasses.replace(one, evidence=value), None)
 
-    return best_of(batches, rejects, about, retest, lambda one: SURE, first_round)
+    return best_of(batches, rejects, about, lambda: "here", retest, lambda one: SURE, first_round)
 
 
 def test_what_is_refused_is_told_and_the_next_best_is_taken():
@@ -128,6 +128,7 @@ def test_the_next_batch_is_tried_if_nothing_holds_in_the_first_round(first_round
     assert len(list(batches)) == (1 if first_round else 2)  # need not be made
 
 
+@pytest.mark.parametrize("at_a_time", [1, 2])
 @pytest.mark.parametrize(
     ("squares", "evidence", "tested", "refused"),
     [
@@ -137,12 +138,14 @@ def test_the_next_batch_is_tried_if_nothing_holds_in_the_first_round(first_round
         (1140.0, None, [GRADIENT, GAIN], [GRADIENT]),  # what does not hold replaces nothing
     ],
 )
-def test_what_fits_distinctly_worse_about_itself_and_cannot_explain_as_much_as_what_holds_is_not_tested(
-    squares, evidence, tested, refused
+def test_what_fits_distinctly_worse_about_itself_and_cannot_explain_as_much_as_what_holds_does_not_count(
+    monkeypatch, squares, evidence, tested, refused, at_a_time
 ):
+    """It is not tested after what holds; tested beside it, it is left out."""
+    monkeypatch.setattr(wsp_env.diagnosis.contest, "_AT_A_TIME", at_a_time)
     asked = []
     _, rejected, _ = contest([THREE[:2]], {GRADIENT.title: evidence}, asked=asked, squares={GAIN.title: squares})
-    assert asked == tested
+    assert asked == (tested if at_a_time == 1 else [GRADIENT, GAIN])
     assert list(rejected) == [one.title for one in refused]
 
 

@@ -1,7 +1,6 @@
 """The decision's parts: what gives way, what compensates, what is a finding and what is normal."""
 
 import dataclasses
-from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
@@ -89,7 +88,7 @@ def test_an_earlier_name_gives_way_to_a_rival_that_explains_distinctly_more_besi
         values = tuple(values_in(model, one) for one in variants)
         return Fitted(model, tuple(variants), values, (np.eye(1),) * len(values), costs[titles[0] if titles else None])
 
-    def own(_, __, ___, one):
+    def own(_, __, one):
         return decide.Retested(one, SimpleNamespace(replica="its own")) if holds else None
 
     monkeypatch.setattr(decide, "refit", refit)
@@ -108,7 +107,6 @@ def test_an_earlier_name_gives_way_to_a_rival_that_explains_distinctly_more_besi
         refit(None, both, [drag, GRADIENT], None),
         [first, later],
         SimpleNamespace(whitening=None),
-        ThreadPoolExecutor(1),
     )
     gives_way = gained > INDISTINCT and holds
     assert [one.name for one in accepted] == (["track_gradient", GAIN.name] if gives_way else [drag.name, "track_gradient"])
@@ -197,7 +195,7 @@ def test_curves_are_tried_once_and_only_where_what_is_left_matters(unexplained, 
     """Or where something has evidence and matters, but does not hold: with curves it is asked again, and told."""
     searched: list[list[str]] = []
 
-    def screened(replica, model, tried, pool, accepted=(), noise_parameters=None):
+    def screened(replica, model, tried, accepted=(), noise_parameters=None):
         searched.append([one.title for one in tried])
         return SimpleNamespace(found=(), second={}, noise_parameters=None, noise=None)
 
@@ -213,7 +211,7 @@ def test_curves_are_tried_once_and_only_where_what_is_left_matters(unexplained, 
     monkeypatch.setattr(decide, "trials_of", lambda *said: [rejected])
     monkeypatch.setattr(decide, "_is_rejected", lambda *said: True)
     replica = SimpleNamespace(baseline=Model(2e-4, (0.06,)), rows=[], recorded=None)
-    outcome = decide.select(replica, [GRADIENT], ThreadPoolExecutor(1))
+    outcome = decide.select(replica, [GRADIENT])
     with_curves = [["track_gradient", "a curve"]] if unexplained or holds_not else []
     assert searched == [["track_gradient", TERM.family], *with_curves]
     assert not outcome.accepted
@@ -238,9 +236,7 @@ def test_what_the_runs_leave_no_evidence_of_was_not_seen(left, monkeypatch):
     fit = SimpleNamespace(fitted=SimpleNamespace(cost=1.0))
     monkeypatch.setattr(decide, "about_itself", lambda *all_three: SimpleNamespace(trial=all_three[-1], step=fit))
     monkeypatch.setattr(decide, "retest", lambda *_: decide.Retested(dataclasses.replace(one, evidence=left), None))
-    outcome = decide.select(
-        SimpleNamespace(baseline=Model(2e-4, (0.06,)), rows=[], recorded=None), [GRADIENT], ThreadPoolExecutor(1)
-    )
+    outcome = decide.select(SimpleNamespace(baseline=Model(2e-4, (0.06,)), rows=[], recorded=None), [GRADIENT])
     assert outcome.rejected == ()
 
 

@@ -1,5 +1,7 @@
 """What a diagnosis says in words: the right direction, size, axle and place, and no more certainty than there is."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -97,11 +99,19 @@ def test_a_term_without_a_name_is_said_with_its_equation_and_what_it_looks_like(
     words = sentence("discovered", (), (), (term,))
     assert words.startswith("What the simulation lacks: something without a name in the library, 650 N m on axle 3")
     assert "looks like: dragging brake" in words
+    further = dataclasses.replace(term, equation="30 N m more per s on axle 3", looks_like=("dragging brake", "fading"))
+    elsewhere = dataclasses.replace(term, axles=(4,), equation="9 N m on axle 4", looks_like=())
+    words = sentence("discovered", (), (), (term, elsewhere, further))
+    assert words.count("something without a name") == 2
+    assert "while braking, and 30 N m more per s on axle 3, which looks like: dragging brake or fading; and" in words
+    assert words.endswith("something without a name in the library, 9 N m on axle 4.")
     both = sentence("named", [named("brake_gain_imbalance", WEAKER)], (), (term,))
     assert both.index("axle 2's brake") < both.index("something without a name")
     test = next_test("discovered", (), {}, (), (term,))
     assert "braking" in test
     assert "brake torque on axle 3" in test
+    plain = dataclasses.replace(term, features=())
+    assert next_test("discovered", (), {}, (), (plain,)) == "the brake torque on axle 3 measured by itself"
 
 
 def test_an_unknown_cause_is_said_with_the_balance_that_is_off():

@@ -4,9 +4,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from trial_cases import trial
 
+from wsp_env.diagnosis import discovered
 from wsp_env.diagnosis.balances import ADHESION, VEHICLE
-from wsp_env.diagnosis.candidates import Candidate
+from wsp_env.diagnosis.candidates import Candidate, Variant
+from wsp_env.diagnosis.decide import Accepted
+from wsp_env.diagnosis.diagnose import _has_another_form
 from wsp_env.diagnosis.discovered import MISREAD, NAME, axle_groups, curves, equation, slot_of, slot_of_title, terms
 from wsp_env.diagnosis.search import is_possible
 from wsp_env.plant.mechanisms.term_words import SLOTS
@@ -108,3 +112,45 @@ def test_what_competes_with_a_term_has_a_slot():
     assert all(slot_of_title(one.title) == slot_of(one) for search in (terms, curves) for one in tried(search=search))
     slots_of = {name: slot_of_title(name) for name in ("flash_temperature", "dragging_brake", "vehicle_mass", "clock_offset")}
     assert list(slots_of.values()) == ["friction", "brake torque", "vehicle force", "sensor"]
+
+
+@pytest.mark.parametrize(
+    ("name", "fixed", "thing"),
+    [
+        ("brake_gain_imbalance", {"axle": 2.0}, (Slot.BRAKE_TORQUE, (2,))),
+        ("dragging_brake", {"axle": 1.0, "from_start": 1.0}, (Slot.BRAKE_TORQUE, (1,))),
+        ("blended_brake", {"axle": 3.0, "last_axle": 4.0}, (Slot.BRAKE_TORQUE, (3, 4))),
+        ("brake_delay", {"axle": 0.0}, None),  # all brakes
+        ("pad_friction", {}, None),
+        ("wheel_radius", {"axle": 2.0}, (Slot.RECORDED_SPEED, ())),
+        ("clock_offset", {}, (Slot.RECORDED_SPEED, ())),
+        ("sanding", {"axle": 2.0}, None),
+        ("track_gradient", {}, None),
+    ],
+)
+def test_the_one_thing_on_which_a_mechanism_acts(name, fixed, thing):
+    assert discovered.one_thing(Variant(name, (), fixed)) == thing
+
+
+@pytest.mark.parametrize(
+    ("name", "slot", "on", "another"),
+    [
+        ("brake_gain_imbalance", Slot.BRAKE_TORQUE, (2,), True),  # two faults of one brake
+        ("brake_gain_imbalance", Slot.BRAKE_TORQUE, (1,), False),
+        ("brake_gain_imbalance", Slot.BRAKE_TORQUE, (1, 2), False),
+        ("brake_gain_imbalance", Slot.BRAKE_TORQUE, (), False),
+        ("brake_gain_imbalance", Slot.FRICTION, (2,), False),
+        ("brake_gain_imbalance", Slot.RECORDED_SPEED, (), False),
+        ("wheel_radius", Slot.RECORDED_SPEED, (), True),  # a wheel's sensor that loses pulses
+        ("wheel_radius", Slot.BRAKE_TORQUE, (2,), False),
+        ("speed_dependent_friction", Slot.FRICTION, (), False),  # all that is of the contact is friction
+    ],
+)
+def test_a_name_beside_a_term_of_the_same_thing_has_another_form(name, slot, on, another):
+    def accepted(variant):
+        return Accepted(trial(variant, 40.0), (variant.title,), 1.0)
+
+    one = accepted(Variant(name, (), {"axle": 2.0}))
+    beside = accepted(discovered._variant(1, slot, on, Feature.SPEED, (1.0, 1.0)))
+    assert _has_another_form(one, [one, beside]) == another
+    assert not _has_another_form(one, [one])

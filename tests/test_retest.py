@@ -1,7 +1,6 @@
 """Whether what was tried holds from both sides: about the replica without it, and about a replica of its own."""
 
 import dataclasses
-from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
@@ -26,7 +25,6 @@ SEEN = SimpleNamespace(whitening=None)
 NULL = Model(2e-4, (0.06,))
 ON = switched(NULL, GRADIENT, np.array([0.002]))
 PENALTY = 3.0
-ALONE = ThreadPoolExecutor(1)
 
 
 @pytest.fixture(autouse=True)
@@ -57,9 +55,7 @@ def ask(monkeypatch):
         monkeypatch.setattr(retest, "estimates", lambda *_: {"rise": Estimate(0.002, "-", interval)})
         monkeypatch.setattr(retest, "net_effect", lambda *_: StopChange(0.04, 0.0))
         monkeypatch.setattr(retest, "agreement", lambda *_: SimpleNamespace(student_evidence=lambda evidence: left))
-        return retest.retest(
-            lambda: side("here", here), SEEN, ALONE, retest.AboutItself(one, retest.Step(HERE, fitted, fitted))
-        )
+        return retest.retest(SEEN, side("here", here), retest.AboutItself(one, retest.Step(HERE, fitted, fitted)))
 
     return asked
 
@@ -80,8 +76,9 @@ def test_evidence_is_the_mean_of_both_sides_if_neither_speaks_against_it(ask, he
     held = ask(here, own)
     assert held.trial.reduction == reduction
     assert held.trial.evidence == 0.5 * reduction - PENALTY
-    assert held.trial.size == StopChange(0.04, 0.0)
-    assert held.own.noise_parameters == "own"
+    if here > 2.0 * PENALTY:  # else its own side is not made
+        assert held.trial.size == StopChange(0.04, 0.0)
+        assert held.own.noise_parameters == "own"
 
 
 @pytest.mark.parametrize(("itself", "reduction"), [(67.0, 4300.5), (73.0, 1.0)])

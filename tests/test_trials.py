@@ -1,7 +1,6 @@
 """Mechanisms on trial: where refits begin, whose merit counts, weights and forms; replicas that settle."""
 
 import dataclasses
-from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
@@ -39,8 +38,7 @@ def test_what_those_before_explain_better_is_no_merit_of_the_next(monkeypatch, o
     seen = dataclasses.replace(found(GRADIENT, 5.0), reduction=10.0)
     screen = SimpleNamespace(found=[seen], second={}, whitening=None)
     before = Fitted(switched(Model(2e-4, (0.06,)), GAIN, np.array([0.05])), (GAIN,), (), (), 0.0)
-    with ThreadPoolExecutor(1) as pool:
-        ((one,),) = trials.trials_of(None, screen, before, None, pool)
+    ((one,),) = trials.trials_of(None, screen, before, None)
     assert one.reduction == pytest.approx(2.0 * expected)
     assert one.evidence == pytest.approx(5.0 + expected - 5.0)
 
@@ -59,8 +57,7 @@ def test_another_inertia_that_the_search_does_not_find_is_tried_if_its_interval_
     unseen = dataclasses.replace(found(variant, 0.2), multiple=np.array([multiple]), deviation=np.array([0.18]))
     screen = SimpleNamespace(found=[found(GAIN, 30.0), unseen], second={}, whitening=None)
     start = Fitted(Model(2e-4, (0.06,)), (), (), (), 0.0)
-    with ThreadPoolExecutor(1) as pool:
-        (batch,) = trials.trials_of(None, screen, start, None, pool)
+    (batch,) = trials.trials_of(None, screen, start, None)
     assert [one.listed for one in batch] == [GAIN, *([variant] if tried else [])]
 
 
@@ -78,8 +75,7 @@ def test_a_refit_begins_where_the_way_to_the_linear_step_leaves_least(monkeypatc
     monkeypatch.setattr(trials, "cost", lambda _, model, __: abs(np.log(values_in(model, GRADIENT)[0] / step / best)))
     monkeypatch.setattr(trials, "net_effect", lambda *_: StopChange(0.02, 0.0))
     screen = SimpleNamespace(found=[found(GRADIENT, 5.0)], second={}, whitening=None)
-    with ThreadPoolExecutor(1) as pool:
-        list(trials.trials_of(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None, pool))
+    list(trials.trials_of(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None))
     assert begun[1] == pytest.approx(best)
 
 
@@ -100,13 +96,12 @@ def test_names_come_first_and_further_terms_only_when_they_are_asked_for(monkeyp
     monkeypatch.setattr(trials, "net_effect", lambda *_: StopChange(0.02, 0.0))
     monkeypatch.setattr(trials, "refined", lambda variant: variant)
     screen = SimpleNamespace(found=[*names, *unnamed, *delays], second={}, whitening=None)
-    with ThreadPoolExecutor(1) as pool:
-        some = trials.trials_of(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None, pool)
-        first = {one.name for one in (*names, *unnamed[: trials.REFITTED], *delays)}
-        assert {one.listed.title for one in next(some)} == first
-        assert len(refitted) == len(first)
-        assert {one.listed.title for one in next(some)} == {one.name for one in unnamed[trials.REFITTED :]}
-        assert next(some, None) is None
+    some = trials.trials_of(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None)
+    first = {one.name for one in (*names, *unnamed[: trials.REFITTED], *delays)}
+    assert {one.listed.title for one in next(some)} == first
+    assert len(refitted) == len(first)
+    assert {one.listed.title for one in next(some)} == {one.name for one in unnamed[trials.REFITTED :]}
+    assert next(some, None) is None
 
 
 def test_terms_that_differ_only_in_their_axles_do_not_keep_others_from_a_trial(monkeypatch):
@@ -123,8 +118,7 @@ def test_terms_that_differ_only_in_their_axles_do_not_keep_others_from_a_trial(m
     monkeypatch.setattr(trials, "net_effect", lambda *_: StopChange(0.02, 0.0))
     screen = SimpleNamespace(found=[*groups, *others], second={}, whitening=None)
     accepted = Fitted(Model(2e-4, (0.06,)), (GAIN,), (), (), 100.0)
-    with ThreadPoolExecutor(1) as pool:
-        (tried,) = trials.trials_of(None, screen, accepted, None, pool)
+    (tried,) = trials.trials_of(None, screen, accepted, None)
     assert {one.listed.title for one in tried} == {groups[5].name, *(one.name for one in others)}
 
 

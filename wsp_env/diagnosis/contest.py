@@ -1,18 +1,21 @@
 """Which of the tried mechanisms holds, and is the best: from both sides, and beside its rivals."""
 
 import dataclasses
+import functools
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 from wsp_env.diagnosis.convergence import fits_worse
 from wsp_env.diagnosis.replica import OF_TIME
-from wsp_env.diagnosis.retest import AboutItself, Retested
+from wsp_env.diagnosis.retest import AboutItself, Retested, Side
 from wsp_env.diagnosis.side_by_side import side_by_side
 from wsp_env.diagnosis.trials import FORM, Trial, hides_in_noise, log_odds
 
 #: Largest ratio of the evidence from both sides to the evidence about the replica without it that is considered (assumption:
 #: 0.7 to 3.9 in the campaigns of docs/lab/diagnosis_both_sides.md). What would need more to be the best is not tested.
 _MOST_GAINED = 4.0
+#: Number of trials that are tested from both sides at a time; the answer does not depend on it.
+_AT_A_TIME = 2
 
 
 def preferred(trials: Sequence[Trial]) -> list[Trial]:
@@ -33,8 +36,8 @@ class Contest(NamedTuple):
 
 def best_of(
     batches: Iterable[Sequence[Trial]], rejects: Callable[[Trial], bool], about: Callable[[Trial], AboutItself],
-    retest_trial: Callable[[AboutItself], Retested | None], threshold: Callable[[Trial], float],
-    first_round: bool = True,
+    make_here: Callable[[], Side], retest_trial: Callable[[Side, AboutItself], Retested | None],
+    threshold: Callable[[Trial], float], first_round: bool = True,
 ) -> Contest:  # fmt: skip
     """Return the best trial of the first batch; in the first round, of the first batch in which one holds.
 
@@ -46,23 +49,29 @@ def best_of(
     """
     rejected: dict[str, float] = {}
     trials: list[Trial] = []
+    sides: list[Side] = []
     for some in batches:
         last = {one.listed.title: one for one in some}
         held: list[tuple[Retested, float]] = []  # with its sum of squares about itself
         for kind in ([one for one in some if not one.listed.family], [one for one in some if one.listed.family]):
             promising = _promising(kind, some, threshold, [one for one, _ in held])
             tested = [one for one in promising if not rejects(one)]
-            for one in sorted(side_by_side(about, tested), key=lambda one: one.step.fitted.cost):
-                cost = one.step.fitted.cost
-                most = _MOST_GAINED * one.trial.evidence
-                worse = any(most < other.trial.evidence and fits_worse(cost, least) for other, least in held)
-                retested = None if worse else retest_trial(one)
-                if retested is None:
-                    continue
-                last[one.trial.listed.title] = retested.trial
-                odds = log_odds(retested.trial.listed, retested.trial.evidence)
-                if odds > threshold(retested.trial) and not rejects(retested.trial):
-                    held.append((retested, cost))
+            makes = [functools.partial(about, one) for one in tested]
+            if tested and not sides:  # the side without any of them is made beside them
+                *abouts, side = side_by_side(lambda make: make(), [*makes, make_here])
+                sides.append(side)
+            else:
+                abouts = side_by_side(lambda make: make(), makes)
+            left = sorted(abouts, key=lambda one: one.step.fitted.cost)
+            while left := [one for one in left if not _is_hopeless(one, held)]:
+                now, left = left[:_AT_A_TIME], left[_AT_A_TIME:]
+                for one, retested in zip(now, side_by_side(functools.partial(retest_trial, sides[0]), now), strict=True):
+                    if retested is None or _is_hopeless(one, held):  # beside what has just held
+                        continue
+                    last[one.trial.listed.title] = retested.trial
+                    odds = log_odds(retested.trial.listed, retested.trial.evidence)
+                    if odds > threshold(retested.trial) and not rejects(retested.trial):
+                        held.append((retested, one.step.fitted.cost))
             hold = {one.trial.listed.title for one, _ in held}
             for title in [one.listed.title for one in promising]:
                 if title not in hold:
@@ -76,6 +85,12 @@ def best_of(
         if not first_round:
             break
     return Contest(None, rejected, trials)
+
+
+def _is_hopeless(one: AboutItself, held: Sequence[tuple[Retested, float]]) -> bool:
+    """Whether a trial fits worse about itself than one that holds, and explains too little here to be the best."""
+    most = _MOST_GAINED * one.trial.evidence
+    return any(most < other.trial.evidence and fits_worse(one.step.fitted.cost, least) for other, least in held)
 
 
 def _compared(held: Sequence[tuple[Retested, float]]) -> list[Retested]:

@@ -143,7 +143,7 @@ def rescaled(recorded: Balances, fitted: Fitted, variant: Variant, weights: Weig
 
     The shares are tried one after the other, as long as each fits better than the one before.
     """
-    others = [one for one in fitted.variants if one is not variant]
+    others = [one for one in fitted.variants if one != variant]
     best: tuple[Fitted, Replica] | None = None
     for share in shares:
         model = switched(fitted.model, variant, _scaled(variant, values_in(fitted.model, variant), share))

@@ -8,7 +8,6 @@ in the model, so that no other mechanism is named in its place.
 import dataclasses
 import functools
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from wsp_env.diagnosis.noise import NoiseParameters
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.retest import LARGE_CHANGE, Retested, Side, about_itself, begun, converge_reweighted, own_side, retest
 from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
+from wsp_env.diagnosis.side_by_side import side_by_side
 from wsp_env.diagnosis.structure import structured
 from wsp_env.diagnosis.trials import (
     FORM,
@@ -90,7 +90,6 @@ class Outcome:
 def select(
     replica: Replica,
     tried: Sequence[Variant],
-    pool: Executor,
     progress: Callable[[str], None] = lambda step: None,
     noise_parameters: NoiseParameters | None = None,
 ) -> Outcome:
@@ -101,7 +100,7 @@ def select(
     noise_parameters : noise about the law alone; None: it is estimated
 
     """
-    first = seen = screen(replica, replica.baseline, [*tried, *terms(replica)], pool, noise_parameters=noise_parameters)
+    first = seen = screen(replica, replica.baseline, [*tried, *terms(replica)], noise_parameters=noise_parameters)
     weights = weights_of(replica, seen)
     by_curves = False
     fitted = Fitted(replica.baseline, (), (), (), 0.0)
@@ -112,13 +111,15 @@ def select(
             break
         progress(f"refitting {len(accepted) + 1} of {MOST}")
         rejects = functools.partial(_is_rejected, replica, accepted, seen)
-        here = functools.cache(functools.partial(_without_new, replica, fitted, seen, weights))
-        both = functools.partial(about_itself, replica.recorded, weights, seen), functools.partial(retest, here, seen, pool)
+        here = functools.partial(_without_new, replica, fitted, seen, weights)
+        about = functools.partial(about_itself, replica.recorded, weights, seen)
         threshold = FormErrorThreshold(
             replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen
         )
-        batches = trials_of(replica, seen, fitted, weights, pool)
-        best, rejected, trials = best_of(batches, rejects, *both, threshold, not accepted)
+        batches = trials_of(replica, seen, fitted, weights)
+        best, rejected, trials = best_of(
+            batches, rejects, about, here, functools.partial(retest, seen), threshold, not accepted
+        )
         if best is None:
             left = left or [
                 one
@@ -129,7 +130,7 @@ def select(
                 break
             by_curves = True  # no candidate with a form holds: try curves
             seen = _screened(
-                replica, fitted, seen.noise_parameters, tried, curves(replica, [one.trial.listed for one in accepted]), pool
+                replica, fitted, seen.noise_parameters, tried, curves(replica, [one.trial.listed for one in accepted])
             )
             weights = weights_of(replica, seen)
             continue
@@ -138,13 +139,13 @@ def select(
         searched = [one for one in seen.found if one.name not in rejected]
         named = Accepted(best.trial, *posterior(best.trial, others, searched), tuple(sure))
         replica, fitted, accepted = _forward_step([*accepted, named], best, weights, seen)
-        replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen, pool)
+        replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen)
         noise = best.own.noise_parameters
         if fitted is not best.trial.fitted:  # without an earlier mechanism, or with another one, sizes and noise are others
             own, again, noise = _converge_all(replica, fitted, accepted, seen)
             if np.isfinite(again.cost) and largest_change(fitted, again) > LARGE_CHANGE:
                 replica, fitted, accepted = _sized(own, again, accepted, seen)
-        seen = _screened(replica, fitted, noise, tried, terms(replica, [one.trial.listed for one in accepted]), pool)
+        seen = _screened(replica, fitted, noise, tried, terms(replica, [one.trial.listed for one in accepted]))
         weights = weights_of(replica, seen)
         if all(one.size.multiple < MATTERS for one in (best.trial, *sure)) and not _promises(seen):
             break  # reported as too small; it stays in the model, so that nothing that matters is found in its place
@@ -166,11 +167,11 @@ def _promises(seen: Screen) -> bool:
 
 def _screened(
     replica: Replica, fitted: Fitted, noise_parameters: NoiseParameters, tried: Sequence[Variant],
-    unnamed: Sequence[Variant], pool: Executor,
+    unnamed: Sequence[Variant],
 ) -> Screen:  # fmt: skip
     """Screen the remaining names and terms about the accepted model."""
     left = [one for one in tried if one.name not in fitted.model.choice]
-    return screen(replica, fitted.model, [*left, *unnamed], pool, fitted.variants, noise_parameters)
+    return screen(replica, fitted.model, [*left, *unnamed], fitted.variants, noise_parameters)
 
 
 def _converge_all(
@@ -199,7 +200,7 @@ def _forward_step(
 
 
 def _exchanged(
-    replica: Replica, fitted: Fitted, accepted: list[Accepted], seen: Screen, pool: Executor
+    replica: Replica, fitted: Fitted, accepted: list[Accepted], seen: Screen
 ) -> tuple[Replica, Fitted, list[Accepted]]:  # fmt: skip
     """Replace an earlier mechanism by a rival that explains distinctly more together with the later ones."""
     if len(accepted) < 2:
@@ -207,7 +208,7 @@ def _exchanged(
     weights = weights_of(replica, seen)
     for one in accepted[:-1]:
         now = refit(replica, fitted.model, fitted.variants, weights)
-        others = [variant for variant in fitted.variants if variant is not one.trial.variant]
+        others = [variant for variant in fitted.variants if variant != one.trial.variant]
         rest = refit(replica, without(fitted.model, one.trial.variant), others, weights)
         taken = {variant.title for variant in others}
         tried = []
@@ -226,8 +227,8 @@ def _exchanged(
                 break
             if at_bound(better.variant, better.fitted.model):
                 continue
-            here = functools.partial(Side, replica, seen, weights, ReplicaNoise(replica, seen), (rest.model, others))
-            retested = retest(here, seen, pool, about_itself(replica.recorded, weights, seen, better))
+            here = Side(replica, seen, weights, ReplicaNoise(replica, seen), (rest.model, others))
+            retested = retest(seen, here, about_itself(replica.recorded, weights, seen, better))
             if retested is None:
                 continue
             if log_odds(retested.trial.listed, retested.trial.evidence) > SURE:
@@ -251,19 +252,27 @@ def _backward_elimination(
 ) -> tuple[list[Accepted], Fitted]:
     """Remove earlier mechanisms that are no longer sure with the last one present: the better of two names may come second."""
     for one in accepted[:-1]:
-        variant, weights = one.trial.variant, weights_of(replica, seen)
-        others = [other for other in fitted.variants if other is not variant]
-        reduced = refit(replica, without(fitted.model, variant), others, weights)
-        step = begun(replica.recorded, reduced, weights, seen)
-        rest, left = own_side(step, seen)
-        here = Side(replica, seen, weights, ReplicaNoise(replica, seen))
-        # The side of a model that fits distinctly worse about itself does not count: what it lacks is extrapolated there.
-        whole = refit(replica, fitted.model, fitted.variants, weights)
-        sides = [here] if fits_worse(step.fitted.cost, whole.cost) else [here, rest]
-        least = min(side.compare([fitted.model], variant, fitted.variants)[0] for side in sides)
+        least, rest, left = _needed(replica, one.trial.variant, fitted, seen)
         if log_odds(one.trial.listed, 0.5 * least - one.trial.penalty) <= SURE:
-            accepted, fitted, replica = [other for other in accepted if other is not one], left, rest.replica
+            accepted, fitted, replica = [other for other in accepted if other is not one], left, rest
     return accepted, fitted
+
+
+def _needed(replica: Replica, variant: Variant, fitted: Fitted, seen: Screen) -> tuple[float, Replica, Fitted]:
+    """Return by how much an accepted mechanism reduces the deviance beside the others, and replica and fit without it.
+
+    The smaller reduction of both sides counts. The side of a model that fits distinctly worse about itself does not count: what
+    it lacks is extrapolated there.
+    """
+    weights, others = weights_of(replica, seen), [other for other in fitted.variants if other != variant]
+    reduced = refit(replica, without(fitted.model, variant), others, weights)
+    step = begun(replica.recorded, reduced, weights, seen)
+    whole = refit(replica, fitted.model, fitted.variants, weights)
+    sides = (lambda: Side(replica, seen, weights, ReplicaNoise(replica, seen))), (lambda: own_side(step, seen))
+    here, (rest, left) = side_by_side(lambda make: make(), sides)
+    counting = [here] if fits_worse(step.fitted.cost, whole.cost) else [here, rest]
+    reductions = side_by_side(lambda side: side.compare([fitted.model], variant, fitted.variants)[0], counting)
+    return min(reductions), rest.replica, left
 
 
 def _is_rejected(replica: Replica, accepted: Sequence[Accepted], seen: Screen, trial: Trial) -> bool:

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from wsp_env.diagnosis.candidates import unavailable, variants, without
 from wsp_env.diagnosis.convergence import converge_law
 from wsp_env.diagnosis.data_first import data_first
 from wsp_env.diagnosis.decide import Accepted, Outcome, select
-from wsp_env.diagnosis.discovered import OF_WHEELS, equation, looks_like, slot_of, slot_of_title
+from wsp_env.diagnosis.discovered import OF_WHEELS, Words, axles_on, equation, looks_like, one_thing, slot_of, slot_of_title
 from wsp_env.diagnosis.effects import course, curve, held_out
 from wsp_env.diagnosis.estimates import estimates, intervals_contain_null
 from wsp_env.diagnosis.evaluate import Model
@@ -28,7 +28,7 @@ from wsp_env.diagnosis.stops import PreparedStop, prepare
 from wsp_env.diagnosis.structure import Structure, structured
 from wsp_env.diagnosis.timing import aligned, times
 from wsp_env.diagnosis.trials import Trial
-from wsp_env.diagnosis.words import BALANCES, next_test, sentence
+from wsp_env.diagnosis.words import BALANCES, mechanism_words, next_test, sentence
 from wsp_env.diagnosis.worth import worth_of
 from wsp_env.recordings import Campaign, CampaignError
 
@@ -60,10 +60,10 @@ def diagnose(campaign: Campaign, progress: Progress = lambda step: None, workers
     """
     # The matrices are small: BLAS threads would only compete with the workers.
     with threadpool_limits(1, "blas"), ThreadPoolExecutor(workers) as pool, on_threads(pool):
-        return _diagnose(campaign, progress, pool)
+        return _diagnose(campaign, progress)
 
 
-def _diagnose(campaign: Campaign, progress: Progress, pool: Executor) -> Diagnosis:
+def _diagnose(campaign: Campaign, progress: Progress) -> Diagnosis:
     progress("checking the data")
     first = data_first(campaign)
     if first.answer is not None:
@@ -81,9 +81,9 @@ def _diagnose(campaign: Campaign, progress: Progress, pool: Executor) -> Diagnos
     notes += damaged
     replica, noise_parameters = converge_law(replica, read.sizes)
     progress("searching")
-    outcome = select(replica, list(variants(replica)), pool, progress, noise_parameters)
+    outcome = select(replica, list(variants(replica)), progress, noise_parameters)
     progress("judging")
-    return dataclasses.replace(_answer(replica, outcome, notes, pool), suspect_channels=first.suspects)
+    return dataclasses.replace(_answer(replica, outcome, notes), suspect_channels=first.suspects)
 
 
 def _sound(campaign: Campaign, stops: list[PreparedStop]) -> tuple[Replica, list[str]]:
@@ -120,7 +120,7 @@ def _beside_their_kind(mean: np.ndarray, slides: np.ndarray) -> np.ndarray:
     return worse
 
 
-def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor) -> Diagnosis:
+def _answer(replica: Replica, outcome: Outcome, notes: list[str]) -> Diagnosis:
     found = quality(replica, outcome)
     # A finding must be confirmed: at the size fitted to the tuning runs, the held-out runs alone must make it as sure. This is
     # a single question, so the prior odds do not count again. Nor may its intervals, beside all others, contain its absence.
@@ -141,8 +141,9 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str], pool: Executor
     # A candidate with evidence and sufficient size that fails a check shows physics that no model here describes.
     unexplained |= worthless or (not missing and bool(outcome.missing or outcome.rejected))
     holds = not unexplained
-    named = tuple(_named(replica, outcome, one, found) for one in missing if not one.trial.listed.family) if holds else ()
-    terms = tuple(_discovered(replica, outcome, one, found) for one in missing if one.trial.listed.family) if holds else ()
+    names = [one for one in missing if holds and not one.trial.listed.family and not _has_another_form(one, missing)]
+    named = tuple(_named(replica, outcome, one, found) for one in names)
+    terms = tuple(_discovered(replica, outcome, one, found) for one in missing if holds and one not in names)
     verdict = _verdict(named, terms, bool(named or terms) or unexplained, bool(sliding(replica).any()))
     nearest = [] if holds else [one.words for one in missing] or [_title(one) for one in outcome.rejected]
     extended = outcome.fitted.model if holds else replica.baseline
@@ -220,6 +221,12 @@ def _describes_a_part(missing: Sequence[Accepted], left: Structure, removed_of: 
     return only_terms and left.unexplained and (removed_of[left.balance] or 0.0) < _MOST_REMOVED
 
 
+def _has_another_form(name: Accepted, missing: Sequence[Accepted]) -> bool:
+    """Whether terms act beside a name on the same thing: two faults of one brake are rarer than one in another form."""
+    mine = one_thing(name.trial.variant)
+    return mine is not None and any(one.trial.listed.family and one_thing(one.trial.variant) == mine for one in missing)
+
+
 def _verdict(named: tuple[Named, ...], terms: tuple[Discovered, ...], seen: bool, slides: bool) -> Verdict:
     if named:
         return "ambiguous" if any(len(one.alternatives) > 2 for one in named) else "named"
@@ -244,14 +251,19 @@ def _named(replica: Replica, outcome: Outcome, one: Accepted, found: Quality) ->
 
 
 def _discovered(replica: Replica, outcome: Outcome, one: Accepted, found: Quality) -> Discovered:
-    at, variant = outcome.accepted.index(one), one.trial.variant
-    values = outcome.fitted.model.choice[variant.name]
-    words, slot, others = equation(variant, values), slot_of(variant), one.alternatives[1:]
+    """Return a term, or a name in another form than the library's, as something without a name."""
+    at, variant, found_values = outcome.accepted.index(one), one.trial.variant, _estimates(outcome, one)
+    if variant.family:
+        words, slot, like = equation(variant, outcome.fitted.model.choice[variant.name]), slot_of(variant), looks_like(variant)
+    else:
+        said = f"as if {mechanism_words(variant.name, found_values)}, but in another form"
+        words, slot, like = Words(said, axles_on(variant), ()), slot_of_title(variant.name), (one.words,)
+    others = one.alternatives[1:]
     slots = tuple(other for other in dict.fromkeys(map(slot_of_title, others)) if other != slot)
     axles = words.axles or (tuple(range(1, replica.axles + 1)) if slot in OF_WHEELS else ())
     return Discovered(
         slot, slots, tuple(name.replace("_", " ") for name in others), axles, words.equation, words.features,
-        _estimates(outcome, one), looks_like(variant), found.fit.removed_validate, one.trial.size.multiple,
+        found_values, like, found.fit.removed_validate, one.trial.size.multiple,
         one.trial.reduction, found.held_out[at],
     )  # fmt: skip
 

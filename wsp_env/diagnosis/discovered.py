@@ -249,6 +249,24 @@ def slot_of_title(title: str) -> str:
     return next(words for slot, (words, _) in SLOTS.items() if title.startswith(_said(slot)))
 
 
+def axles_on(variant: Variant) -> tuple[int, ...]:
+    """Return the axles, from 1, on which alone a mechanism or a term acts; none if on all, or on the vehicle."""
+    if variant.family:
+        return axles_of(_terms_in(variant, variant.fixed)[0].axles)
+    first, last = (int(variant.fixed.get(name, 0.0)) for name in ("axle", "last_axle"))
+    return tuple(range(first, max(first, last) + 1)) if first else ()
+
+
+def one_thing(variant: Variant) -> tuple[Slot, tuple[int, ...]] | None:
+    """Return the one thing on which a mechanism or a term acts: the brake of some axles, or the sensors of speed; else None."""
+    slot = (
+        Slot(int(_terms_in(variant, variant.fixed)[0].slot)) if variant.family else _ACTS[ALL[variant.name].signature.acts_on]
+    )
+    if slot is Slot.RECORDED_SPEED:
+        return slot, ()
+    return (slot, axles_on(variant)) if slot is Slot.BRAKE_TORQUE and axles_on(variant) else None
+
+
 def looks_like(variant: Variant) -> tuple[str, ...]:
     """Return known physics of the same form."""
     first = _terms_in(variant, variant.fixed)[0]

@@ -143,7 +143,7 @@ def _discovered(found: Diagnosis) -> list[Section]:
     sections = []
     for one in found.discovered:
         text = [
-            f"{capital(one.slot)}: {one.equation}. It depends on: {', '.join(one.features)}.",
+            f"{capital(one.slot)}: {one.equation}." + (f" It depends on: {', '.join(one.features)}." if one.features else ""),
             f"{one.multiple:.1f} times the smallest effect of interest; reduces chi-square by {one.gain:.0f}; held out, by "
             f"{one.held_out_gain:.0f}{doubt(one)}. Removed: {removed_said(one.removed_validate)}.",
         ]

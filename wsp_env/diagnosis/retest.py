@@ -8,8 +8,7 @@ about two replicas scatter by tens of nats.
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -116,7 +115,7 @@ class Side:
         these may produce its effect; they may also fit a false mechanism to the residual of another false one. A true finding
         relaxes the nuisances that replaced it.
         """
-        others = [one for one in variants if one is not variant]
+        others = [one for one in variants if one != variant]
         on = min((self.fit(model, variants) for model in models), key=lambda one: one.deviance)
         off = self._without or self.fit(without(on.fitted.model, variant), others)
         found = off.deviance - on.deviance
@@ -180,31 +179,40 @@ def own_side(step: Step, seen: Screen) -> tuple[Side, Fitted]:
     return Side(own, seen, weights, noise, known=known), again
 
 
-def retest(make_here: Callable[[], Side], seen: Screen, pool: Executor, one: AboutItself) -> Retested | None:
+def retest(seen: Screen, here: Side, one: AboutItself) -> Retested | None:
     """Return a trial with its size and evidence from both sides; None if nuisances cancel it.
 
-    `make_here` returns the side without it. Both sides are evaluated in parallel.
+    `here` is the side without it.
 
     The evidence is the mean of both sides. If a side speaks against it, this side counts alone, but the side without it only
-    unless the model with it fits distinctly better, each about itself with the same weights. There is none if it fits
-    distinctly worse, each with weights of its own, and not better with the same: both sides may extrapolate in its favour. If
-    the parts of the recordings leave it no longer sure, the evidence is what they leave.
+    unless the model with it fits distinctly better, each about itself with the same weights; its own side is then not made.
+    There is none if it fits distinctly worse, each with weights of its own, and not better with the same: both sides may
+    extrapolate in its favour. If the parts of the recordings leave it no longer sure, the evidence is what they leave.
     """
-    here = pool.submit(make_here)
-    own, fitted = own_side(one.step, seen)
-    trial = one.trial
-    model, variant, variants = fitted.model, trial.variant, fitted.variants
-    # From the values of the other side, a refit may end in another minimum.
-    apart = largest_change(trial.fitted, fitted) > LARGE_CHANGE
-    other = pool.submit(here.result().compare, [trial.fitted.model, model] if apart else [model], variant, variants)
+    trial, variant, variants = one.trial, one.trial.variant, one.trial.fitted.variants
+    make_own = functools.partial(own_side, one.step, seen)
+    compare = functools.partial(here.compare, [trial.fitted.model], variant, variants)
+    if one.fits_better:
+        (own, fitted), (about_other, _) = side_by_side(lambda make: make(), (make_own, compare))
+    else:
+        about_other = compare()[0]
+        if 0.5 * about_other <= trial.penalty:
+            evidence = 0.5 * about_other - trial.penalty
+            return Retested(dataclasses.replace(trial, reduction=about_other, evidence=evidence), here)
+        own, fitted = make_own()
+    model = fitted.model
     about_own, shift = own.compare([model], variant, variants)
-    both = [about_own, other.result()[0]] if 0.5 * about_own > trial.penalty else [about_own]
+    both = [about_own]
+    if 0.5 * about_own > trial.penalty:
+        if largest_change(trial.fitted, fitted) > LARGE_CHANGE:  # from there, a refit may end in another minimum
+            about_other = max(about_other, here.compare([model], variant, variants)[0])
+        both.append(about_other)
     if shift > NUISANCE_SHIFT**2:
         return None
     reduction, least = float(np.mean(both)), min(both)
     if 0.5 * least <= trial.penalty and not one.fits_better:
         reduction = least
-    if own.fits_worse(here.result()) and not one.fits_better:
+    if own.fits_worse(here) and not one.fits_better:
         reduction = 0.0
     found = estimates(own.replica, fitted, variant, own.weights, reduction)
     if intervals_contain_null(found, variant) or within_a_sample(found, variant, own.replica.sample_s):

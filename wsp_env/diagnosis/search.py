@@ -8,7 +8,6 @@ size small (spike and slab, George and McCulloch 1993).
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from wsp_env.diagnosis.evaluate import Evaluation, Model
 from wsp_env.diagnosis.interest import Compared, StopChange, only_sensors
 from wsp_env.diagnosis.noise import Noise, NoiseParameters, noise_from_parameters, noise_of
 from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.side_by_side import side_by_side
 from wsp_env.diagnosis.triangular import inverse_of
 from wsp_env.diagnosis.variation import Group, Net, law_columns, segment_columns
 from wsp_env.plant.mechanisms import ALL
@@ -158,7 +158,7 @@ def _samples(replica: Replica, name: str, size: str, move: float) -> float:
 
 
 def screen(
-    replica: Replica, model: Model, tried: Sequence[Variant], pool: Executor, accepted: Sequence[Variant] = (),
+    replica: Replica, model: Model, tried: Sequence[Variant], accepted: Sequence[Variant] = (),
     noise_parameters: NoiseParameters | None = None,
 ) -> Screen:  # fmt: skip
     """Search all candidates about a model.
@@ -181,7 +181,7 @@ def screen(
     )
     groups, whitening = noise.groups, noise.whitening
     law = _Law(replica, model, base, whitening)
-    listed = list(pool.map(lambda one: candidate(replica, model, base, law, one), tried))
+    listed = side_by_side(lambda one: candidate(replica, model, base, law, one), tried)
     named = [one for one in listed if not one.variant.family]
     unnamed = [one for one in listed if one.variant.family]
     # The small prior applies to all variants of a mechanism together.

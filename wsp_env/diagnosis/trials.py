@@ -3,7 +3,6 @@
 import copy
 import dataclasses
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +17,7 @@ from wsp_env.diagnosis.noise import Noise, NoiseParameters, noise_from_parameter
 from wsp_env.diagnosis.readings import of_noise
 from wsp_env.diagnosis.replica import OF_TIME, OF_TORQUE, Replica
 from wsp_env.diagnosis.search import Found, Screen, net_effect
+from wsp_env.diagnosis.side_by_side import side_by_side
 from wsp_env.diagnosis.variation import nuisances
 from wsp_env.plant.mechanisms import ALL
 
@@ -98,7 +98,7 @@ def _kind(variant: Variant) -> tuple[str | float, ...]:
 
 
 def trials_of(
-    replica: Replica, seen: Screen, fitted: Fitted, weights: Weights, pool: Executor
+    replica: Replica, seen: Screen, fitted: Fitted, weights: Weights
 ) -> Iterator[list[Trial]]:  # fmt: skip
     """Refit the promising mechanisms: all names and a few terms, then further terms; yield the trials, best first.
 
@@ -134,7 +134,7 @@ def trials_of(
         seconds = [seen.second[one.name] for one in promising if one.name in seen.second]
         promising += [one for one in seconds if len(refined(one.candidate.variant).sizes) > len(one.candidate.variant.sizes)]
         best: dict[str, Trial] = {}
-        tried = list(pool.map(trial, promising))
+        tried = side_by_side(trial, promising)
         late = _evidence_of_late_brakes(tried, late)
         for one in sorted(_beyond_delays(tried, late), key=lambda one: -log_odds(one.listed, one.evidence)):
             best.setdefault(one.listed.title, one)

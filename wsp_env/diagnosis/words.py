@@ -133,7 +133,8 @@ def next_test(
 def _term_test(term: Discovered) -> str:
     """Return the test that would confirm a term."""
     axles = f" on axle {', '.join(map(str, term.axles))}" if term.axles else ""
-    return f"stops in which {' and '.join(term.features)} varies on purpose, with the {term.slot}{axles} measured by itself"
+    alone = f"the {term.slot}{axles} measured by itself"
+    return f"stops in which {' and '.join(term.features)} varies on purpose, with {alone}" if term.features else alone
 
 
 def sentence(
@@ -149,7 +150,7 @@ def sentence(
         shows = f" It shows in {_shown(where[0])}." if where else ""
         near = f" Nearest to it, but in no form that holds: {' or '.join(nearest)}." if nearest else ""
         return f"Something is missing that neither a name nor a term explains.{shows}{near}"
-    return f"What the simulation lacks: {'; and '.join([*map(_claim, named), *map(_term, terms)])}."
+    return f"What the simulation lacks: {'; and '.join([*map(_claim, named), *_unnamed(terms)])}."
 
 
 def _shown(place: Location) -> str:
@@ -159,10 +160,16 @@ def _shown(place: Location) -> str:
     return f"the balance of {BALANCES.get(place.equation, place.equation)}{axles}{within}"
 
 
-def _term(term: Discovered) -> str:
-    """Return a claim on a term without a name, with the physics that it resembles."""
-    like = f", which looks like: {' or '.join(term.looks_like)}" if term.looks_like else ""
-    return f"something without a name in the library, {term.equation}{like}"
+def _unnamed(terms: Sequence[Discovered]) -> list[str]:
+    """Return claims on what has no name, one for all that acts in the same place, with the physics that it resembles."""
+    places = dict.fromkeys((one.slot, one.axles) for one in terms)
+    found = []
+    for place in places:
+        mine = [one for one in terms if (one.slot, one.axles) == place]
+        alike = dict.fromkeys(name for one in mine for name in one.looks_like)
+        like = f", which looks like: {' or '.join(alike)}" if alike else ""
+        found.append(f"something without a name in the library, {', and '.join(one.equation for one in mine)}{like}")
+    return found
 
 
 def _claim(one: Named) -> str:
