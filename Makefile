@@ -4,7 +4,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt
 PINS := pyproject.toml constraints.txt
 # pytest runs in that many processes
 JOBS ?= 2
@@ -16,7 +16,7 @@ JOBS ?= 2
 help:
 	@echo "make demo       from recordings to the physics that their validation concealed; writes out/demo.html"
 	@echo "make test       lint, the documentation, the contact laws as plain Python, and the tests but for the longest"
-	@echo "make long       the tests that take more than 10 s each"
+	@echo "make long       the longest tests"
 	@echo "make lint       ruff, mypy, import-linter"
 	@echo "make coverage   the share of lines and branches that the whole test suite reaches; a table in out/coverage.txt"
 	@echo "make fuzz       20,000 damaged files at every reader and every JSON and TOML file; none may crash, hang or trace back"

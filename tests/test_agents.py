@@ -180,6 +180,7 @@ def test_onnx_and_sb3_agree(tmp_path, action):
     assert np.isfinite(yardstick.means(policy)["distance_m"])
 
 
+@pytest.mark.long
 def test_a_recurrent_policy_remembers_in_its_folder_as_it_does_in_training(tmp_path):
     arguments = dataclasses.replace(TINY, out=tmp_path, action="steered", recurrent=6, steps=128, scenario=Arguments.scenario)
     model, world = train(arguments)

@@ -29,12 +29,14 @@ def settled(tmp_path_factory):
     return replica, drawn.runs[0].tau_m_per_j
 
 
+@pytest.mark.long
 def test_the_recovery_rate_is_found(settled):
     """Rows of wheels at the knee of the curve had the weight of rolling wheels: it was a fifth too small."""
     replica, tau = settled
     assert replica.baseline.tau == pytest.approx(tau, rel=0.1)
 
 
+@pytest.mark.long
 def test_a_wheel_slides_where_its_friction_is_used_up_however_small_the_slip(settled):
     rows = settled[0].rows
     small = (rows.balance == 0) & (rows.slip < least_slip(rows.speed))

@@ -75,7 +75,9 @@ def slippery(vehicle):
     return [make_stop(vehicle, mu, tau, v) for mu, v in ((0.024, 40.0), (0.035, 20.0)) for tau in (0.0, 2e-4)]
 
 
-@pytest.fixture(scope="module", params=[WHEELSET, BOGIE, COACH], ids=lambda vehicle: vehicle.name)
+@pytest.fixture(
+    scope="module", params=[WHEELSET, BOGIE, pytest.param(COACH, marks=pytest.mark.long)], ids=["wheelset", "bogie", "coach"]
+)
 def without_protection(request):
     """Return a vehicle and what becomes of it on slippery rails."""
     return request.param, drive(NoWSP(), request.param, slippery(request.param))

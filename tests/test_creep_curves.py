@@ -164,7 +164,7 @@ def test_slope_and_fall_together():
     assert f"lacks {fall.name.replace('_', ' ')} alone" in places
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_second_speed_tells_the_running_speed_apart():
     slow, fast = synthetic(1, speeds=(10.0,)), synthetic(2, friction=(0.24, 0.24, 0.5), speeds=(40.0,))
     found = diagnose_creep_curves(CreepCurves("two speeds", CONTACT, slow.curves | fast.curves))
@@ -230,7 +230,7 @@ def test_the_measured_folder_is_polachs_case():
     assert_allclose(data.contact.patch(), eurosprinter.patch(), rtol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_eurosprinter_lacks_slope_and_fall(measured):
     _, found = measured
     assert found["verdict"] == "named"

@@ -195,7 +195,7 @@ def test_a_result_is_written_whole_or_not_at_all(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_results_do_not_depend_on_who_does_the_work(tmp_path, own):
     one = run_small({"none": {}, own: {}}, tmp_path / "one", executor=Processes(1))
     two = run_small({"none": {}, own: {}}, tmp_path / "two", executor=Processes(2))

@@ -194,6 +194,7 @@ def test_arguments_that_cannot_be_are_refused_before_anything_is_written(tmp_pat
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.long
 def test_a_run_that_was_killed_ends_with_the_same_weights(tmp_path, monkeypatch):
     monkeypatch.setattr(agents.watch, "GIVEN_UP", Conduct(time_limit_s=1.0))
     whole = dataclasses.replace(SMALL, out=tmp_path / "whole")

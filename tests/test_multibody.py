@@ -5,6 +5,7 @@ import json
 import math
 
 import gymnasium as gym
+import numba
 import numpy as np
 import pytest
 from plant_cases import a_stop
@@ -18,7 +19,7 @@ from wsp_env.plant.multibody.plant import MultibodyPlant
 from wsp_env.plant.multibody.structure import WHEELSETS, Y_
 from wsp_env.plant.port import Setup
 
-pytestmark = pytest.mark.slow
+compiled = pytest.mark.long  # the longest of all kernels to compile; the first test takes steps of it as plain Python
 
 
 def brake(plant, seconds=60.0, cycling=False):
@@ -40,6 +41,23 @@ def started(kind=MultibodyPlant, setup=None, n=1, track=None, blocked=False, **c
     return plant
 
 
+@pytest.mark.plain
+@pytest.mark.skipif(not numba.config.DISABLE_JIT, reason="run as plain Python only")
+def test_the_first_steps_keep_energy_and_momentum():
+    """As plain Python, suspensions free: the energy that is lost was braked, rubbed or damped; the rails carry the weight."""
+    plant = started(mu_cd=0.06, initial_speed=25.0)
+    before = plant.kinetic_energy[0] + plant.stored_energy[0]
+    for _ in range(12):
+        plant.step(np.ones((1, 4)))
+    state = plant.state
+    spent = state.brake_work[0] + state.contact_work[0].sum() + state.resistance_work[0] + plant.bodies.damper_work[0]
+    assert before - plant.kinetic_energy[0] - plant.stored_energy[0] == pytest.approx(spent, rel=1e-4)
+    assert spent > 1e3  # J
+    assert plant.bodies.wheel_load.sum() == pytest.approx(COACH.mass_kg * COACH.gravity_mps2, rel=1e-2)
+    assert state.position[0] == pytest.approx(25.0 * state.time[0], rel=0.01)
+
+
+@compiled
 @pytest.mark.parametrize(("mu_cd", "cycling"), [(0.28, False), (0.06, False), (0.03, True)])
 def test_it_is_the_longitudinal_plant_in_its_limit(mu_cd, cycling):
     """Suspensions blocked: 0.1 % in distance, standstill included. Free: 1 %, as load moves to the leading axles."""
@@ -60,6 +78,7 @@ def test_it_is_the_longitudinal_plant_in_its_limit(mu_cd, cycling):
         assert (state.wheel_speed == 0.0).all()
 
 
+@compiled
 def test_load_moves_forward_as_the_moments_say():
     """Sum of the wheel loads, and of their moments about the leading axle, under a steady deceleration."""
     plant = started(mu_cd=0.28, initial_speed=40.0, demand=0.6)
@@ -77,6 +96,7 @@ def test_load_moves_forward_as_the_moments_say():
     assert moment == pytest.approx(slowing * (heights + turning), rel=0.01)
 
 
+@compiled
 def test_halving_the_substep_halves_the_error():
     """At least first order, in distance and wheel load, of a slide that begins."""
     found = []
@@ -89,6 +109,7 @@ def test_halving_the_substep_halves_the_error():
     assert (errors[1:] < 0.75 * errors[:-1] + 1e-9 * np.array(found[-1])).all()
 
 
+@compiled
 def test_a_lateral_offset_decays():
     plant = started(mu_cd=0.28, initial_speed=20.0, demand=0.0)
     plant.bodies.position[0, Y_ : WHEELSETS + 24 : 6] = 2e-3
@@ -96,6 +117,7 @@ def test_a_lateral_offset_decays():
     assert np.abs(plant.bodies.shift).max() < 5e-4
 
 
+@compiled
 def test_a_narrow_curve_is_run_on_the_flange():
     """300 m with transitions and cant at the speed where cant and curvature balance: the outer wheels guide, nothing jumps."""
     radius, cant = 300.0, 0.15
@@ -119,6 +141,7 @@ def test_a_narrow_curve_is_run_on_the_flange():
     assert np.nanmax(quotient) < 0.8  # Nadal's limit for a flange angle of 70 degrees and friction 0.36
 
 
+@compiled
 def test_what_a_curve_takes_is_the_heat_of_its_contacts():
     """150 m, dry, no brake: what motion loses is heat, between 200 / R (Astakhov) and 500 / (R - 30) per mille (Roeckl).
 
@@ -139,6 +162,7 @@ def test_what_a_curve_takes_is_the_heat_of_its_contacts():
     assert 200.0 / curve.radius_m < share < 500.0 / (curve.radius_m - 30.0)
 
 
+@compiled
 def test_what_leaves_the_rails_is_truncated_with_the_reason():
     env = gym.make("wsp_env/Coach-v1", plant="multibody", disable_env_checker=True)
     env.reset(seed=1)
@@ -156,6 +180,7 @@ def test_what_leaves_the_rails_is_truncated_with_the_reason():
     assert math.isfinite(info["speed_mps"])
 
 
+@compiled
 def test_the_batch_is_the_single_environment():
     """Stop i of `make_vec` is the single environment with seed + i, in 3D as in 1D."""
     envs = gym.make_vec("wsp_env/Coach-v1", num_envs=2, plant="multibody")
@@ -170,6 +195,7 @@ def test_the_batch_is_the_single_environment():
     np.testing.assert_array_equal(infos["wheel_load_n"][1], info["wheel_load_n"])
 
 
+@compiled
 def test_irregularities_shake_the_wheels_and_spare_the_carbody():
     """By `gym.make`: on a rough track wheel loads vary about the same mean; the suspension keeps it from the carbody."""
     loads, lifts = [], []
@@ -189,6 +215,7 @@ def test_irregularities_shake_the_wheels_and_spare_the_carbody():
     assert carbody < 0.5 * bogie  # accelerations
 
 
+@compiled
 def test_too_fast_for_a_curve_is_truncated_without_a_nan():
     """40 m/s in a curve of 150 m: 10.7 m/s2 outwards tip and derail any vehicle; every stop of the batch ends with a reason."""
     env = gym.make("wsp_env/Coach-v1", plant="multibody", track_geometry={"curves": [{"begin_m": 20.0, "radius_m": -150.0}]})
@@ -205,7 +232,7 @@ def test_too_fast_for_a_curve_is_truncated_without_a_nan():
     assert np.isfinite(info["wheel_load_n"]).all()
 
 
-@pytest.mark.long
+@compiled
 def test_the_commands_brake_in_three_dimensions(tmp_path, capsys):
     """`wsp evaluate` and `wsp compare` with a track from a file; the same in a plant without rails is refused."""
     (tmp_path / "track.toml").write_text("[[curves]]\nbegin_m = 5.0\nradius_m = 500.0\n")
@@ -225,6 +252,7 @@ def test_the_commands_brake_in_three_dimensions(tmp_path, capsys):
     assert all(stop["stopped"] for stop in stops)
 
 
+@compiled
 def test_info_says_what_the_wheels_do():
     env = gym.make("wsp_env/Coach-v1", plant="multibody")
     plain = gym.make("wsp_env/Coach-v1")
@@ -237,6 +265,7 @@ def test_info_says_what_the_wheels_do():
     assert info["given_up"] == ""
 
 
+@compiled
 def test_load_transfer_is_the_plants_own():
     for choice in ({"load_transfer": {}},):
         with pytest.raises(ParameterError, match="moves the wheel loads by itself"):

@@ -41,7 +41,7 @@ def random_batch(name, seed, substep=0.01, n=6, pressure=False, scenario=None, *
 
 @pytest.mark.slow
 @given(names, seeds, st.booleans(), st.sampled_from([0.02, 0.01, 0.0025]), st.floats(-0.02, 0.02), st.floats(0.0, 5.0))
-@settings(max_examples=20)
+@settings(max_examples=12)
 def test_energy_is_conserved(name, seed, pressure, substep, gradient, drag):
     """Kinetic energy lost = brake work + contact loss + work against resistance and gradient, at any moment of any stop.
 

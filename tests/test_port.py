@@ -29,7 +29,7 @@ def a_stop(vehicle, **changes):
     return Stop(**(usual | {"noise": 0.0, "key": 1} | axles | changes))
 
 
-@pytest.mark.parametrize("name", ["longitudinal", pytest.param("multibody", marks=pytest.mark.slow), ELSEWHERE])
+@pytest.mark.parametrize("name", ["longitudinal", pytest.param("multibody", marks=pytest.mark.long), ELSEWHERE])
 def test_every_plant_keeps_the_contract_of_the_port(name):
     """Shapes, a vehicle that stands stays as it is, readings are copies, a stop leaves nothing behind."""
     plant = make_plant(COACH, 3, Setup(), name)
@@ -79,7 +79,7 @@ def test_a_plant_of_somebody_else_is_measured_with_a_controller():
     assert record.distance[0] > record.distance[1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_plant_of_somebody_else_runs_under_the_test_programme(tmp_path):
     """The command in a process of its own: it finds the plant by PYTHONPATH and hands it on to its workers."""
     words = ["evaluate", "--vehicle", "wheelset", "--plant", ELSEWHERE, "--controllers", "rule-based", "--cases", "low-120"]

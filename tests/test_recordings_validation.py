@@ -195,7 +195,7 @@ def test_command_brakes_in_closed_loop(demo, tmp_path, capsys, monkeypatch):
     assert "never sample by sample" in page.read_text(encoding="utf-8")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_controller_that_ends_its_process_is_named(tmp_path):
     file = tmp_path / "dies.py"
     file.write_text("class Dies:\n    def reset(self, n, vehicle):\n        __import__('os')._exit(3)\n\n    act = reset\n")
@@ -209,7 +209,7 @@ def test_controllers_that_cannot_brake_here(tmp_path, capsys):
     assert main(["validate", str(demo_campaign()), "--controller", "nobody", "--json"]) == 2
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium installed")
 def test_the_page_opens_without_a_network_and_all_axes_have_units(demo, tmp_path):
     report.write(tmp_path / "validation.html", demo)

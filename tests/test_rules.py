@@ -44,7 +44,7 @@ def test_air_has_its_price(trials):
     assert_allclose(dear - trials.cost(points, 2.0)[0], 0.5 * air, rtol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_search_never_ends_worse_than_the_defaults_and_within_its_ranges(trials):
     best = search(trials, TINY, 2.0)
     assert set(best) == set(RANGES)

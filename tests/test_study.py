@@ -118,7 +118,7 @@ def test_behaviour_counts_braked_wheels_by_speed_and_those_let_roll():
     assert behaviour.table([{"tau_m_per_J": 0.0, **row}]).count("\n") == 2
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_failures_are_drawn_beside_the_rules(tmp_path, monkeypatch):
     assert set(behaviour.FAILURES) <= {*SIZES, *OUTSIDE}
     monkeypatch.setattr(behaviour, "FAILURES", ("pad_friction", "50 km/h"))

@@ -115,7 +115,7 @@ def test_two_planted_terms_are_found_and_fitted_together():
     assert amplitudes["pair"] == pytest.approx([1.0, -1.5], abs=0.15)
 
 
-@pytest.mark.parametrize("walk", [False, True], ids=["white", "wandering within a run"])
+@pytest.mark.parametrize("walk", [pytest.param(False, marks=pytest.mark.long), True], ids=["white", "wandering within a run"])
 def test_noise_is_taken_for_a_term_as_rarely_as_the_level_says(walk):
     """Thirty candidates in each; of sixty tries at 5 %, eight or more come by chance once in a hundred."""
     alarms = 0

@@ -99,6 +99,7 @@ def test_a_stop_that_begins_anew_forgets_what_its_guard_found(parts):
         assert_array_equal(field[1:], old[1:])
 
 
+@pytest.mark.long
 def test_a_varied_training_is_watched_on_drawn_vehicles_too(monkeypatch):
     def slow(*given):  # soon over
         return [dataclasses.replace(stop, initial_speed=8.0) for stop in low_adhesion(*given)]

@@ -13,8 +13,7 @@ Student's to the normal quantile and by the degrees of freedom (Hesterberg, The 
 import dataclasses
 
 import numpy as np
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtrit
 
 REPLICATES = 2000
 _SEED = 20151
@@ -75,5 +74,5 @@ def interval95(blocks: Blocks, gain_spread: float) -> tuple[float, float]:
     errors = random.uniform(-gain_spread, gain_spread, (REPLICATES, blocks.gains.shape[1]))
     low, high = np.quantile(blocks.steps(weights, errors)[:, 0], (0.025, 0.975))
     freedom = max(number - parameters, 1)
-    wider = student.ppf(0.975, freedom) / norm.ppf(0.975) * np.sqrt(number / freedom)
+    wider = stdtrit(freedom, 0.975) / ndtri(0.975) * np.sqrt(number / freedom)
     return float(wider * min(low, 0.0)), float(wider * max(high, 0.0))

@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import upfirdn
 
 from wsp_env.compiled import kernel
 from wsp_env.recordings.errors import CampaignError
@@ -211,6 +210,8 @@ def _every(time: np.ndarray, targets: np.ndarray) -> tuple[int, float]:
 
 def _thinned(values: np.ndarray, taps: np.ndarray, every: int, number: int) -> np.ndarray:
     """Return sums of the values weighted by the taps (symmetric), of windows that start at every so many values."""
+    from scipy.signal import upfirdn  # here, as it takes longer to import than all the rest
+
     lead = -(len(taps) - 1) % every  # of zeros, so that the first whole window falls on a result
     sums = upfirdn(np.concatenate([np.zeros(lead), taps]), values, 1, every)
     first = (len(taps) - 1 + lead) // every

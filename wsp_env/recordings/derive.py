@@ -11,7 +11,6 @@ import dataclasses
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
-from scipy.signal import savgol_filter
 
 from wsp_env.contact.degraded import DegradedLaw, adhesion_recovered, adhesion_without_recovery
 from wsp_env.contact.traction import SPEED_FLOOR
@@ -182,5 +181,7 @@ def _smooth(run: Recording, values: np.ndarray, window_s: float, step_s: float, 
             f"run {run.name} has {len(values)} samples, the smoothing window of {window_s:g} s needs {length}: "
             "leave the run out"
         )
+    from scipy.signal import savgol_filter  # here, as it takes longer to import than all the rest
+
     smooth: np.ndarray = savgol_filter(values, length, _ORDER, deriv=derivative, delta=step_s, axis=0)
     return smooth

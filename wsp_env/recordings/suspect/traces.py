@@ -9,7 +9,6 @@ import dataclasses
 
 import numpy as np
 from scipy.ndimage import binary_erosion, maximum_filter1d
-from scipy.signal import savgol_filter
 
 from wsp_env.contact.degraded import adhesion_without_recovery
 from wsp_env.recordings.campaign import Campaign
@@ -109,6 +108,8 @@ def rolling(one: Traces, axles: list[int]) -> np.ndarray:
 
 def smoothed(values: np.ndarray, window_s: float, step: float, derivative: int = 0) -> np.ndarray:
     """Return values (T, ...) filtered by parabolas."""
+    from scipy.signal import savgol_filter  # here, as it takes longer to import than all the rest
+
     result: np.ndarray = savgol_filter(values, window(window_s, step), _ORDER, deriv=derivative, delta=step, axis=0)
     return result
 
