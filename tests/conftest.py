@@ -20,20 +20,25 @@ settings.register_profile("wsp", deadline=None)
 settings.load_profile("wsp")
 
 
-#: Files that take half a minute and more, in the order in which they are begun: one begun last would keep a process waiting.
-#: The first compiles the plant, which most others need. The second needs none of it meanwhile: of two processes none compiles
-#: what the other does.
+#: Files in the order in which they are begun: long ones, as one begun last would keep a process waiting. The first compiles the
+#: plant, which most others need, and takes minutes over it. Until then the second process does what needs none of it, or it
+#: would compile the same.
 BEGUN_FIRST = (
     "test_diagnosis.py",
     "test_recordings_quality.py",
     "test_suspect.py",
     "test_creep_curves.py",
+    "test_contact_geometry.py",
+    "test_contact_port.py",
+    "test_contact_geometry_forces.py",
+    "test_fuzz.py",
+    "test_documents.py",
+    "test_architecture.py",
+    "test_mechanism_cards.py",
     "test_package.py",
     "test_concealed_proof.py",
     "test_diagnosis_actuator.py",
     "test_bound.py",
-    "test_mechanism_cards.py",
-    "test_contact_port.py",
     "test_misread_speed.py",
 )
 

@@ -11,9 +11,11 @@ from wsp_env.diagnosis.retest import AboutItself, Retested, Side
 from wsp_env.diagnosis.side_by_side import side_by_side
 from wsp_env.diagnosis.trials import FORM, Trial, hides_in_noise, log_odds
 
-#: Largest ratio of the evidence from both sides to the evidence about the replica without it that is considered (assumption:
-#: 0.7 to 3.9 in the campaigns of docs/lab/diagnosis_both_sides.md). What would need more to be the best is not tested.
-_MOST_GAINED = 4.0
+#: Largest ratio of the evidence from both sides to the evidence about the replica without it that is considered. What would
+#: need more to be the best is not tested. Assumptions: of names, it was 0.7 to 3.9 in the campaigns of
+#: docs/lab/diagnosis_both_sides.md; of terms, which are linear in their coefficient, up to 1.3 in those of
+#: docs/lab/diagnosis_one_thing.md.
+_MOST_GAINED, _MOST_GAINED_BY_TERM = 4.0, 2.0
 #: Number of trials that are tested from both sides at a time; the answer does not depend on it.
 _AT_A_TIME = 2
 
@@ -87,9 +89,13 @@ def best_of(
     return Contest(None, rejected, trials)
 
 
+def _most_gained(one: Trial) -> float:
+    return _MOST_GAINED_BY_TERM if one.listed.family else _MOST_GAINED
+
+
 def _is_hopeless(one: AboutItself, held: Sequence[tuple[Retested, float]]) -> bool:
     """Whether a trial fits worse about itself than one that holds, and explains too little here to be the best."""
-    most = _MOST_GAINED * one.trial.evidence
+    most = _most_gained(one.trial) * one.trial.evidence
     return any(most < other.trial.evidence and fits_worse(one.step.fitted.cost, least) for other, least in held)
 
 
@@ -124,13 +130,14 @@ def _promising(
     noise.
     """
     least = max((one.evidence for one in among), default=0.0)
-    least = max([least, *(one.trial.evidence / (1.0 - FORM) ** 2 for one in held)]) / _MOST_GAINED
+    least = max([least, *(one.trial.evidence / (1.0 - FORM) ** 2 for one in held)])
 
     def may_hold(one: Trial) -> bool:
         if not one.listed.family and log_odds(one.listed, one.found.evidence) > 0.0:
             return True
         if hides_in_noise(one.found) and not held:
             return True
-        return log_odds(one.listed, one.evidence) > threshold(one) and (one.evidence > least or one.listed.name in OF_TIME)
+        may_be_best = _most_gained(one) * one.evidence > least or one.listed.name in OF_TIME
+        return log_odds(one.listed, one.evidence) > threshold(one) and may_be_best
 
     return [one for one in some if may_hold(one)]

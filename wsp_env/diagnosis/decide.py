@@ -145,7 +145,8 @@ def select(
             own, again, noise = _converge_all(replica, fitted, accepted, seen)
             if np.isfinite(again.cost) and largest_change(fitted, again) > LARGE_CHANGE:
                 replica, fitted, accepted = _sized(own, again, accepted, seen)
-        seen = _screened(replica, fitted, noise, tried, terms(replica, [one.trial.listed for one in accepted]))
+        further = terms(replica, [one.trial.listed for one in accepted]) if len(accepted) < MOST else ()
+        seen = _screened(replica, fitted, noise, tried, further)
         weights = weights_of(replica, seen)
         if all(one.size.multiple < MATTERS for one in (best.trial, *sure)) and not _promises(seen):
             break  # reported as too small; it stays in the model, so that nothing that matters is found in its place
@@ -252,27 +253,39 @@ def _backward_elimination(
 ) -> tuple[list[Accepted], Fitted]:
     """Remove earlier mechanisms that are no longer sure with the last one present: the better of two names may come second."""
     for one in accepted[:-1]:
-        least, rest, left = _needed(replica, one.trial.variant, fitted, seen)
-        if log_odds(one.trial.listed, 0.5 * least - one.trial.penalty) <= SURE:
-            accepted, fitted, replica = [other for other in accepted if other is not one], left, rest
+        rest = _unneeded(replica, one.trial, fitted, seen)
+        if rest is not None:
+            accepted, (replica, fitted) = [other for other in accepted if other is not one], rest
     return accepted, fitted
 
 
-def _needed(replica: Replica, variant: Variant, fitted: Fitted, seen: Screen) -> tuple[float, Replica, Fitted]:
-    """Return by how much an accepted mechanism reduces the deviance beside the others, and replica and fit without it.
+def _unneeded(replica: Replica, trial: Trial, fitted: Fitted, seen: Screen) -> tuple[Replica, Fitted] | None:
+    """Return replica and fit without an accepted mechanism if it is not sure beside the others, else None.
 
-    The smaller reduction of both sides counts. The side of a model that fits distinctly worse about itself does not count: what
-    it lacks is extrapolated there.
+    It must be so on both sides. The side of a model that fits distinctly worse about itself does not count: what it lacks is
+    extrapolated there.
     """
-    weights, others = weights_of(replica, seen), [other for other in fitted.variants if other != variant]
+    variant, weights = trial.variant, weights_of(replica, seen)
+    others = [other for other in fitted.variants if other != variant]
     reduced = refit(replica, without(fitted.model, variant), others, weights)
     step = begun(replica.recorded, reduced, weights, seen)
     whole = refit(replica, fitted.model, fitted.variants, weights)
-    sides = (lambda: Side(replica, seen, weights, ReplicaNoise(replica, seen))), (lambda: own_side(step, seen))
-    here, (rest, left) = side_by_side(lambda make: make(), sides)
-    counting = [here] if fits_worse(step.fitted.cost, whole.cost) else [here, rest]
-    reductions = side_by_side(lambda side: side.compare([fitted.model], variant, fitted.variants)[0], counting)
-    return min(reductions), rest.replica, left
+
+    def make_here() -> Side:
+        return Side(replica, seen, weights, ReplicaNoise(replica, seen))
+
+    def is_sure(side: Side) -> bool:
+        reduction, _ = side.compare([fitted.model], variant, fitted.variants)
+        return log_odds(trial.listed, 0.5 * reduction - trial.penalty) > SURE
+
+    make_own = functools.partial(own_side, step, seen)
+    if fits_worse(step.fitted.cost, whole.cost):
+        if is_sure(make_here()):
+            return None
+        rest, left = make_own()
+        return rest.replica, left
+    here, (rest, left) = side_by_side(lambda make: make(), (make_here, make_own))
+    return None if all(side_by_side(is_sure, (here, rest))) else (rest.replica, left)
 
 
 def _is_rejected(replica: Replica, accepted: Sequence[Accepted], seen: Screen, trial: Trial) -> bool:
