@@ -90,9 +90,9 @@ def test_a_side_that_speaks_against_a_better_fit_does_not_count_alone(ask, itsel
 
 def test_what_fits_worse_about_itself_than_nothing_has_no_evidence_from_both_sides(ask):
     """A false delay: each side extrapolates in its favour."""
-    assert ask(540.0, 1386.0, worse=True).trial.evidence == -PENALTY
-    # Deviances with noise of their own do not refuse what fits distinctly better with the same weights: a coupler's force.
-    assert ask(498.0, 4240.0, worse=True, itself=67.0).trial.reduction == 2369.0
+    assert ask(540.0, 1386.0, worse=True, itself=110.0).trial.evidence == -PENALTY
+    # Deviances with noise of their own do not refuse what fits as well with the same weights: a coupler's force.
+    assert ask(498.0, 4240.0, worse=True, itself=100.0).trial.reduction == 2369.0
 
 
 @pytest.mark.parametrize(("deviance", "worse"), [(17704.0, False), (18000.0, False), (18100.0, True)])

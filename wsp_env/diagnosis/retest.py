@@ -55,7 +55,16 @@ class AboutItself(NamedTuple):
     @property
     def fits_better(self) -> bool:
         """Whether it leaves distinctly less of the recordings than the model without it, each about itself."""
-        return fits_worse(self.trial.fitted.cost + self.trial.reduction, self.step.fitted.cost)
+        return fits_worse(self._without, self.step.fitted.cost)
+
+    @property
+    def fits_as_well(self) -> bool:
+        """Whether it leaves no more of the recordings than the model without it, each about itself with the same weights."""
+        return self.step.fitted.cost <= self._without
+
+    @property
+    def _without(self) -> float:
+        return self.trial.fitted.cost + self.trial.reduction
 
 
 class Weighted(NamedTuple):
@@ -186,8 +195,8 @@ def retest(seen: Screen, here: Side, one: AboutItself) -> Retested | None:
 
     The evidence is the mean of both sides. If a side speaks against it, this side counts alone, but the side without it only
     unless the model with it fits distinctly better, each about itself with the same weights; its own side is then not made.
-    There is none if it fits distinctly worse, each with weights of its own, and not better with the same: both sides may
-    extrapolate in its favour. If the parts of the recordings leave it no longer sure, the evidence is what they leave.
+    There is none if it fits distinctly worse, each with weights of its own, and worse with the same: both sides may extrapolate
+    in its favour. If the parts of the recordings leave it no longer sure, the evidence is what they leave.
     """
     trial, variant, variants = one.trial, one.trial.variant, one.trial.fitted.variants
     make_own = functools.partial(own_side, one.step, seen)
@@ -212,7 +221,7 @@ def retest(seen: Screen, here: Side, one: AboutItself) -> Retested | None:
     reduction, least = float(np.mean(both)), min(both)
     if 0.5 * least <= trial.penalty and not one.fits_better:
         reduction = least
-    if own.fits_worse(here) and not one.fits_better:
+    if own.fits_worse(here) and not one.fits_as_well:
         reduction = 0.0
     found = estimates(own.replica, fitted, variant, own.weights, reduction)
     if intervals_contain_null(found, variant) or within_a_sample(found, variant, own.replica.sample_s):
