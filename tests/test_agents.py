@@ -145,7 +145,7 @@ def test_segments_have_their_own_random_numbers():
     assert len({segment_seed(seed, segment) for seed in range(5) for segment in range(20)}) == 100
 
 
-@pytest.mark.parametrize("action", ["steered", "valve", "pressure"])
+@pytest.mark.parametrize("action", ["steered", *(pytest.param(one, marks=pytest.mark.long) for one in ("valve", "pressure"))])
 def test_onnx_and_sb3_agree(tmp_path, action):
     arguments = dataclasses.replace(TINY, out=tmp_path, action=action, steps=128, hidden=(64, 64), scenario=Arguments.scenario)
     model, world = train(arguments)

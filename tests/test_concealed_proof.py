@@ -39,7 +39,7 @@ def small_bank(tmp_path_factory):
         yield out, bank.make(out, len(SHARES), 11, ThisProcess())  # within: a test makes a part of the bank anew
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_bank_is_readable_concealed_labelled_and_reproducible(small_bank):
     out, digest = small_bank
     labels = bank.read_labels(out)
@@ -65,7 +65,7 @@ def test_bank_is_readable_concealed_labelled_and_reproducible(small_bank):
     assert parts[0].read_text(encoding="utf-8") == before
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_who_answers_the_cases_does_not_matter(small_bank, tmp_path, monkeypatch):
     """Diagnoses and rivals of what is sent; how they come to their answers does not matter here."""
 
@@ -85,7 +85,7 @@ def test_who_answers_the_cases_does_not_matter(small_bank, tmp_path, monkeypatch
     assert made[0] == made[1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_bank_refuses_other_numbers_and_changed_labels(small_bank):
     out, _ = small_bank
     with pytest.raises(BankError, match="another bank"):

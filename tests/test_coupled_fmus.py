@@ -77,7 +77,7 @@ def test_fmpy_couples_them_alike(coach: tuple[Path, Path], capsys: pytest.Captur
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("version", [2, pytest.param(3, marks=pytest.mark.long)])
 @pytest.mark.parametrize("what", ["law", "plant", "rule-based"])
 def test_fmpy_finds_nothing_to_mend(what: str, version: int, tmp_path: Path) -> None:
     """Its validation of the description and the binary."""

@@ -139,7 +139,7 @@ def test_only_the_slope():
     assert low < high < 2.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_only_the_fall():
     found = diagnose_creep_curves(synthetic(friction=(0.35, 0.15, 0.8)))
     assert found.verdict in ("named", "ambiguous")
@@ -172,7 +172,7 @@ def test_a_second_speed_tells_the_running_speed_apart():
     assert value(found, "speed_dependent_friction", "share").value > 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_adhesion_that_rises_again_is_unknown():
     found = diagnose_creep_curves(synthetic(extra=lambda e: 0.12 * (e / 0.25) ** 2))
     assert found.verdict == "unknown"

@@ -84,7 +84,7 @@ def test_pads_that_fade_with_speed_are_named_from_the_actuator_alone(tmp_path):
     assert found.fit.removed_validate == pytest.approx(1.0, abs=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_one_weak_brake_is_named_with_its_axle(tmp_path):
     found = found_in(campaign_with(tmp_path / "c", (1.0, 0.94, 1.0, 1.0)))
     (one,) = found.mechanisms

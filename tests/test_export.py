@@ -108,7 +108,7 @@ def test_a_mechanism_on_what_is_a_parameter_in_c_is_refused() -> None:
         plant_unit(VEHICLES["bogie"], None, {"vehicle_mass": {}})
 
 
-@pytest.mark.parametrize("name", ["rule-based", "slip"])
+@pytest.mark.parametrize("name", ["rule-based", pytest.param("slip", marks=pytest.mark.long)])
 def test_a_controller_by_rules_in_c_decides_as_pythons(name: str, tmp_path: Path) -> None:
     """With sensors that fail, wheels of other diameters, changed thresholds and a long slide."""
     unit = make_unit(name, VEHICLES["coach"])

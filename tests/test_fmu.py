@@ -102,7 +102,7 @@ def test_a_plants_fmu_stops_as_pythons_plant(version: int, tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("version", [pytest.param(2, marks=pytest.mark.long), 3])
 def test_a_controllers_fmu_brakes_as_the_python_it_was_made_from(version: int, tmp_path: Path) -> None:
     """As a controller of `wsp evaluate`: the same commands and stops."""
     vehicle = VEHICLES["bogie"]

@@ -101,6 +101,7 @@ def test_law_and_derivatives() -> None:
         np.testing.assert_allclose([by_slip, by_speed], slopes, rtol=1e-3, atol=1e-5)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("law", ["recovering", "classic"])
 @pytest.mark.parametrize("controller", [Applies(), Cycles(), Slides()], ids=lambda made: type(made).__name__)
 def test_energy(law: Law, controller: Applies) -> None:
@@ -113,6 +114,7 @@ def test_energy(law: Law, controller: Applies) -> None:
     assert (state.contact_j > 0.0).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("law", ["recovering", "classic"])
 @pytest.mark.parametrize("controller", [Applies(), Cycles()], ids=lambda made: type(made).__name__)
 def test_half_step(law: Law, controller: Applies) -> None:
@@ -129,6 +131,7 @@ def _flow(above: float, below: float) -> float:
     return float(above * (ellipse[0] if ratio < 0.995 else ellipse[1] * (1.0 - ratio) / 0.005))
 
 
+@pytest.mark.long
 def test_dry_rail_is_a_rigid_body() -> None:
     """Wheels that roll give the distance of a rigid body under an independently integrated brake."""
     stops = _slower(draw("dry", "classic", COACH, 2, 11))
@@ -154,6 +157,7 @@ def test_dry_rail_is_a_rigid_body() -> None:
     assert (found["locked_s"] == 0.0).all()
 
 
+@pytest.mark.long
 def test_equal_axles_are_equal() -> None:
     """Equal axles do the same, and a coach of equal axles does what one of them does alone."""
     same = _slower(draw("nominal", "classic", COACH, 2, 2))
@@ -166,6 +170,7 @@ def test_equal_axles_are_equal() -> None:
     np.testing.assert_allclose(simulate(Cycles(), WHEELSET, single, 0.02, 5e-4).position_m, state.position_m, rtol=1e-9)
 
 
+@pytest.mark.long
 def test_deterministic_and_rows_do_not_disturb_each_other() -> None:
     """A stop depends on its seed and number only."""
     both = brake(Slides(), BOGIE, _slower(draw("all", "recovering", BOGIE, 3, 4)))

@@ -93,6 +93,7 @@ def test_recovery_with_a_threshold_and_with_a_memory():
     assert adhesion(*case, 0.0, 0.0, 1e9)[0] == pytest.approx(f_r, rel=1e-12)
 
 
+@pytest.mark.long
 def test_the_integration_converges(campaign, dry):
     lengths = [dry.stop(0, Sizes(), sound=False, step_s=STEP_S / parts).length for parts in (1, 2, 4)]
     assert abs(lengths[1] / lengths[0] - 1.0) < CONVERGED
@@ -158,6 +159,7 @@ def test_the_plan_mixes_kinds_and_lets_effects_take_turns():
     assert planned != effects.plan(2, 100)
 
 
+@pytest.mark.long
 def test_the_same_seed_draws_the_same(campaign):
     again, other = draw(SEED), draw(SEED + 46)
     assert (again.runs, again.places, again.protection, again.sound) == (
@@ -199,6 +201,7 @@ def test_a_campaign_is_read_with_its_label(made):
     assert sizes.REACHED[0] < detail["reached"] < sizes.REACHED[1]
 
 
+@pytest.mark.long
 def test_a_campaign_is_not_written_over(made):
     with pytest.raises(FileExistsError):
         make_campaign(0, SEED, "null", [], made[0])

@@ -132,7 +132,7 @@ def test_the_command_prints_json_and_writes_a_page(tmp_path, capsys):
     assert "nobody" in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium installed")
 def test_the_page_opens_without_a_network_and_all_axes_have_units(tmp_path):
     assert main(["replay", str(demo_campaign()), "--controllers", "none", "--out", str(tmp_path)]) == 0

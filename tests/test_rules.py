@@ -37,6 +37,7 @@ def test_trials_that_brake_together_cost_what_each_costs_alone(trials):
     assert_allclose(found[:2], found[2:], rtol=1e-12)
 
 
+@pytest.mark.long
 def test_air_has_its_price(trials):
     points = np.stack([point(trials, RuleBasedParameters())] * TINY.trials)
     dear = Trials(dataclasses.replace(TINY, air_price=0.5)).cost(points, 2.0)[0]

@@ -29,7 +29,7 @@ def test_shipped_policies_stop_without_locked_wheels(folder):
 
 
 @pytest.mark.parametrize("folder", SHIPPED, ids=lambda folder: folder.name)
-@pytest.mark.parametrize("law", ["recovering", "classic"])
+@pytest.mark.parametrize("law", [pytest.param("recovering", marks=pytest.mark.long), "classic"])
 def test_shipped_policies_know_the_running_speed(folder, law):
     """To the deviation that they claim, at any time of stops in which all wheels may slide at once."""
     vehicle, controller = VEHICLES[folder.name], load(str(folder))

@@ -132,7 +132,7 @@ def test_failures_are_drawn_beside_the_rules(tmp_path, monkeypatch):
         behaviour.failures(load_policy(Path("agents/trained/bogie")), behaviour.Arguments(price="7"))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_behaviour_of_a_shipped_policy_is_that_of_its_stops():
     stops = low_adhesion(VEHICLES["wheelset"], "recovering", 2, HELD_OUT)
     policy = load_policy(Path("agents/trained/wheelset"))

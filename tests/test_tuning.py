@@ -125,6 +125,7 @@ def test_exact_recordings_give_the_truth_back(exact):
     assert [score.group for score in tuning.runs.values()] == ["tune", "tune", "validate"]
 
 
+@pytest.mark.long
 @settings(max_examples=6)
 @given(tau=st.floats(0.8e-4, 4e-4), mu_cd=st.floats(0.03, 0.09), noise=st.floats(0.0, 2.0), seed=st.integers(0, 2**31))
 def test_any_truth_is_found_through_sensor_noise(tmp_path_factory, tau, mu_cd, noise, seed):

@@ -279,7 +279,7 @@ def test_the_campaigns_own_vehicle_brakes_whatever_has_as_many_axles(tmp_path, m
     assert Task(conditions=own, coaches=3).make_vehicle("coach").axles == 12
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_replay_takes_what_a_campaign_does_not_tell_from_a_vehicle(tmp_path, capsys):
     file = tmp_path / "slow.toml"
     slow = dataclasses.replace(COACH, brake=dataclasses.replace(COACH.brake, dead_time_s=0.2))
