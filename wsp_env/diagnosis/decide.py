@@ -262,8 +262,8 @@ def _backward_elimination(
 def _unneeded(replica: Replica, trial: Trial, fitted: Fitted, seen: Screen) -> tuple[Replica, Fitted] | None:
     """Return replica and fit without an accepted mechanism if it is not sure beside the others, else None.
 
-    It must be so on both sides. The side of a model that fits distinctly worse about itself does not count: what it lacks is
-    extrapolated there.
+    To stay, it must be sure on both sides. The side of a model that fits distinctly worse about itself does not count: what it
+    lacks is extrapolated there.
     """
     variant, weights = trial.variant, weights_of(replica, seen)
     others = [other for other in fitted.variants if other != variant]
