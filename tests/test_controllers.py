@@ -105,7 +105,14 @@ def test_a_stop_does_not_depend_on_its_batch(make):
         np.testing.assert_array_equal(own[:, 0], commands[: len(own), index])
 
 
-@pytest.mark.parametrize("make", PROTECTING)
+@pytest.mark.parametrize(
+    "make",
+    [
+        RuleBasedWSP,
+        AdaptiveController,
+        *(pytest.param(one, marks=pytest.mark.long) for one in (SlipController, ExtremumSeeker)),
+    ],
+)
 def test_a_control_interval_half_as_long_changes_little(make):
     stops = [make_stop(BOGIE, 0.03, tau, 25.0) for tau in (0.0, 2e-4)]
     usual, _, _ = drive(make(), BOGIE, stops)
