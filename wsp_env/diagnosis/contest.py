@@ -55,6 +55,7 @@ def best_of(
     for some in batches:
         last = {one.listed.title: one for one in some}
         held: list[tuple[Retested, float]] = []  # with its sum of squares about itself
+        bars: list[tuple[Trial, float]] = []  # the same of their trials alone
         for kind in ([one for one in some if not one.listed.family], [one for one in some if one.listed.family]):
             promising = _promising(kind, some, threshold, [one for one, _ in held])
             tested = [one for one in promising if not rejects(one)]
@@ -65,15 +66,17 @@ def best_of(
             else:
                 abouts = side_by_side(lambda make: make(), makes)
             left = sorted(abouts, key=lambda one: one.step.fitted.cost)
-            while left := [one for one in left if not _is_hopeless(one, held)]:
-                now, left = left[:_AT_A_TIME], left[_AT_A_TIME:]
+            while left := [one for one in left if not _is_hopeless(one, bars)]:
+                number = _at_once(left)
+                now, left = left[:number], left[number:]
                 for one, retested in zip(now, side_by_side(functools.partial(retest_trial, sides[0]), now), strict=True):
-                    if retested is None or _is_hopeless(one, held):  # beside what has just held
+                    if retested is None or _is_hopeless(one, bars):  # beside what has just held
                         continue
                     last[one.trial.listed.title] = retested.trial
                     odds = log_odds(retested.trial.listed, retested.trial.evidence)
                     if odds > threshold(retested.trial) and not rejects(retested.trial):
                         held.append((retested, one.step.fitted.cost))
+                        bars.append((retested.trial, one.step.fitted.cost))
             hold = {one.trial.listed.title for one, _ in held}
             for title in [one.listed.title for one in promising]:
                 if title not in hold:
@@ -93,10 +96,20 @@ def _most_gained(one: Trial) -> float:
     return _MOST_GAINED_BY_TERM if one.listed.family else _MOST_GAINED
 
 
-def _is_hopeless(one: AboutItself, held: Sequence[tuple[Retested, float]]) -> bool:
-    """Whether a trial fits worse about itself than one that holds, and explains too little here to be the best."""
+def _is_hopeless(one: AboutItself, held: Sequence[tuple[Trial, float]]) -> bool:
+    """Whether a trial fits worse about itself than one that holds, and explains too little here to be the best.
+
+    Of those that hold: the trial, and its sum of squares about itself.
+    """
     most = _most_gained(one.trial) * one.trial.evidence
-    return any(most < other.trial.evidence and fits_worse(one.step.fitted.cost, least) for other, least in held)
+    return any(most < other.evidence and fits_worse(one.step.fitted.cost, least) for other, least in held)
+
+
+def _at_once(left: Sequence[AboutItself]) -> int:
+    """Return how many trials to test beside each other: those that need be tested even if the first holds as it does here."""
+    holds = [(left[0].trial, left[0].step.fitted.cost)]
+    beside = left[1:_AT_A_TIME]
+    return 1 + sum(not _is_hopeless(one, holds) for one in beside)
 
 
 def _compared(held: Sequence[tuple[Retested, float]]) -> list[Retested]:

@@ -117,12 +117,12 @@ def _law_fit(iterate: _Iterate, weights: Weights) -> Fitted:
     return dataclasses.replace(iterate.fitted, model=law.model, values=iterate.about.values, cost=law.cost)
 
 
-def fits_worse(cost: float, other: float) -> bool:
+def fits_worse(cost: float, other: float, deviations: float = WORSE) -> bool:
     """Whether a model on its own replica leaves more squares than another one on its own, by more than such sums scatter.
 
     On its own replica, any model is right by construction. The evidence there does not show a diverged mechanism, the fit does.
     """
-    return cost > other + WORSE * float(np.sqrt(2.0 * other))
+    return cost > other + deviations * float(np.sqrt(2.0 * other))
 
 
 def moves(before: Fitted, after: Fitted) -> np.ndarray:

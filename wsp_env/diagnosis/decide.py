@@ -100,10 +100,9 @@ def select(
     noise_parameters : noise about the law alone; None: it is estimated
 
     """
-    first = seen = screen(replica, replica.baseline, [*tried, *terms(replica)], noise_parameters=noise_parameters)
-    weights = weights_of(replica, seen)
+    begin = nothing(replica, tried, noise_parameters)
+    first, seen, weights, fitted = begin.first, begin.last, begin.weights, begin.fitted
     by_curves = False
-    fitted = Fitted(replica.baseline, (), (), (), 0.0)
     accepted: list[Accepted] = []
     left: list[Trial] = []
     for _ in range(2 * MOST):  # rounds; an accepted mechanism may be removed again
@@ -151,6 +150,12 @@ def select(
         if all(one.size.multiple < MATTERS for one in (best.trial, *sure)) and not _promises(seen):
             break  # reported as too small; it stays in the model, so that nothing that matters is found in its place
     return Outcome(replica, fitted, tuple(accepted), first, seen, weights, () if accepted else tuple(left))
+
+
+def nothing(replica: Replica, tried: Sequence[Variant], noise_parameters: NoiseParameters | None = None) -> Outcome:
+    """Return the outcome of the search alone, in which nothing is accepted."""
+    seen = screen(replica, replica.baseline, [*tried, *terms(replica)], noise_parameters=noise_parameters)
+    return Outcome(replica, Fitted(replica.baseline, (), (), (), 0.0), (), seen, seen, weights_of(replica, seen))
 
 
 def _without_new(replica: Replica, fitted: Fitted, seen: Screen, weights: Weights) -> Side:

@@ -13,7 +13,7 @@ from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import unavailable, variants, without
 from wsp_env.diagnosis.convergence import converge_law
 from wsp_env.diagnosis.data_first import data_first
-from wsp_env.diagnosis.decide import Accepted, Outcome, select
+from wsp_env.diagnosis.decide import Accepted, Outcome, nothing, select
 from wsp_env.diagnosis.discovered import OF_WHEELS, Words, axles_on, equation, looks_like, one_thing, slot_of, slot_of_title
 from wsp_env.diagnosis.effects import course, curve, held_out
 from wsp_env.diagnosis.estimates import estimates, intervals_contain_null
@@ -28,8 +28,10 @@ from wsp_env.diagnosis.stops import PreparedStop, prepare
 from wsp_env.diagnosis.structure import Structure, structured
 from wsp_env.diagnosis.timing import aligned, times
 from wsp_env.diagnosis.trials import Trial
+from wsp_env.diagnosis.wander import Wandering, wandering
 from wsp_env.diagnosis.words import BALANCES, mechanism_words, next_test, sentence
 from wsp_env.diagnosis.worth import worth_of
+from wsp_env.plant.mechanisms import misread_speed
 from wsp_env.recordings import Campaign, CampaignError
 
 #: A run is left out as damaged if its root mean square residual exceeds that of the others by this factor.
@@ -81,9 +83,25 @@ def _diagnose(campaign: Campaign, progress: Progress) -> Diagnosis:
     notes += damaged
     replica, noise_parameters = converge_law(replica, read.sizes)
     progress("searching")
-    outcome = select(replica, list(variants(replica)), progress, noise_parameters)
+    tried, wanders = list(variants(replica)), wandering(replica)
+    if wanders is None:
+        outcome = select(replica, tried, progress, noise_parameters)
+    else:
+        outcome = nothing(replica, tried, noise_parameters)
     progress("judging")
-    return dataclasses.replace(_answer(replica, outcome, notes), suspect_channels=first.suspects)
+    answer = dataclasses.replace(_answer(replica, outcome, notes), suspect_channels=first.suspects)
+    return answer if wanders is None else _of_the_speed_alone(answer, wanders)
+
+
+def _of_the_speed_alone(answer: Diagnosis, found: Wandering) -> Diagnosis:
+    """Return an answer with one finding, that the recorded speed wanders: slips computed from it tell no other physics."""
+    terms, where = (found.term,), (found.location,)
+    return dataclasses.replace(
+        answer, verdict="discovered", sentence=sentence("discovered", (), where, terms), location=where, discovered=terms,
+        fit=dataclasses.replace(answer.fit, removed_validate=found.term.removed_validate),
+        next_test=misread_speed.CARD.signature.next_test,
+        notes=(*answer.notes, "other physics was not looked for: with a speed that wanders, slips are not known well enough"),
+    )  # fmt: skip
 
 
 def _sound(campaign: Campaign, stops: list[PreparedStop]) -> tuple[Replica, list[str]]:

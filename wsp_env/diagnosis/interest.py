@@ -24,7 +24,7 @@ PUSH = DISTANCE  # [-]; a constant force of this share changes the distance by `
 _LEAST_SAMPLES = 50  # samples of sliding that a mean needs
 _LEAST_STEEPNESS = 0.01  # [s/m] lower bound of the curve's slope; below, the force does not determine the slip: assumption
 _BRAKED_MPS2 = 0.2  # deceleration from which on a vehicle counts as braked
-_PEAKS = 0.95  # quantile at which a sensor's error counts: a WSP reacts to peaks of slip, not to the mean (assumption)
+PEAKS = 0.95  # quantile at which a sensor's error counts: a WSP reacts to peaks of slip, not to the mean (assumption)
 _LEAST = 1e-6  # in smallest effects of interest: size of a mechanism without any effect
 
 
@@ -126,7 +126,7 @@ def _reading_change(part: _Part, one: Evaluation, other: Evaluation) -> np.ndarr
     result: np.ndarray = np.full((2, shown.shape[1]), np.nan)
     for i, half in enumerate(part.halves):
         if half.sum() >= _LEAST_SAMPLES:
-            result[i] = np.quantile(shown[half > 0.0], _PEAKS, axis=0)
+            result[i] = np.quantile(shown[half > 0.0], PEAKS, axis=0)
     return result
 
 

@@ -74,7 +74,8 @@ class Replica:
         self._kept = threading.local()  # each thread keeps its last evaluation
         # The replica contains the true slip of a wheel with wrong radius; the reading of its sensor is linear in the radius.
         shares = [averaged(share, stop.step_s) for share, stop in zip(kept, right.sources, strict=True)]
-        self._share = [share * (larger == 0.0) for share in shares]
+        #: Shares (T, A) of the measured slips that it keeps, of each stop: 1 where a wheel slides, 0 where it grips.
+        self.kept_slips = [share * (larger == 0.0) for share in shares]
         slid = self._at_true_slips(baseline, on_sensors(rest))
         self._slopes = [one.slope for one in slid]
         if rest is not baseline:
@@ -141,7 +142,7 @@ class Replica:
                 misread=(kept - 1.0) * error,
             )
             for one, other, there, kept, slope, error in zip(
-                whole, without, slid, self._share, self._slopes, errors, strict=True
+                whole, without, slid, self.kept_slips, self._slopes, errors, strict=True
             )
         ]
 
@@ -151,7 +152,7 @@ class Replica:
         """Evaluate a model: forces only, with the replica's sensors only, its slip errors (T, A), and at the true slips."""
         whole, without = copy.evaluate_forces(model), copy.evaluate(self.physical(model))
         errors = [one.slip - other.slip for one, other in zip(without, whole, strict=True)]
-        slid = copy.evaluate_slid(model, [(1.0 - kept) * error for kept, error in zip(self._share, errors, strict=True)])
+        slid = copy.evaluate_slid(model, [(1.0 - kept) * error for kept, error in zip(self.kept_slips, errors, strict=True)])
         return whole, without, errors, slid
 
     def _at_true_slips(self, model: Model, sensors: Choice) -> list[Evaluation]:

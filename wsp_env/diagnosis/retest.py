@@ -34,6 +34,9 @@ _REWEIGHTED, _STEPS = 3, 4
 #: Multiples of the linear step, or of the search's own if that is larger, from which a mechanism that is not sure about its own
 #: replica is tried again (assumption: a nonlinear effect may saturate, so that the linear step is too small).
 _MULTIPLES = (1.0, 2.0, 4.0)
+#: Multiple of `WORSE` from which on a sum of squares about another replica, with the same weights, is far larger (assumption:
+#: those of true mechanisms were at most as large as without them, docs/lab/diagnosis_truth_r.md).
+_FAR = 2.0
 #: Additional shift of the nuisances by a mechanism, in standard deviations, above which it is rejected: nuisances cancel it.
 NUISANCE_SHIFT = 4.0
 
@@ -56,6 +59,11 @@ class AboutItself(NamedTuple):
     def fits_better(self) -> bool:
         """Whether it leaves distinctly less of the recordings than the model without it, each about itself."""
         return fits_worse(self._without, self.step.fitted.cost)
+
+    @property
+    def fits_far_worse(self) -> bool:
+        """Whether it leaves so much more that weights, which belong to the replica without it, cannot be the reason."""
+        return fits_worse(self.step.fitted.cost, self._without, _FAR * WORSE)
 
     @property
     def fits_as_well(self) -> bool:
@@ -199,6 +207,8 @@ def retest(seen: Screen, here: Side, one: AboutItself) -> Retested | None:
     in its favour. If the parts of the recordings leave it no longer sure, the evidence is what they leave.
     """
     trial, variant, variants = one.trial, one.trial.variant, one.trial.fitted.variants
+    if one.fits_far_worse:
+        return Retested(dataclasses.replace(trial, reduction=0.0, evidence=-trial.penalty), here)
     make_own = functools.partial(own_side, one.step, seen)
     compare = functools.partial(here.compare, [trial.fitted.model], variant, variants)
     if one.fits_better:
