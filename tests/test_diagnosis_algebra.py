@@ -40,6 +40,19 @@ def test_projection_is_the_augmented_least_squares(seed, nuisances, wanted):
     assert projector.rest(y) == pytest.approx(y - z @ projector.amplitudes(y))
 
 
+@given(st.integers(0, 10_000), st.floats(-2.0, 9.0))
+def test_a_nuisance_is_taken_out_again_however_well_it_is_known(seed, power):
+    """Where rounding cannot tell its variance after the rows from none, it may stay; nothing is refused."""
+    rng = np.random.default_rng(seed)
+    z, x, y = rng.standard_normal((40, 3)), 10.0**power * rng.standard_normal((40, 2)), rng.standard_normal((40, 1))
+    both, alone = (Projector.of(one, np.ones(one.shape[1], dtype=bool)) for one in (np.column_stack([z, x]), z))
+    least, most = float(both.inner(y, y)[0, 0]), float(alone.inner(y, y)[0, 0])
+    found = float(both.without(x).inner(y, y)[0, 0])
+    assert least * (1.0 - 1e-6) <= found <= most * (1.0 + 1e-3)
+    if power < 2.5:
+        assert found == pytest.approx(most, rel=1e-3)
+
+
 @given(st.integers(0, 10_000), st.integers(1, 8))
 def test_an_inverse_by_its_factor_is_the_inverse(seed, size):
     root = np.random.default_rng(seed).standard_normal((size, size + 2))

@@ -28,7 +28,7 @@ from wsp_env.diagnosis.stops import PreparedStop, prepare
 from wsp_env.diagnosis.structure import Structure, structured
 from wsp_env.diagnosis.timing import aligned, times
 from wsp_env.diagnosis.trials import Trial
-from wsp_env.diagnosis.wander import Wandering, wandering
+from wsp_env.diagnosis.wander import NOTES, Wandering, wandering
 from wsp_env.diagnosis.words import BALANCES, mechanism_words, next_test, sentence
 from wsp_env.diagnosis.worth import worth_of
 from wsp_env.plant.mechanisms import misread_speed
@@ -100,7 +100,8 @@ def _of_the_speed_alone(answer: Diagnosis, found: Wandering) -> Diagnosis:
         answer, verdict="discovered", sentence=sentence("discovered", (), where, terms), location=where, discovered=terms,
         fit=dataclasses.replace(answer.fit, removed_validate=found.term.removed_validate),
         next_test=misread_speed.CARD.signature.next_test,
-        notes=(*answer.notes, "other physics was not looked for: with a speed that wanders, slips are not known well enough"),
+        course=found.course,
+        notes=(*answer.notes, *NOTES),
     )  # fmt: skip
 
 

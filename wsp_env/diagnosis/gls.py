@@ -11,8 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from wsp_env.diagnosis.arrow import Arrow, ByRun, Eliminated, Order, Part
-from wsp_env.diagnosis.triangular import solved
+from wsp_env.diagnosis.triangular import cholesky, solved
 
+_ROUNDING = 10.0 * np.finfo(float).eps  # error of a difference of sums of squares, over the largest of them (assumption)
 _NOTHING = 1e-11  # share of a nuisance column's largest square below which a direction carries no information
 
 
@@ -107,7 +108,8 @@ class Beside(Projector):
 
     def __init__(self, projector: Projector, columns: np.ndarray, sign: float = 1.0) -> None:
         self._projector, self._columns, self._freed, self._sign = projector, columns, projector.rest(columns), sign
-        self._factor = np.linalg.cholesky(sign * columns.T @ self._freed + np.eye(columns.shape[1]))
+        rounding = _ROUNDING * max(float(np.einsum("nk,nk->k", columns, columns).max(initial=0.0)), 1.0)
+        self._factor = _root(sign * columns.T @ self._freed + np.eye(columns.shape[1]), rounding)
 
     @property
     def logdet(self) -> float:
@@ -132,6 +134,15 @@ class Beside(Projector):
     def _further(self, y: np.ndarray) -> np.ndarray:
         """Best amplitudes (k,) or (k, m) of the further columns."""
         return self._sign * solved(self._factor, solved(self._factor, self._freed.T @ y), True)
+
+
+def _root(matrix: np.ndarray, rounding: float) -> np.ndarray:
+    """Return the lower Cholesky factor (k, k) of a matrix that is positive definite but for rounding.
+
+    Its eigenvalues are variances after the rows over those before them. One below the rounding cannot be told from none.
+    """
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return cholesky((vectors * np.maximum(values, rounding)) @ vectors.T)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wsp_env.diagnosis.answer import Discovered, Estimate, Location
+from wsp_env.diagnosis.answer import Discovered, Estimate, Location, RunTrace
 from wsp_env.diagnosis.interest import PEAKS
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.stops import SLIP_MPS
+from wsp_env.diagnosis.stops import SLIP_MPS, PreparedStop
 from wsp_env.diagnosis.trials import MATTERS
 
 #: Time over which errors are averaged [s]: several correlation times of a receiver's noise, 0.2 to 0.5 s (assumption).
@@ -27,6 +27,12 @@ _MEANS = 2
 _GRIPS, _LEAST = 0.2, 0.3
 #: Least share of an axle's error that the others predict (assumption): a fault of one axle's torque or sensor is its own.
 _COMMON = 0.75
+#: Notes to an answer with this finding.
+NOTES = (
+    "removed is the share of a gripping wheel's slip error that the other axles predict; the error has no equation, so that no "
+    "other balance fits better",
+    "other physics was not looked for: with a speed that wanders, slips are not known well enough",
+)
 _Z90 = 1.645  # two-sided 90 % quantile of the normal distribution
 
 
@@ -55,6 +61,7 @@ class Wandering(NamedTuple):
 
     term: Discovered
     location: Location
+    course: RunTrace  # the recorded speed's error before, and what the other axles leave of the first one's after
 
 
 def wander(errors: Sequence[np.ndarray], held_out: Sequence[bool]) -> Wander:
@@ -144,7 +151,8 @@ def beyond_motion(errors: Sequence[np.ndarray], features: Sequence[np.ndarray]) 
 def wandering(replica: Replica) -> Wandering | None:
     """Return the finding that the recorded speed wanders and where; None if it does not, or too little to matter."""
     names = [stop.name for stop in replica.recorded.stops]
-    found = wander(beyond_motion(*errors_of(replica)), [stop.group == "validate" for stop in replica.recorded.stops])
+    errors, held_out = beyond_motion(*errors_of(replica)), [stop.group == "validate" for stop in replica.recorded.stops]
+    found = wander(errors, held_out)
     if not found.matters:
         return None
     squares = found.of_runs[np.isfinite(found.of_runs)] ** 2
@@ -156,4 +164,24 @@ def wandering(replica: Replica) -> Wandering | None:
         "sensor", (), (), (), said, (), {"wander": Estimate(found.size, "m/s", (float(low), float(high)))}, (),
         found.common, found.multiple, found.gain, found.held_out_gain,
     )  # fmt: skip
-    return Wandering(term, Location("kinematics", (), tuple(runs), "everywhere", 1.0))
+    shown = max(
+        (i for i, held in enumerate(held_out) if held or not any(held_out)), key=lambda i: np.nan_to_num(found.of_runs)[i]
+    )
+    return Wandering(
+        term, Location("kinematics", (), tuple(runs), "everywhere", 1.0), _course(replica.recorded.stops[shown], errors[shown])
+    )
+
+
+def _course(stop: PreparedStop, errors: np.ndarray) -> RunTrace:
+    """Return the course of the errors (M, A) in a run: the mean over the axles, and an axle's less that of the others."""
+    known = np.isfinite(errors)
+    count = known.sum(axis=1)
+    at = np.flatnonzero(count > 1)
+    mine, place = errors[at], known[at].argmax(axis=1)
+    first = mine[np.arange(len(at)), place]
+    total = np.nansum(mine, axis=1)
+    after = first - (total - first) / (count[at] - 1)
+    time = stop.time[0] + _MEAN_S * (at + 0.5)
+    return RunTrace(
+        stop.name, stop.group, 1, (), (), (), (), *(tuple(map(float, one)) for one in (time, total / count[at], after)), "speed"
+    )
