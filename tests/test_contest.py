@@ -149,6 +149,14 @@ def test_what_fits_distinctly_worse_about_itself_and_cannot_explain_as_much_as_w
     assert list(rejected) == [one.title for one in refused]
 
 
+@pytest.mark.parametrize(("evidence", "tested"), [(170.0, [GRADIENT]), (None, [GRADIENT, GAIN])])
+def test_what_the_first_will_beat_as_it_is_here_waits_for_it(evidence, tested):
+    """The gain explains 40 nats here, four times that is less than the gradient's 165; it is tested if that does not hold."""
+    asked, two = [], [THREE[0], trial(GRADIENT, 165.0)]
+    contest([two], {GRADIENT.title: evidence}, asked=asked, squares={GAIN.title: 1140.0})
+    assert asked == tested
+
+
 @pytest.mark.parametrize(
     ("squares", "more", "expected", "left"),
     [

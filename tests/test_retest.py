@@ -154,6 +154,22 @@ def test_a_name_whose_own_interval_leaves_it_open_does_not_hold(ask, interval, h
     assert ask(60.0, 80.0, interval=interval).trial.evidence == (32.0 if holds else -PENALTY)
 
 
+@pytest.mark.parametrize(("itself", "tested"), [(190.0, True), (195.0, False), (300.0, False)])
+def test_what_fits_far_worse_about_itself_with_the_same_weights_is_not_tested(ask, itself, tested):
+    """The law leaves 106; such sums scatter by 15."""
+    answer = ask(60.0, 80.0, itself=itself)
+    assert (answer.own.replica.name == "own") == tested
+    assert (answer.trial.evidence == -PENALTY) == (not tested)
+
+
+@pytest.mark.parametrize(("within", "multiple", "matters"), [(False, 1.0, True), (True, 1.0, False), (False, 0.7, False)])
+def test_a_delay_that_may_be_within_a_sample_holds_and_is_no_finding(ask, monkeypatch, within, multiple, matters):
+    monkeypatch.setattr(retest, "within_a_sample", lambda *_: within)
+    answer = ask(60.0, 80.0).trial
+    assert answer.evidence == 70.0 / 2.0 - PENALTY
+    assert dataclasses.replace(answer, size=StopChange(0.01 * multiple, 0.0)).matters == matters
+
+
 def test_what_shifts_nuisances_or_is_not_alike_in_the_runs_does_not_hold(ask):
     assert ask(60.0, 80.0, shift=5.0**2) is None
     assert ask(60.0, 80.0, shift=3.0**2).trial.evidence == 32.0

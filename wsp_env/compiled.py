@@ -61,7 +61,7 @@ def _as_one_module(library: Any, module: Any) -> None:
         _each_function(library, module)
 
 
-_each_function = getattr(codegen.CPUCodeLibrary, "_optimize_functions", None)
+_each_function: Any = getattr(codegen.CPUCodeLibrary, "_optimize_functions", None)
 if _each_function is not None:
     setattr(codegen.CPUCodeLibrary, "_optimize_functions", _as_one_module)  # noqa: B010
 

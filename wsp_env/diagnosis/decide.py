@@ -84,7 +84,7 @@ class Outcome:
     @property
     def missing(self) -> tuple[Accepted, ...]:
         """The accepted mechanisms that matter."""
-        return tuple(one for one in self.accepted if one.trial.size.multiple >= MATTERS)
+        return tuple(one for one in self.accepted if one.trial.matters)
 
 
 def select(
@@ -121,9 +121,7 @@ def select(
         )
         if best is None:
             left = left or [
-                one
-                for one in trials
-                if not accepted and rejected.get(one.listed.title, 0.0) > SURE and one.size.multiple >= MATTERS
+                one for one in trials if not accepted and rejected.get(one.listed.title, 0.0) > SURE and one.matters
             ]
             if by_curves or not (left or structured(replica, seen, weights).unexplained):
                 break
@@ -147,7 +145,7 @@ def select(
         further = terms(replica, [one.trial.listed for one in accepted]) if len(accepted) < MOST else ()
         seen = _screened(replica, fitted, noise, tried, further)
         weights = weights_of(replica, seen)
-        if all(one.size.multiple < MATTERS for one in (best.trial, *sure)) and not _promises(seen):
+        if not any(one.matters for one in (best.trial, *sure)) and not _promises(seen):
             break  # reported as too small; it stays in the model, so that nothing that matters is found in its place
     return Outcome(replica, fitted, tuple(accepted), first, seen, weights, () if accepted else tuple(left))
 

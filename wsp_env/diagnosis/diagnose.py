@@ -172,7 +172,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str]) -> Diagnosis:
     where = locate(replica, replica.baseline, extended, found.weights if holds else found.expected)
     reasons = unavailable(replica)
     small = [
-        f"seen, but too small to matter in a stop: {one.words} "
+        f"seen, but {'too small to matter in a stop' if one.trial.resolved else 'perhaps within a sample'}: {one.words} "
         f"({one.trial.size.multiple:.2f} of the smallest effect of interest)"
         for one in outcome.accepted
         if one not in outcome.missing

@@ -234,14 +234,17 @@ def retest(seen: Screen, here: Side, one: AboutItself) -> Retested | None:
     if own.fits_worse(here) and not one.fits_as_well:
         reduction = 0.0
     found = estimates(own.replica, fitted, variant, own.weights, reduction)
-    if intervals_contain_null(found, variant) or within_a_sample(found, variant, own.replica.sample_s):
+    if intervals_contain_null(found, variant):
         reduction = 0.0  # these recordings cannot distinguish it from its absence: it is not seen
     evidence, size = 0.5 * reduction - trial.penalty, net_effect(own.replica, model, variant, seen.whitening)
     parts = agreement(own.replica, model, variant, own.weights, form_of(trial.listed))
     reduced_evidence = parts.student_evidence(evidence)
     if log_odds(trial.listed, reduced_evidence) <= SURE:
         evidence = reduced_evidence
-    found_trial = dataclasses.replace(trial, fitted=fitted, reduction=reduction, evidence=evidence, size=size)
+    resolved = not within_a_sample(found, variant, own.replica.sample_s)
+    found_trial = dataclasses.replace(
+        trial, fitted=fitted, reduction=reduction, evidence=evidence, size=size, resolved=resolved
+    )
     return Retested(found_trial, own)
 
 

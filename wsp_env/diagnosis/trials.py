@@ -58,6 +58,12 @@ class Trial:
     reduction: float  # of the sum of squares
     size: StopChange  # net
     penalty: float  # half of the reduction less the evidence: the cost of its sizes and variants
+    resolved: bool = True  # False: a delay that may be within a sample; it stays in the model, and is no finding
+
+    @property
+    def matters(self) -> bool:
+        """Whether it is large enough to be a finding, and told from what is normal."""
+        return self.resolved and self.size.multiple >= MATTERS
 
 
 def form_of(variant: Variant) -> float:

@@ -182,6 +182,5 @@ def _course(stop: PreparedStop, errors: np.ndarray) -> RunTrace:
     total = np.nansum(mine, axis=1)
     after = first - (total - first) / (count[at] - 1)
     time = stop.time[0] + _MEAN_S * (at + 0.5)
-    return RunTrace(
-        stop.name, stop.group, 1, (), (), (), (), *(tuple(map(float, one)) for one in (time, total / count[at], after)), "speed"
-    )
+    speed, left = tuple((total / count[at]).tolist()), tuple(after.tolist())
+    return RunTrace(stop.name, stop.group, 1, (), (), (), (), tuple(time.tolist()), speed, left, "speed")
