@@ -204,8 +204,8 @@ def retest(seen: Screen, here: Side, one: AboutItself) -> Retested | None:
     The evidence is the mean of both sides. If a side speaks against it, this side counts alone, but the side without it only
     unless the model with it fits distinctly better, each about itself with the same weights; its own side is then not made.
     There is none if it fits distinctly worse, each with weights of its own, and worse with the same: both sides may extrapolate
-    in its favour. What leaves far more about itself with the same weights is not tested. If the parts of the recordings leave it
-    no longer sure, the evidence is what they leave. A delay that may be within a sample keeps its evidence and is no finding.
+    in its favour. What leaves far more about itself with the same weights is not tested. If the parts of the recordings leave
+    it no longer sure, the evidence is what they leave. A delay that may be within a sample keeps its evidence.
     """
     trial, variant, variants = one.trial, one.trial.variant, one.trial.fitted.variants
     if one.fits_far_worse:
