@@ -63,7 +63,7 @@ def _as_one_module(library: Any, module: Any) -> None:
 
 _each_function: Any = getattr(codegen.CPUCodeLibrary, "_optimize_functions", None)
 if _each_function is not None:
-    setattr(codegen.CPUCodeLibrary, "_optimize_functions", _as_one_module)  # noqa: B010
+    setattr(codegen.CPUCodeLibrary, "_optimize_functions", _as_one_module)  # noqa: B010  # mypy refuses to assign a method
 
 #: Folders that hold kernels, or what kernels are made of.
 _KERNELS = ("contact", "observer", "parameters", "plant")

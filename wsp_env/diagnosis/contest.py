@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
@@ -55,7 +56,6 @@ def best_of(
     for some in batches:
         last = {one.listed.title: one for one in some}
         held: list[tuple[Retested, float]] = []  # with its sum of squares about itself
-        bars: list[tuple[Trial, float]] = []  # the same of their trials alone
         for kind in ([one for one in some if not one.listed.family], [one for one in some if one.listed.family]):
             promising = _promising(kind, some, threshold, [one for one, _ in held])
             tested = [one for one in promising if not rejects(one)]
@@ -66,17 +66,16 @@ def best_of(
             else:
                 abouts = side_by_side(lambda make: make(), makes)
             left = sorted(abouts, key=lambda one: one.step.fitted.cost)
-            while left := [one for one in left if not _is_hopeless(one, bars)]:
+            while left := [one for one in left if not _is_hopeless(one, _trials(held))]:
                 number = _at_once(left)
                 now, left = left[:number], left[number:]
                 for one, retested in zip(now, side_by_side(functools.partial(retest_trial, sides[0]), now), strict=True):
-                    if retested is None or _is_hopeless(one, bars):  # beside what has just held
+                    if retested is None or _is_hopeless(one, _trials(held)):  # beside what has just held
                         continue
                     last[one.trial.listed.title] = retested.trial
                     odds = log_odds(retested.trial.listed, retested.trial.evidence)
                     if odds > threshold(retested.trial) and not rejects(retested.trial):
                         held.append((retested, one.step.fitted.cost))
-                        bars.append((retested.trial, one.step.fitted.cost))
             hold = {one.trial.listed.title for one, _ in held}
             for title in [one.listed.title for one in promising]:
                 if title not in hold:
@@ -105,11 +104,14 @@ def _is_hopeless(one: AboutItself, held: Sequence[tuple[Trial, float]]) -> bool:
     return any(most < other.evidence and fits_worse(one.step.fitted.cost, least) for other, least in held)
 
 
+def _trials(held: Sequence[tuple[Retested, float]]) -> list[tuple[Trial, float]]:
+    return [(one.trial, least) for one, least in held]
+
+
 def _at_once(left: Sequence[AboutItself]) -> int:
     """Return how many trials to test beside each other: those that need be tested even if the first holds as it does here."""
     holds = [(left[0].trial, left[0].step.fitted.cost)]
-    beside = left[1:_AT_A_TIME]
-    return 1 + sum(not _is_hopeless(one, holds) for one in beside)
+    return 1 + sum(1 for _ in itertools.takewhile(lambda one: not _is_hopeless(one, holds), left[1:_AT_A_TIME]))
 
 
 def _compared(held: Sequence[tuple[Retested, float]]) -> list[Retested]:

@@ -20,8 +20,8 @@ def thinned(stop: PreparedStop) -> PreparedStop:
         for field in dataclasses.fields(PreparedStop)
         if isinstance(getattr(stop, field.name), np.ndarray) and field.name not in ("usable", "segment")
     }
-    segment = _cut(stop.segment, stride)
-    usable: np.ndarray = np.all(_cut(stop.usable, stride), axis=1)
+    segment = cut(stop.segment, stride)
+    usable: np.ndarray = np.all(cut(stop.usable, stride), axis=1)
     whole = (segment == segment[:, :1]).all(axis=1)
     return dataclasses.replace(
         stop,
@@ -35,10 +35,11 @@ def thinned(stop: PreparedStop) -> PreparedStop:
 def averaged(values: np.ndarray, step: float) -> np.ndarray:
     """Return means (T', ...) of neighbouring samples (T, ...), with a step of about `EVALUATED_S`."""
     stride = max(round(EVALUATED_S / step), 1)
-    result: np.ndarray = values if stride == 1 else _cut(values, stride).mean(axis=1)
+    result: np.ndarray = values if stride == 1 else cut(values, stride).mean(axis=1)
     return result
 
 
-def _cut(values: np.ndarray, stride: int) -> np.ndarray:
+def cut(values: np.ndarray, stride: int) -> np.ndarray:
+    """Return samples (T, ...) in groups (T', stride, ...) of neighbouring ones; an incomplete last group is left out."""
     kept = len(values) // stride
     return values[: kept * stride].reshape(kept, stride, *values.shape[1:])

@@ -17,6 +17,7 @@ from wsp_env.diagnosis.answer import Discovered, Estimate, Location, RunTrace
 from wsp_env.diagnosis.interest import PEAKS
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.stops import SLIP_MPS, PreparedStop
+from wsp_env.diagnosis.thinning import cut
 from wsp_env.diagnosis.trials import MATTERS
 
 #: Time over which errors are averaged [s]: several correlation times of a receiver's noise, 0.2 to 0.5 s (assumption).
@@ -112,22 +113,17 @@ def errors_of(replica: Replica) -> tuple[list[np.ndarray], list[np.ndarray]]:
         v, a, t = stop.speed, stop.acceleration, stop.time - stop.time[0]
         motion = np.stack([np.ones_like(v), v, v**2, a, v * a, t, v * t], axis=-1)
         every = np.concatenate([np.repeat(motion[:, None], error.shape[1], axis=1), own.slip[..., None]], axis=-1)
-        inside = _cut((share < _GRIPS) & stop.usable, stop.step_s)
-        count = inside.sum(axis=1)
-        known = count >= max(_LEAST * inside.shape[1], 1.0)
-        errors.append(np.where(known, _mean(error, inside, count, stop.step_s), np.nan))
-        features.append(np.stack([_mean(one, inside, count, stop.step_s) for one in np.moveaxis(every, -1, 0)], axis=-1))
+        inside = cut((share < _GRIPS) & stop.usable, max(round(_MEAN_S / stop.step_s), 1))
+        known = inside.mean(axis=1) >= _LEAST
+        errors.append(np.where(known, _mean(error, inside), np.nan))
+        features.append(np.stack([_mean(one, inside) for one in np.moveaxis(every, -1, 0)], axis=-1))
     return errors, features
 
 
-def _cut(values: np.ndarray, step: float) -> np.ndarray:
-    length = max(round(_MEAN_S / step), 1)
-    whole = len(values) // length * length
-    return values[:whole].reshape(whole // length, length, *values.shape[1:])
-
-
-def _mean(values: np.ndarray, inside: np.ndarray, count: np.ndarray, step: float) -> np.ndarray:
-    result: np.ndarray = np.where(inside, _cut(values, step), 0.0).sum(axis=1) / np.maximum(count, 1)
+def _mean(values: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Return the means (M, A) of values (T, A) over the samples `inside` (M, length, A) of each group."""
+    total = np.where(inside, cut(values, inside.shape[1]), 0.0).sum(axis=1)
+    result: np.ndarray = total / np.maximum(inside.sum(axis=1), 1)
     return result
 
 
