@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from trial_cases import GAIN, GRADIENT, TERM, found, trial, unfreed
 
-from wsp_env.diagnosis import decide
+from wsp_env.diagnosis import accepted, decide, exchange
+from wsp_env.diagnosis.accepted import Accepted, posterior
 from wsp_env.diagnosis.candidates import Variant, parameter_of, refined, switched, values_in, without
 from wsp_env.diagnosis.convergence import largest_change
-from wsp_env.diagnosis.decide import posterior
 from wsp_env.diagnosis.diagnose import _beside_their_kind, _evidence
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted
@@ -66,7 +66,7 @@ def test_what_makes_another_grow_compensates_it(monkeypatch, accepted_at, before
     A memory of 0.3 interests, hidden by a wrong radius, may grow to 1.275: 1.7 times what matters.
     """
     with_it, without_it = Model(1e-4, (0.06,)), Model(2e-4, (0.06,))
-    accepted = decide.Accepted(trial(GRADIENT, 40.0, multiple=accepted_at), ("track_gradient",), 1.0)
+    accepted = Accepted(trial(GRADIENT, 40.0, multiple=accepted_at), ("track_gradient",), 1.0)
     new = dataclasses.replace(trial(GAIN, 30.0), fitted=Fitted(with_it, (), (), (), 0.0), null_model=without_it)
     screen = type("Seen", (), {"whitening": None})()
     sizes = {with_it.tau: after, without_it.tau: before}
@@ -89,27 +89,22 @@ def test_an_earlier_name_gives_way_to_a_rival_that_explains_distinctly_more_besi
         return Fitted(model, tuple(variants), values, (np.eye(1),) * len(values), costs[titles[0] if titles else None])
 
     def own(_, __, one):
-        return decide.Retested(one, SimpleNamespace(replica="its own")) if holds else None
+        return exchange.Retested(one, SimpleNamespace(replica="its own")) if holds else None
 
-    monkeypatch.setattr(decide, "refit", refit)
-    monkeypatch.setattr(decide, "weights_of", lambda *_: None)
-    monkeypatch.setattr(decide, "net_effect", lambda *_: StopChange(0.02, 0.0))
-    monkeypatch.setattr(decide, "about_itself", lambda *all_three: all_three[-1])
-    monkeypatch.setattr(decide, "retest", own)
-    monkeypatch.setattr(decide, "Side", lambda *_: None)
-    monkeypatch.setattr(decide, "ReplicaNoise", lambda *_, **__: None)
+    for name, value in (("refit", refit), ("retest", own), ("about_itself", lambda *given: given[-1])):
+        monkeypatch.setattr(exchange, name, value)
+    for name in ("weights_of", "Side", "ReplicaNoise"):
+        monkeypatch.setattr(exchange, name, lambda *_, **__: None)
+    monkeypatch.setattr(accepted, "net_effect", lambda *_: StopChange(0.02, 0.0))
     rival = dataclasses.replace(trial(GAIN, 40.0), fitted=Fitted(switched(bare, GAIN, np.array([0.06])), (GAIN,), (), (), 0.0))
-    first = decide.Accepted(trial(drag, 50.0), (drag.name,), 0.9, (rival,))
-    later = decide.Accepted(trial(GRADIENT, 40.0), (GRADIENT.name,), 1.0)
+    first = Accepted(trial(drag, 50.0), (drag.name,), 0.9, (rival,))
+    later = Accepted(trial(GRADIENT, 40.0), (GRADIENT.name,), 1.0)
     before = SimpleNamespace(recorded=None)
-    replica, fitted, accepted = decide._exchanged(
-        before,
-        refit(None, both, [drag, GRADIENT], None),
-        [first, later],
-        SimpleNamespace(whitening=None),
+    replica, fitted, kept = exchange.exchanged(
+        before, refit(None, both, [drag, GRADIENT], None), [first, later], SimpleNamespace(whitening=None)
     )
     gives_way = gained > INDISTINCT and holds
-    assert [one.name for one in accepted] == (["track_gradient", GAIN.name] if gives_way else [drag.name, "track_gradient"])
+    assert [one.name for one in kept] == (["track_gradient", GAIN.name] if gives_way else [drag.name, "track_gradient"])
     assert replica == ("its own" if gives_way else before)
     assert (GAIN.name in fitted.model.choice, drag.name in fitted.model.choice) == (gives_way, not gives_way)
 
@@ -142,7 +137,7 @@ def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, h
         decide, "begun", lambda _, fitted, *__: Step(None, fitted, dataclasses.replace(fitted, cost=5000.0 if worse else 50.0))
     )
     monkeypatch.setattr(decide, "own_side", lambda step, _: (side(without), step.fitted))
-    first, last = (decide.Accepted(trial(one, 40.0), (one.name,), 1.0) for one in (GRADIENT, GAIN))
+    first, last = (Accepted(trial(one, 40.0), (one.name,), 1.0) for one in (GRADIENT, GAIN))
     accepted, fitted = decide._backward_elimination(
         SimpleNamespace(recorded=None), [first, last], whole, SimpleNamespace(whitening=None)
     )
@@ -170,7 +165,7 @@ def test_nothing_is_said_of_what_cannot_be():
 
 
 def test_only_what_matters_is_missing():
-    kept = [decide.Accepted(trial(GRADIENT, 40.0, multiple), ("track_gradient",), 1.0) for multiple in (0.5, MATTERS, 3.0)]
+    kept = [Accepted(trial(GRADIENT, 40.0, multiple), ("track_gradient",), 1.0) for multiple in (0.5, MATTERS, 3.0)]
     outcome = decide.Outcome(None, None, tuple(kept), None, None, None)
     assert [one.trial.size.multiple for one in outcome.missing] == pytest.approx([MATTERS, 3.0])
 

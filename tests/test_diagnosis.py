@@ -132,8 +132,8 @@ def test_report_opens_without_a_network_and_its_plots_have_axes(sloping, tmp_pat
     assert "change of the speed [m/s]" in titles
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("axles", "measured"), [pytest.param(1, False, marks=pytest.mark.long), (2, True)])
+@pytest.mark.long
+@pytest.mark.parametrize(("axles", "measured"), [(1, False), (2, True)])
 def test_vehicles_of_one_and_two_axles_torque_by_pressure_or_measured(axles, measured, tmp_path):
     case = Case(0, "null", (), 0.0, 1.0, axles=axles, measured_torque=measured)
     with few_stops():

@@ -7,10 +7,10 @@ import pytest
 from trial_cases import GAIN, PLAIN, trial
 
 from wsp_env.diagnosis import quality as module
+from wsp_env.diagnosis.accepted import Accepted
 from wsp_env.diagnosis.balances import BALANCES, Whitening
 from wsp_env.diagnosis.candidates import Variant, switched
 from wsp_env.diagnosis.covariance import Sizes
-from wsp_env.diagnosis.decide import Accepted
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights
 from wsp_env.diagnosis.gls import Projector

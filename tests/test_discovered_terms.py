@@ -7,9 +7,9 @@ import pytest
 from trial_cases import trial
 
 from wsp_env.diagnosis import discovered
+from wsp_env.diagnosis.accepted import Accepted
 from wsp_env.diagnosis.balances import ADHESION, VEHICLE
 from wsp_env.diagnosis.candidates import Candidate, Variant
-from wsp_env.diagnosis.decide import Accepted
 from wsp_env.diagnosis.diagnose import _has_another_form
 from wsp_env.diagnosis.discovered import MISREAD, NAME, axle_groups, curves, equation, slot_of, slot_of_title, terms
 from wsp_env.diagnosis.search import is_possible

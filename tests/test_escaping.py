@@ -65,7 +65,7 @@ def test_a_diagnosis(found, tmp_path, capsys):
     assert EVIL in capsys.readouterr().out.replace("\n", "")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_evaluation(tmp_path, capsys):
     pages = []
     for name in ("sound", EVIL):

@@ -150,7 +150,7 @@ def test_dry_rail_is_a_rigid_body() -> None:
         def standing(t: float, y: np.ndarray) -> float:
             return float(y[1]) - 0.3
 
-        standing.terminal = True  # type: ignore[attr-defined]
+        standing.terminal = True  # type: ignore[attr-defined]  # as solve_ivp wants it
         rigid = solve_ivp(rates, (0.0, 100.0), [0.0, stops.speed_mps[n], 0.0], events=standing, rtol=1e-7, max_step=0.05)
         assert found["distance_m"][n] == pytest.approx(rigid.y[0, -1], rel=1e-3)
     assert (found["mean_slip_mps"] < 0.05).all()
@@ -181,8 +181,8 @@ def test_deterministic_and_rows_do_not_disturb_each_other() -> None:
         np.testing.assert_array_equal(values[:2], fewer[name], err_msg=name)
 
 
-def test_effective_times_and_clock() -> None:
-    """The nominal times are the believed ones, and decisions come on time until the end."""
+def test_effective_times() -> None:
+    """The nominal times are the believed ones."""
     stops = draw("nominal", "classic", WHEELSET, 1, 0)
     for vents, conductance, effective in ((False, stops.fill_ps[0], 0.25), (True, stops.vent_ps[0], 0.15)):
         pressure, elapsed = 3.8 * vents, 0.0
@@ -190,7 +190,12 @@ def test_effective_times_and_clock() -> None:
             step = _flow(pressure + 1.01325, 1.01325) if vents else -_flow(4.81325, pressure + 1.01325)
             pressure, elapsed = pressure - conductance * step * 1e-4, elapsed + 1e-4
         assert elapsed == pytest.approx(effective, rel=2e-3)
+
+
+@pytest.mark.long
+def test_clock() -> None:
+    """Decisions come on time until the end."""
     controller = Applies()
-    duration = brake(controller, WHEELSET, stops)["duration_s"][0]
+    duration = brake(controller, WHEELSET, draw("nominal", "classic", WHEELSET, 1, 0))["duration_s"][0]
     np.testing.assert_allclose(controller.times, 0.02 * np.arange(len(controller.times)))
     assert 0.0 <= len(controller.times) * 0.02 - duration < 0.0201

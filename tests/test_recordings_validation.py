@@ -180,6 +180,7 @@ def test_closed_loop_statistics_are_each_stops_own():
     assert found.simulated_deviation_mps == (pytest.approx(np.sqrt(6.0)), 0.0)
 
 
+@pytest.mark.long
 def test_command_brakes_in_closed_loop(demo, tmp_path, capsys, monkeypatch):
     assert main(["validate", str(demo_campaign()), "--controller", "rule-based", "--json"]) == 0
     closed = json.loads(capsys.readouterr().out)["closed_loop"]

@@ -148,6 +148,7 @@ def test_a_torque_computed_from_pressures_widens_the_interval_however_the_campai
     assert modelled[0] < measured[0] < measured[1] < modelled[1]
 
 
+@pytest.mark.long
 def test_interval_of_tau_covers_the_truth_as_often_as_it_says(tmp_path):
     """On rails whose mu_cd varies along the track; 95 % of 40 leaves at least 33 with a probability of 0.999."""
     made = stops(TRUE_TAU, [0.055, 0.066] * 40, noise=1.0, seeds=range(80), uneven=0.02)

@@ -139,9 +139,8 @@ def test_a_name_or_values_brake_too_and_nothing_else():
             gym.make("wsp_env/Bogie-v1", vehicle=wrong)
 
 
-@pytest.mark.parametrize(
-    "axles", [pytest.param(n, marks=pytest.mark.long if n > min(MINE) else pytest.mark.slow) for n in sorted(MINE)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("axles", sorted(MINE))
 def test_a_vehicle_file_runs_under_every_command(tmp_path, capsys, axles):
     file = tmp_path / "mine.toml"
     file.write_text(write_vehicle(MINE[axles]), encoding="utf-8")

@@ -11,23 +11,22 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from wsp_env.diagnosis.candidates import Variant, at_bound, switched, values_in, without
+from wsp_env.diagnosis.accepted import Accepted, posterior, sized
+from wsp_env.diagnosis.candidates import Variant, at_bound, without
 from wsp_env.diagnosis.contest import best_of
 from wsp_env.diagnosis.convergence import converge, fits_worse, largest_change
 from wsp_env.diagnosis.discovered import curves, terms
 from wsp_env.diagnosis.evaluate import Model
+from wsp_env.diagnosis.exchange import exchanged
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.form_errors import FormErrorThreshold
-from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.noise import NoiseParameters
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.retest import LARGE_CHANGE, Retested, Side, about_itself, begun, converge_reweighted, own_side, retest
-from wsp_env.diagnosis.search import Found, Screen, net_effect, screen
+from wsp_env.diagnosis.search import Screen, net_effect, screen
 from wsp_env.diagnosis.side_by_side import side_by_side
 from wsp_env.diagnosis.structure import structured
 from wsp_env.diagnosis.trials import (
-    FORM,
-    INDISTINCT,
     MATTERS,
     SURE,
     ReplicaNoise,
@@ -43,30 +42,6 @@ from wsp_env.diagnosis.trials import (
 MOST = 3
 #: Largest factor by which an earlier mechanism may grow with a new one: twice its form error, at 90 % (assumption).
 GROWN = 1.7
-
-
-@dataclasses.dataclass(frozen=True)
-class Accepted:
-    """An accepted mechanism, its alternatives and its confidence."""
-
-    trial: Trial
-    alternatives: tuple[str, ...]  # its own name first
-    confidence: float
-    rivals: tuple[Trial, ...] = ()  # other trials that were sure when this one was accepted
-
-    @property
-    def name(self) -> str:
-        """Name of the mechanism, or family of the term."""
-        return self.trial.listed.title
-
-    @property
-    def words(self) -> str:
-        """The name in words."""
-        return self.name.replace("_", " ")
-
-    def sized(self, size: StopChange) -> "Accepted":
-        """Return the same with its size in the complete extended model."""
-        return dataclasses.replace(self, trial=dataclasses.replace(self.trial, size=size))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -136,12 +111,12 @@ def select(
         searched = [one for one in seen.found if one.name not in rejected]
         named = Accepted(best.trial, *posterior(best.trial, others, searched), tuple(sure))
         replica, fitted, accepted = _forward_step([*accepted, named], best, weights, seen)
-        replica, fitted, accepted = _exchanged(replica, fitted, accepted, seen)
+        replica, fitted, accepted = exchanged(replica, fitted, accepted, seen)
         noise = best.own.noise_parameters
         if fitted is not best.trial.fitted:  # without an earlier mechanism, or with another one, sizes and noise are others
             own, again, noise = _converge_all(replica, fitted, accepted, seen)
             if np.isfinite(again.cost) and largest_change(fitted, again) > LARGE_CHANGE:
-                replica, fitted, accepted = _sized(own, again, accepted, seen)
+                replica, fitted, accepted = sized(own, again, accepted, seen)
         further = terms(replica, [one.trial.listed for one in accepted]) if len(accepted) < MOST else ()
         seen = _screened(replica, fitted, noise, tried, further)
         weights = weights_of(replica, seen)
@@ -200,55 +175,7 @@ def _forward_step(
     kept, fitted = _backward_elimination(replica, accepted, last.trial.fitted, seen)
     if len(kept) < len(accepted):
         replica, fitted = converge(replica.recorded, fitted, freed(weights, seen, fitted.variants))
-    return _sized(replica, fitted, kept, seen)
-
-
-def _exchanged(
-    replica: Replica, fitted: Fitted, accepted: list[Accepted], seen: Screen
-) -> tuple[Replica, Fitted, list[Accepted]]:  # fmt: skip
-    """Replace an earlier mechanism by a rival that explains distinctly more together with the later ones."""
-    if len(accepted) < 2:
-        return replica, fitted, accepted
-    weights = weights_of(replica, seen)
-    for one in accepted[:-1]:
-        now = refit(replica, fitted.model, fitted.variants, weights)
-        others = [variant for variant in fitted.variants if variant != one.trial.variant]
-        rest = refit(replica, without(fitted.model, one.trial.variant), others, weights)
-        taken = {variant.title for variant in others}
-        tried = []
-        for rival in one.rivals:
-            # Those that correct the recordings were compared on their own replica.
-            if rival.listed.title not in taken and not corrects_recordings(rival.listed):
-                begin = switched(rest.model, rival.variant, values_in(rival.fitted.model, rival.variant))
-                again = refit(replica, begin, [*others, rival.variant], weights)
-                reduction = rest.cost - again.cost
-                tried.append(dataclasses.replace(
-                    rival, fitted=again, null_model=rest.model, reduction=reduction, evidence=0.5 * reduction - rival.penalty
-                ))  # fmt: skip
-        before = 0.5 * (rest.cost - now.cost) - one.trial.penalty
-        for better in sorted(tried, key=lambda rival: -rival.evidence):
-            if better.evidence <= before + INDISTINCT or bool(better.listed.family) > bool(one.trial.listed.family):
-                break
-            if at_bound(better.variant, better.fitted.model):
-                continue
-            here = Side(replica, seen, weights, ReplicaNoise(replica, seen), (rest.model, others))
-            retested = retest(seen, here, about_itself(replica.recorded, weights, seen, better))
-            if retested is None:
-                continue
-            if log_odds(retested.trial.listed, retested.trial.evidence) > SURE:
-                kept = [other for other in accepted if other is not one]
-                others_tried = [*tried, dataclasses.replace(one.trial, evidence=before)]
-                named = Accepted(retested.trial, *posterior(retested.trial, others_tried, ()))
-                return _sized(retested.own.replica, retested.trial.fitted, [*kept, named], seen)
-    return replica, fitted, accepted
-
-
-def _sized(
-    replica: Replica, fitted: Fitted, accepted: list[Accepted], seen: Screen
-) -> tuple[Replica, Fitted, list[Accepted]]:  # fmt: skip
-    """Return replica, fit and mechanisms, with the mechanisms' sizes in the complete extended model."""
-    sizes = [net_effect(replica, fitted.model, one.trial.variant, seen.whitening) for one in accepted]
-    return replica, fitted, [one.sized(size) for one, size in zip(accepted, sizes, strict=True)]
+    return sized(replica, fitted, kept, seen)
 
 
 def _backward_elimination(
@@ -306,15 +233,3 @@ def _compensates(replica: Replica, trial: Trial, accepted: Sequence[Accepted], s
         return net_effect(replica, model, one.trial.variant, seen.whitening).multiple
 
     return any(size(trial.fitted.model, one) > GROWN * max(size(trial.null_model, one), MATTERS) for one in accepted)
-
-
-def posterior(best: Trial, trials: Sequence[Trial], found: Sequence[Found]) -> tuple[tuple[str, ...], float]:
-    """Return the names with nearly equal evidence, best first, and the posterior probability of the best one."""
-    evidence = {one.name: one.evidence for one in found} | {one.listed.title: one.evidence for one in trials}
-    top = best.evidence
-    scale = max(1.0, FORM**2 * top)
-    others = {name: value for name, value in evidence.items() if name != best.listed.title}
-    least = top - min((1.0 - (1.0 - FORM) ** 2) * top, INDISTINCT)
-    near = sorted((name for name, value in others.items() if value > least), key=lambda name: -others[name])
-    total = 1.0 + sum(float(np.exp((min(value, top) - top) / scale)) for value in others.values())
-    return (best.listed.title, *near), 1.0 / total

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from wsp_env.diagnosis.accepted import Accepted
 from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, FitQuality, Named, Verdict
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import unavailable, variants, without
 from wsp_env.diagnosis.convergence import converge_law
 from wsp_env.diagnosis.data_first import data_first
-from wsp_env.diagnosis.decide import Accepted, Outcome, nothing, select
+from wsp_env.diagnosis.decide import Outcome, nothing, select
 from wsp_env.diagnosis.discovered import OF_WHEELS, Words, axles_on, equation, looks_like, one_thing, slot_of, slot_of_title
 from wsp_env.diagnosis.effects import course, curve, held_out
 from wsp_env.diagnosis.estimates import estimates, intervals_contain_null

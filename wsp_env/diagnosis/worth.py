@@ -5,8 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from wsp_env.diagnosis.accepted import Accepted
 from wsp_env.diagnosis.answer import Worth
-from wsp_env.diagnosis.decide import Accepted, Outcome
+from wsp_env.diagnosis.decide import Outcome
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.search import net_change
 from wsp_env.diagnosis.trials import FORM, form_of
