@@ -4,7 +4,7 @@ import pytest
 
 from wsp_env.diagnosis.answer import Estimate
 from wsp_env.diagnosis.candidates import Variant
-from wsp_env.diagnosis.estimates import intervals_contain_null, within_a_sample
+from wsp_env.diagnosis.estimates import intervals_contain_null, undetermined, within_a_sample
 
 PADS = Variant("pad_friction", ("per_speed_s_per_m", "per_temperature_1_per_k"), {})
 PATCH = Variant("adhesion_patch", ("change", "start_m", "length_m"), {})
@@ -27,6 +27,21 @@ def test_where_something_acts_does_not_tell_that_it_is_there():
     shapes = ((200.0, 210.0), (40.0, 60.0))
     assert intervals_contain_null(estimates(PATCH, (-0.1, 0.4), *shapes), PATCH)
     assert not intervals_contain_null(estimates(PATCH, (0.1, 0.4), *shapes), PATCH)
+
+
+@pytest.mark.parametrize(
+    ("rate", "share", "is_open"),
+    [
+        ((10.7, 20.0), (0.0, 0.52), True),  # fitted to what a torque left that it did not describe
+        ((1.2, 20.0), (1.1, 1.3), False),
+        ((0.8, 3.0), (0.0, 0.9), True),
+        ((1.2, 3.0), (0.9, 1.1), False),
+    ],
+)
+def test_what_may_be_none_or_beyond_its_bounds_in_every_size_is_undetermined(rate, share, is_open):
+    fall = Variant("falling_friction", ("decrease", "excess"), {})
+    assert undetermined(estimates(fall, rate, share), fall) == is_open
+    assert not intervals_contain_null(estimates(fall, rate, share), fall)
 
 
 @pytest.mark.parametrize(

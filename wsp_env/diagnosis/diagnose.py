@@ -17,7 +17,7 @@ from wsp_env.diagnosis.data_first import data_first
 from wsp_env.diagnosis.decide import Outcome, nothing, select
 from wsp_env.diagnosis.discovered import OF_WHEELS, Words, axles_on, equation, looks_like, one_thing, slot_of, slot_of_title
 from wsp_env.diagnosis.effects import course, curve, held_out
-from wsp_env.diagnosis.estimates import estimates, intervals_contain_null
+from wsp_env.diagnosis.estimates import estimates, undetermined
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import baseline, sliding
 from wsp_env.diagnosis.locate import locate, residual_map
@@ -143,11 +143,11 @@ def _beside_their_kind(mean: np.ndarray, slides: np.ndarray) -> np.ndarray:
 def _answer(replica: Replica, outcome: Outcome, notes: list[str]) -> Diagnosis:
     found = quality(replica, outcome)
     # A finding must be confirmed: at the size fitted to the tuning runs, the held-out runs alone must make it as sure. This is
-    # a single question, so the prior odds do not count again. Nor may its intervals, beside all others, contain its absence.
+    # a single question, so the prior odds do not count again. Its intervals, beside all others, must determine it.
     repeated = [
         one
         for one, sure in zip(outcome.accepted, found.repeated, strict=True)
-        if sure and not intervals_contain_null(_estimates(outcome, one), one.trial.variant)
+        if sure and not undetermined(_estimates(outcome, one), one.trial.variant)
     ]
     missing = [one for one in outcome.missing if one in repeated]
     worse = max(found.fit.extended[group] / found.fit.baseline[group] for group in found.fit.baseline) > _WORSE
@@ -158,8 +158,9 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str]) -> Diagnosis:
     unexplained = left.unexplained and (removed or 0.0) < _MOST_REMOVED
     part = _describes_a_part(missing, left, found.removed_of)
     unexplained |= part
-    # A candidate with evidence and sufficient size that fails a check shows physics that no model here describes.
-    unexplained |= worthless or (not missing and bool(outcome.missing or outcome.rejected))
+    # A candidate with evidence and sufficient size that fails a check shows physics that no model here describes, if the
+    # held-out runs show any.
+    unexplained |= worthless or (not missing and found.misfits and bool(outcome.missing or outcome.rejected))
     holds = not unexplained
     names = [one for one in missing if holds and not one.trial.listed.family and not _has_another_form(one, missing)]
     named = tuple(_named(replica, outcome, one, found) for one in names)

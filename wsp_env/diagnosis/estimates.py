@@ -1,4 +1,4 @@
-"""The fitted parameters of a mechanism with their intervals, and tests whether these intervals allow its absence."""
+"""The fitted parameters of a mechanism with their intervals, and tests of what these intervals allow."""
 
 from collections.abc import Mapping
 
@@ -10,6 +10,7 @@ from wsp_env.diagnosis.candidates import Variant, parameter_of
 from wsp_env.diagnosis.fitting import Fitted, Weights
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.trials import form_of
+from wsp_env.plant.card import Parameter
 from wsp_env.plant.mechanisms import ALL
 
 
@@ -46,9 +47,13 @@ def estimates(
 
 
 def intervals_contain_null(found: Mapping[str, Estimate], variant: Variant) -> bool:
-    """Whether the intervals of all sizes contain their null values."""
-    nulls = {name: parameter_of(variant.name, name).null for name in _sizes(variant)}
-    return all(found[name].interval90[0] <= null <= found[name].interval90[1] for name, null in nulls.items())
+    """Whether the intervals of all sizes contain their null values: the mechanism may be absent."""
+    return all(low <= one.null <= high for (low, high), one in _intervals(found, variant))
+
+
+def undetermined(found: Mapping[str, Estimate], variant: Variant) -> bool:
+    """Whether the interval of each size contains its null value, or reaches a bound: then another form may be required."""
+    return all(low <= one.null <= high or low <= one.low or high >= one.high for (low, high), one in _intervals(found, variant))
 
 
 def within_a_sample(found: Mapping[str, Estimate], variant: Variant, sample_s: float) -> bool:
@@ -56,11 +61,15 @@ def within_a_sample(found: Mapping[str, Estimate], variant: Variant, sample_s: f
 
     Channels of one logger are read within a sample of each other, and the course of a pressure between two samples is unknown.
     """
-    sizes = [(found[name], parameter_of(variant.name, name)) for name in _sizes(variant)]
     return all(
-        one.unit == "s" and estimate.interval90[0] - one.null <= sample_s and estimate.interval90[1] - one.null >= -sample_s
-        for estimate, one in sizes
+        one.unit == "s" and low - one.null <= sample_s and high - one.null >= -sample_s
+        for (low, high), one in _intervals(found, variant)
     )
+
+
+def _intervals(found: Mapping[str, Estimate], variant: Variant) -> list[tuple[tuple[float, float], Parameter]]:
+    """Return the 90 % interval of each size, with its parameter."""
+    return [(found[name].interval90, parameter_of(variant.name, name)) for name in _sizes(variant)]
 
 
 def _sizes(variant: Variant) -> list[str]:

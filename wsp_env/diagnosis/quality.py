@@ -43,6 +43,7 @@ class Quality:
     before: Model  # law fitted to all runs
     after: Model  # the same with mechanisms, whose sizes are fitted to the tuning runs
     held_out: tuple[float, ...]  # reduction of chi-square of the validation runs by each accepted mechanism
+    misfits: bool  # whether the baseline leaves more of the held-out runs than noise and nuisances do
     removed_of: Mapping[str, float | None]  # removed share of the removable held-out residual, by balance; None: none removable
     repeated: tuple[bool, ...]  # whether the held-out runs confirm each mechanism; False if a size ends at a bound
     squares: Mapping[str, np.ndarray]  # (n,) of all rows, "before" and "after", beside the nuisances of `fit`
@@ -139,6 +140,7 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
         before,
         after,
         gains,
+        _misfits(base.get("validate", 0.0), int(held.sum())),
         {name: _removed(figures.get(name), int(rows.sum())) for name, rows in each.items()},
         repeated,
         {"before": rests.before.squares(slice(None)), "after": rests.after.squares(slice(None))},
@@ -201,6 +203,11 @@ def level(
 
 def _removed(held: Left | None, rows: int) -> float | None:
     """Return the removed share of what can be removed; None if nothing can."""
-    if held is None or held.before <= max(held.best, 1.0) + _BEYOND * float(np.sqrt(2.0 / rows)):
+    if held is None or not _misfits(held.before, rows, max(held.best, 1.0)):
         return None
     return (held.before - held.after) / (held.before - min(held.best, 1.0))
+
+
+def _misfits(square: float, rows: int, least: float = 1.0) -> bool:
+    """Whether the mean square of so many rows is more than `least` beyond its scatter."""
+    return square > least + _BEYOND * float(np.sqrt(2.0 / max(rows, 1)))

@@ -4,7 +4,7 @@ Curtius and Kniffler (1944) measured 7.5 / (V + 44) + 0.161 with V in km/h. Only
 friction coefficients have their own size here: mu(v) = mu (1 + share fall (v_0 - v) (1 + bend v_0) / (1 + bend v)), with the
 slope `fall` of their curve at v_0. share = 1 and bend = 3.6 / 44 s/m give their curve, bend = 0 a straight line. At the
 reference speed v_0, the friction is the believed one. A lubricated contaminant layer and a cleaned rail need not fall alike:
-mu_cr falls by `recovered` times the share of mu_cd.
+mu_cr falls by `recovered` times the share of mu_cd. Friction that rises with the speed would be other physics.
 """
 
 from typing import NamedTuple
@@ -61,7 +61,7 @@ CARD = Card(
     name="speed_dependent_friction",
     summary="friction falls with the running speed",
     parameters=(
-        Parameter("share", "-", 0.0, 1.0, -1.0, 3.0, "slope at 20 m/s; 1: Curtius and Kniffler, Glasers Annalen (1944)"),
+        Parameter("share", "-", 0.0, 1.0, 0.0, 3.0, "slope at 20 m/s; 1: Curtius and Kniffler, Glasers Annalen (1944)"),
         Parameter(
             "bend", "s/m", BEND, BEND, 0.0, 0.2, "Curtius and Kniffler (1944); 0: a straight line", "shape", refit_step=0.02
         ),
@@ -82,7 +82,6 @@ CARD = Card(
                 "%",
                 percent,
                 "{which} falls with the running speed; its slope at 20 m/s is {size} of Curtius and Kniffler's",
-                "{which} rises with the running speed; its slope at 20 m/s is {size} of Curtius and Kniffler's, upwards",
             ),
         ),
         over="speed",
