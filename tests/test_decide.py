@@ -213,6 +213,35 @@ def test_curves_are_tried_once_and_only_where_what_is_left_matters(unexplained, 
     assert [one.listed.title for one in outcome.rejected] == holds_not
 
 
+@pytest.mark.parametrize("unexplained", [True, False])
+def test_curves_are_also_tried_beside_what_is_too_small_to_matter(unexplained, monkeypatch):
+    """Late wheel speeds within a sample came first in what a lubricator's spray left."""
+    searched: list[list[str]] = []
+
+    def screened(replica, model, tried, accepted=(), noise_parameters=None):
+        searched.append([one.title for one in tried])
+        return SimpleNamespace(found=(), second={}, noise_parameters=None, noise=None)
+
+    fitted = Fitted(switched(Model(2e-4, (0.06,)), GAIN, np.array([0.01])), (GAIN,), (), (), 1.0)
+    small = dataclasses.replace(trial(GAIN, 40.0, multiple=0.2), fitted=fitted)
+    own = SimpleNamespace(noise_parameters=None, replica=None)
+    contests = iter([(decide.Retested(small, own), {}, [small])])
+    monkeypatch.setattr(decide, "screen", screened)
+    monkeypatch.setattr(decide, "terms", lambda *_: [])
+    monkeypatch.setattr(decide, "curves", lambda *_: [dataclasses.replace(TERM, family="a curve")])
+    monkeypatch.setattr(decide, "structured", lambda *_: SimpleNamespace(unexplained=unexplained))
+    monkeypatch.setattr(decide, "weights_of", lambda *_: None)
+    monkeypatch.setattr(decide, "FormErrorThreshold", lambda *_: lambda _: SURE)
+    monkeypatch.setattr(decide, "trials_of", lambda *_: [])
+    monkeypatch.setattr(decide, "best_of", lambda *_: next(contests, (None, {}, [])))
+    monkeypatch.setattr(decide, "_forward_step", lambda accepted, *_: (replica, fitted, accepted))
+    replica = SimpleNamespace(baseline=Model(2e-4, (0.06,)), rows=[], recorded=None)
+    outcome = decide.select(replica, [GRADIENT, GAIN])
+    assert searched == [[GRADIENT.name, GAIN.name], [GRADIENT.name], *([[GRADIENT.name, "a curve"]] if unexplained else [])]
+    assert [one.name for one in outcome.accepted] == [GAIN.name]
+    assert outcome.missing == ()
+
+
 @pytest.mark.parametrize("left", [1.0, 6.8])
 def test_what_the_runs_leave_no_evidence_of_was_not_seen(left, monkeypatch):
     """Refused for what the parts of the recordings leave of it, as it is not sure: 6.8 nats are 94.6 %."""

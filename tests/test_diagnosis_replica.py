@@ -13,7 +13,6 @@ from wsp_env.diagnosis import structure
 from wsp_env.diagnosis.balances import ADHESION, BALANCES, VEHICLE, Balances, Whitening
 from wsp_env.diagnosis.candidates import variants
 from wsp_env.diagnosis.covariance import Sizes
-from wsp_env.diagnosis.diagnose import _describes_a_part
 from wsp_env.diagnosis.evaluate import Evaluator, Model
 from wsp_env.diagnosis.forces import Forces
 from wsp_env.diagnosis.replica import Replica
@@ -327,24 +326,6 @@ def test_the_coloured_noise_of_a_recorded_speed_swings_no_vehicle():
     expected = 0.5 * 0.02**2 * (np.cos(0.6 * np.pi * VEHICLE_BLOCK_S) - np.cos(1.2 * np.pi * VEHICLE_BLOCK_S))
     assert abs(squared(noise)) < 0.3 * expected
     assert squared(noise + swing) == pytest.approx(expected, rel=0.3)
-
-
-def test_a_term_that_leaves_the_balance_that_is_off_is_a_part():
-    """A term on friction says nothing of wheels that roll on another radius; a name may stand beside what else is missing."""
-    name, term = (
-        SimpleNamespace(trial=SimpleNamespace(listed=SimpleNamespace(family=one))) for one in ("", "friction by work")
-    )
-    removed = {"adhesion": 0.9, "kinematics": None, "vehicle": 0.1}
-
-    def part(missing, size, balance):
-        return _describes_a_part(missing, structure.Structure(size, balance, 2.0), removed)
-
-    assert part([term], 9.0, "kinematics")
-    assert part([term], 9.0, "vehicle")
-    assert not part([term], 9.0, "adhesion")
-    assert not part([term], 0.9, "kinematics")
-    assert not part([term, name], 9.0, "kinematics")
-    assert not part([], 9.0, "kinematics")
 
 
 def test_a_speed_that_swings_proposes_its_frequency(sound):

@@ -10,9 +10,9 @@ from wsp_env.diagnosis import discovered
 from wsp_env.diagnosis.accepted import Accepted
 from wsp_env.diagnosis.balances import ADHESION, VEHICLE
 from wsp_env.diagnosis.candidates import Candidate, Variant
-from wsp_env.diagnosis.diagnose import _has_another_form
 from wsp_env.diagnosis.discovered import MISREAD, NAME, axle_groups, curves, equation, slot_of, slot_of_title, terms
 from wsp_env.diagnosis.search import is_possible
+from wsp_env.diagnosis.verdict import has_another_form
 from wsp_env.plant.mechanisms.term_words import SLOTS
 from wsp_env.plant.mechanisms.terms import Feature, Slot
 
@@ -152,5 +152,5 @@ def test_a_name_beside_a_term_of_the_same_thing_has_another_form(name, slot, on,
 
     one = accepted(Variant(name, (), {"axle": 2.0}))
     beside = accepted(discovered._variant(1, slot, on, Feature.SPEED, (1.0, 1.0)))
-    assert _has_another_form(one, [one, beside]) == another
-    assert not _has_another_form(one, [one])
+    assert has_another_form(one, [one, beside]) == another
+    assert not has_another_form(one, [one])

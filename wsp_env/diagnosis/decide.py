@@ -120,7 +120,8 @@ def select(
         further = terms(replica, [one.trial.listed for one in accepted]) if len(accepted) < MOST else ()
         seen = _screened(replica, fitted, noise, tried, further)
         weights = weights_of(replica, seen)
-        if not any(one.matters for one in (best.trial, *sure)) and not _promises(seen):
+        matters = any(one.matters for one in (best.trial, *sure)) or _promises(seen)
+        if not (matters or structured(replica, seen, weights).unexplained):
             break  # reported as too small; it stays in the model, so that nothing that matters is found in its place
     return Outcome(replica, fitted, tuple(accepted), first, seen, weights, () if accepted else tuple(left))
 

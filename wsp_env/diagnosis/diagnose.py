@@ -1,7 +1,7 @@
 """From a campaign to a diagnosis: the steps in their order."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -9,13 +9,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from wsp_env.diagnosis.accepted import Accepted
-from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, FitQuality, Named, Verdict
+from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, FitQuality, Named
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import unavailable, variants, without
 from wsp_env.diagnosis.convergence import converge_law
 from wsp_env.diagnosis.data_first import data_first
 from wsp_env.diagnosis.decide import Outcome, nothing, select
-from wsp_env.diagnosis.discovered import OF_WHEELS, Words, axles_on, equation, looks_like, one_thing, slot_of, slot_of_title
+from wsp_env.diagnosis.discovered import OF_WHEELS, Words, axles_on, equation, looks_like, slot_of, slot_of_title
 from wsp_env.diagnosis.effects import course, curve, held_out
 from wsp_env.diagnosis.estimates import estimates, undetermined
 from wsp_env.diagnosis.evaluate import Model
@@ -26,9 +26,10 @@ from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Found, detectable
 from wsp_env.diagnosis.side_by_side import on_threads
 from wsp_env.diagnosis.stops import PreparedStop, prepare
-from wsp_env.diagnosis.structure import Structure, structured
+from wsp_env.diagnosis.structure import structured
 from wsp_env.diagnosis.timing import aligned, times
 from wsp_env.diagnosis.trials import Trial
+from wsp_env.diagnosis.verdict import describes_a_part, has_another_form, improves_nothing, leaves_something, verdict_of
 from wsp_env.diagnosis.wander import NOTES, Wandering, wandering
 from wsp_env.diagnosis.words import BALANCES, mechanism_words, next_test, sentence
 from wsp_env.diagnosis.worth import worth_of
@@ -37,10 +38,6 @@ from wsp_env.recordings import Campaign, CampaignError
 
 #: A run is left out as damaged if its root mean square residual exceeds that of the others by this factor.
 _DAMAGED = 5.0
-#: Share of the removable held-out residual from which on a finding stands although the remaining residual is correlated.
-_MOST_REMOVED = 0.5
-#: Ratio of mean squares, extended model over baseline, from which on the extension fits worse; allows for rounding.
-_WORSE = 1.01
 _LOG10 = float(np.log(10.0))
 _EVIDENCE_REPORTED = 30
 
@@ -150,22 +147,15 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str]) -> Diagnosis:
         if sure and not undetermined(_estimates(outcome, one), one.trial.variant)
     ]
     missing = [one for one in outcome.missing if one in repeated]
-    worse = max(found.fit.extended[group] / found.fit.baseline[group] for group in found.fit.baseline) > _WORSE
-    removed = found.fit.removed_validate
     left = structured(outcome.replica, outcome.last, outcome.weights)
-    # A finding must improve the held-out runs, and must not leave most of the removable residual.
-    worthless = bool(missing) and (worse or (removed is not None and removed <= 0.0))
-    unexplained = left.unexplained and (removed or 0.0) < _MOST_REMOVED
-    part = _describes_a_part(missing, left, found.removed_of)
-    unexplained |= part
-    # A candidate with evidence and sufficient size that fails a check shows physics that no model here describes, if the
-    # held-out runs show any.
-    unexplained |= worthless or (not missing and found.misfits and bool(outcome.missing or outcome.rejected))
+    failed = bool(outcome.missing or outcome.rejected)
+    worthless, part = improves_nothing(missing, found), describes_a_part(missing, left, found.removed_of)
+    unexplained = worthless or part or leaves_something(missing, failed, left, found)
     holds = not unexplained
-    names = [one for one in missing if holds and not one.trial.listed.family and not _has_another_form(one, missing)]
+    names = [one for one in missing if holds and not one.trial.listed.family and not has_another_form(one, missing)]
     named = tuple(_named(replica, outcome, one, found) for one in names)
     terms = tuple(_discovered(replica, outcome, one, found) for one in missing if holds and one not in names)
-    verdict = _verdict(named, terms, bool(named or terms) or unexplained, bool(sliding(replica).any()))
+    verdict = verdict_of(named, terms, bool(named or terms) or unexplained, bool(sliding(replica).any()))
     nearest = [] if holds else [one.words for one in missing] or [_title(one) for one in outcome.rejected]
     extended = outcome.fitted.model if holds else replica.baseline
     for one in outcome.missing:
@@ -230,32 +220,6 @@ def _evidence(found: Sequence[Found]) -> tuple[Evidence, ...]:
         Evidence(one.name, one.reduction, (), one.evidence / _LOG10, 0.0, float(np.abs(one.multiple).max()))
         for one in possible[:_EVIDENCE_REPORTED]
     )
-
-
-def _describes_a_part(missing: Sequence[Accepted], left: Structure, removed_of: Mapping[str, float | None]) -> bool:
-    """Whether only terms were found, and they leave most of the residual in the most correlated balance.
-
-    A name is known physics with a trace of its own; something else may be missing beside it. A term is constructed from the
-    residual. If it leaves most of the correlated residual, it describes only a part of something that no term can express.
-    """
-    only_terms = bool(missing) and all(one.trial.listed.family for one in missing)
-    return only_terms and left.unexplained and (removed_of[left.balance] or 0.0) < _MOST_REMOVED
-
-
-def _has_another_form(name: Accepted, missing: Sequence[Accepted]) -> bool:
-    """Whether terms act beside a name on the same thing: two faults of one brake are rarer than one in another form."""
-    mine = one_thing(name.trial.variant)
-    return mine is not None and any(one.trial.listed.family and one_thing(one.trial.variant) == mine for one in missing)
-
-
-def _verdict(named: tuple[Named, ...], terms: tuple[Discovered, ...], seen: bool, slides: bool) -> Verdict:
-    if named:
-        return "ambiguous" if any(len(one.alternatives) > 2 for one in named) else "named"
-    if terms:
-        return "discovered"
-    if seen:
-        return "unknown"
-    return "adequate" if slides else "insufficient"
 
 
 def _estimates(outcome: Outcome, one: Accepted) -> dict[str, Estimate]:
