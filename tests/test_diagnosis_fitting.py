@@ -18,7 +18,7 @@ from wsp_env.diagnosis.form_errors import forms
 from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.stops import prepare
-from wsp_env.diagnosis.variation import MU_CD, ONSET, Group, Net, law_columns, nuisances, segment_columns
+from wsp_env.diagnosis.variation import MU_CD, ONSET, Group, Net, law_columns, nuisances, segment_columns, shapes
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import read_campaign
 
@@ -122,6 +122,14 @@ def test_the_form_of_a_mechanism_holds_nothing_of_its_size(replica, variant):
     cosines = seen[:, 0] @ seen[:, 1:] / np.maximum(np.linalg.norm(seen[:, 0]) * np.linalg.norm(seen[:, 1:], axis=0), 1e-12)
     assert np.abs(cosines).max() < 1e-6
     assert np.linalg.norm(seen[:, 1:]) > 0.1 * np.linalg.norm(seen[:, 0])
+
+
+@pytest.mark.parametrize("over", ["speed", "time"])
+def test_a_form_may_be_wrong_over_speed_and_time(replica, over):
+    """As a straight line, or bent; what a brake that fades after the stop began left had been a drag of the air."""
+    bent, values = shapes(replica), getattr(replica.rows, over)
+    left = values - bent @ np.linalg.lstsq(bent, values, rcond=None)[0]
+    assert np.abs(left).max() < 1e-9 * np.ptp(values)
 
 
 def test_what_a_refit_does_not_move_varies_in_its_weights_as_much_as_it_is_believed_to(replica, weights):

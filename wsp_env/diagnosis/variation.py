@@ -213,13 +213,14 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
 
 
 def shapes(balances: Balances | Replica) -> np.ndarray:
-    """Weights (n, k) of form errors: over slip, friction work and speed, and for each axle and run."""
+    """Weights (n, k) of form errors: over slip, friction work, speed and time, and for each axle and run."""
     rows = balances.rows
     vehicle = (rows.axle < 0)[:, None]
     over = [_interpolation(values, rows.slides) * ~vehicle for values in (rows.slip, rows.work)]
     own = (rows.axle[:, None] == np.arange(balances.axles)).astype(float)
     by_run = (rows.run[:, None] == np.arange(len(balances.stops))).astype(float)
-    return np.column_stack([*over, _interpolation(rows.speed, rows.speed > 0.0), own, by_run])
+    over += [_interpolation(values, rows.speed > 0.0) for values in (rows.speed, rows.time)]
+    return np.column_stack([*over, own, by_run])
 
 
 def contrasts(several: int) -> np.ndarray:
