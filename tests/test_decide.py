@@ -57,22 +57,29 @@ def test_belief_is_shared_with_what_explains_nearly_as_much():
 
 
 @pytest.mark.parametrize(
-    ("accepted_at", "before", "after", "compensates"),
-    [(2.0, 2.0, 2.2, False), (2.0, 2.0, 20.0, True), (0.1, 2.0, 2.2, False), (0.3, 0.3, 1.2, False), (0.3, 0.3, 1.4, True)],
+    ("accepted_at", "before", "after", "cost"),
+    [
+        (2.0, 2.0, 4.0, np.log(2.0)),
+        (2.0, 2.0, 40.0, np.log(20.0)),
+        (0.1, 2.0, 1.9, 0.0),
+        (0.3, 0.3, 0.75, 0.0),
+        (0.3, 0.3, 1.5, np.log(2.0)),
+    ],
 )
-def test_what_makes_another_grow_compensates_it(monkeypatch, accepted_at, before, after, compensates):
+def test_what_had_hidden_a_part_of_another_costs_the_odds_of_that_coincidence(monkeypatch, accepted_at, before, after, cost):
     """Against the other's size in a fit of the same weights without the one that is tried, not as it was accepted in others.
 
-    A memory of 0.3 interests, hidden by a wrong radius, may grow to 1.275: 1.7 times what matters.
+    A stronger brake had hidden two fifths of a mass. A memory of 0.3 interests, hidden by a wrong radius, may grow to 0.75,
+    which is what matters.
     """
     with_it, without_it = Model(1e-4, (0.06,)), Model(2e-4, (0.06,))
-    accepted = Accepted(trial(GRADIENT, 40.0, multiple=accepted_at), ("track_gradient",), 1.0)
+    earlier = Accepted(trial(GRADIENT, 40.0, multiple=accepted_at), ("track_gradient",), 1.0)
     new = dataclasses.replace(trial(GAIN, 30.0), fitted=Fitted(with_it, (), (), (), 0.0), null_model=without_it)
     screen = type("Seen", (), {"whitening": None})()
     sizes = {with_it.tau: after, without_it.tau: before}
     monkeypatch.setattr(decide, "net_effect", lambda _, model, *__: StopChange(0.01 * sizes[model.tau], 0.0))
-    assert decide._compensates(None, new, [accepted], screen) == compensates
-    assert not decide._compensates(None, new, [], screen)
+    assert decide._coincidence(None, [earlier], screen, new) == pytest.approx(cost)
+    assert decide._coincidence(None, [], screen, new) == 0.0
 
 
 @pytest.mark.parametrize(("gained", "holds"), [(11.0, True), (9.0, True), (-30.0, True), (30.0, False)])
@@ -204,7 +211,7 @@ def test_curves_are_tried_once_and_only_where_what_is_left_matters(unexplained, 
     monkeypatch.setattr(decide, "weights_of", lambda replica, seen: None)
     monkeypatch.setattr(decide, "FormErrorThreshold", lambda *said: lambda one: SURE)
     monkeypatch.setattr(decide, "trials_of", lambda *said: [rejected])
-    monkeypatch.setattr(decide, "_is_rejected", lambda *said: True)
+    monkeypatch.setattr(decide, "_ends_at_bound", lambda *said: True)
     replica = SimpleNamespace(baseline=Model(2e-4, (0.06,)), rows=[], recorded=None)
     outcome = decide.select(replica, [GRADIENT])
     with_curves = [["track_gradient", "a curve"]] if unexplained or holds_not else []
@@ -256,7 +263,7 @@ def test_what_the_runs_leave_no_evidence_of_was_not_seen(left, monkeypatch):
     monkeypatch.setattr(decide, "weights_of", lambda *_: None)
     monkeypatch.setattr(decide, "FormErrorThreshold", lambda *_: lambda _: SURE)
     monkeypatch.setattr(decide, "trials_of", lambda *_: [[one]])
-    monkeypatch.setattr(decide, "_is_rejected", lambda *_: False)
+    monkeypatch.setattr(decide, "_ends_at_bound", lambda *_: False)
     fit = SimpleNamespace(fitted=SimpleNamespace(cost=1.0))
     monkeypatch.setattr(decide, "about_itself", lambda *all_three: SimpleNamespace(trial=all_three[-1], step=fit))
     monkeypatch.setattr(decide, "retest", lambda *_: decide.Retested(dataclasses.replace(one, evidence=left), None))

@@ -40,8 +40,6 @@ from wsp_env.diagnosis.trials import (
 
 #: Largest number of accepted mechanisms.
 MOST = 3
-#: Largest factor by which an earlier mechanism may grow with a new one: twice its form error, at 90 % (assumption).
-GROWN = 1.7
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,15 +82,16 @@ def select(
         if len(accepted) == MOST:
             break
         progress(f"refitting {len(accepted) + 1} of {MOST}")
-        rejects = functools.partial(_is_rejected, replica, accepted, seen)
         here = functools.partial(_without_new, replica, fitted, seen, weights)
         about = functools.partial(about_itself, replica.recorded, weights, seen)
-        threshold = FormErrorThreshold(
-            replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen
+        threshold = functools.partial(
+            _threshold,
+            FormErrorThreshold(replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen),
+            functools.partial(_coincidence, replica, accepted, seen),
         )
         batches = trials_of(replica, seen, fitted, weights)
         best, rejected, trials = best_of(
-            batches, rejects, about, here, functools.partial(retest, seen), threshold, not accepted
+            batches, _ends_at_bound, about, here, functools.partial(retest, seen), threshold, not accepted
         )
         if best is None:
             left = left or [
@@ -219,18 +218,25 @@ def _unneeded(replica: Replica, trial: Trial, fitted: Fitted, seen: Screen) -> t
     return None if all(side_by_side(is_sure, (here, rest))) else (rest.replica, left)
 
 
-def _is_rejected(replica: Replica, accepted: Sequence[Accepted], seen: Screen, trial: Trial) -> bool:
-    """Whether a trial is rejected whatever its evidence: it is at a bound, or it compensates an earlier mechanism."""
-    return at_bound(trial.variant, trial.fitted.model) or _compensates(replica, trial, accepted, seen)
+def _ends_at_bound(trial: Trial) -> bool:
+    """Whether a trial is rejected whatever its evidence."""
+    return at_bound(trial.variant, trial.fitted.model)
 
 
-def _compensates(replica: Replica, trial: Trial, accepted: Sequence[Accepted], seen: Screen) -> bool:
-    """Whether a mechanism makes an earlier one grow by more than `GROWN`; a truly missing mechanism would not.
+def _threshold(form: Callable[[Trial], float], coincidence: Callable[[Trial], float], trial: Trial) -> float:
+    """Return the log odds that a trial must exceed: what form errors of earlier ones ask for, and what a coincidence costs."""
+    return form(trial) + coincidence(trial)
 
-    An earlier one that was too small to matter may grow as if it had just mattered: the missing one had hidden it.
+
+def _coincidence(replica: Replica, accepted: Sequence[Accepted], seen: Screen, trial: Trial) -> float:
+    """Return the cost [nats] of a mechanism that had hidden a part of earlier ones, which grow with it.
+
+    That two independent effects cancel each other but for one part in g is about as rare as one in g. An earlier one that was
+    too small to matter may grow as if it had just mattered.
     """
 
     def size(model: Model, one: Accepted) -> float:
         return net_effect(replica, model, one.trial.variant, seen.whitening).multiple
 
-    return any(size(trial.fitted.model, one) > GROWN * max(size(trial.null_model, one), MATTERS) for one in accepted)
+    grown = [size(trial.fitted.model, one) / max(size(trial.null_model, one), MATTERS) for one in accepted]
+    return float(np.sum(np.log(np.maximum(grown, 1.0))))
