@@ -14,7 +14,7 @@ from wsp_env.plant.longitudinal.plant import LongitudinalPlant
 from wsp_env.plant.port import Setup
 from wsp_env.scenario import Scenario, draw
 
-VEHICLES, STEPS = 3, 50
+VEHICLES, STEPS = 3, 85
 
 CODE = """
 import json, sys
