@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt
 PINS := pyproject.toml constraints.txt
-# pytest runs in that many processes
+# pytest runs in that many processes, each file in one of them: what a file's tests share is made once
 JOBS ?= 2
 
 .DEFAULT_GOAL := help
@@ -35,7 +35,7 @@ test: $(VENV)/.dev $(VENV)/.docs
 	$(MAKE) --jobs 3 lint docs plain suite
 
 suite: $(VENV)/.dev
-	$(BIN)/pytest --numprocesses $(JOBS) -m "not long"
+	$(BIN)/pytest --numprocesses $(JOBS) --dist loadfile -m "not long"
 
 long: $(VENV)/.dev
 	$(BIN)/pytest --numprocesses $(JOBS) -m long

@@ -42,13 +42,16 @@ def test_projection_is_the_augmented_least_squares(seed, nuisances, wanted):
 
 @given(st.integers(0, 10_000), st.floats(-2.0, 9.0))
 def test_a_nuisance_is_taken_out_again_however_well_it_is_known(seed, power):
-    """Where rounding cannot tell its variance after the rows from none, it may stay; nothing is refused."""
+    """Where rounding cannot tell its variance after the rows from none, it may stay; nothing is refused.
+
+    Just above that, rounding is some tenth of the variance (6 % at most in 6000 draws).
+    """
     rng = np.random.default_rng(seed)
     z, x, y = rng.standard_normal((40, 3)), 10.0**power * rng.standard_normal((40, 2)), rng.standard_normal((40, 1))
     both, alone = (Projector.of(one, np.ones(one.shape[1], dtype=bool)) for one in (np.column_stack([z, x]), z))
     least, most = float(both.inner(y, y)[0, 0]), float(alone.inner(y, y)[0, 0])
     found = float(both.without(x).inner(y, y)[0, 0])
-    assert least * (1.0 - 1e-6) <= found <= most * (1.0 + 1e-3)
+    assert least * (1.0 - 1e-6) <= found <= most + 0.2 * (most - least) + 1e-6 * most
     if power < 2.5:
         assert found == pytest.approx(most, rel=1e-3)
 
