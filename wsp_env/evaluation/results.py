@@ -69,7 +69,7 @@ def content(arrays: Mapping[str, Any]) -> bytes:
     kept = {name: np.asarray(values) for name, values in arrays.items()}
     kept[_DIGEST] = np.array(_digest(kept))
     file = io.BytesIO()
-    np.savez_compressed(file, **kept)  # type: ignore[arg-type]
+    np.savez_compressed(file, **kept)  # type: ignore[arg-type]  # the stubs have allow_pickle there
     return file.getvalue()
 
 

@@ -70,7 +70,7 @@ class Search:
 
     def mend(self, name: str, **changes: object) -> None:
         """Go on with a run's channels changed."""
-        self.runs[name] = dataclasses.replace(self.runs[name], **changes)  # type: ignore[arg-type]
+        self.runs[name] = dataclasses.replace(self.runs[name], **changes)  # type: ignore[arg-type]  # fields by name
         self._traces.pop(name, None)
         self._own.pop(name, None)
 
