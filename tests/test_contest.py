@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from trial_cases import GAIN, GRADIENT, INERTIA, TERM, found, trial
+from trial_cases import GAIN, GRADIENT, INERTIA, MEMORY, TERM, found, trial
 
 import wsp_env.diagnosis.contest
 from wsp_env.diagnosis.candidates import Variant
@@ -107,6 +107,13 @@ def test_another_inertia_is_tested_though_it_explains_little_if_the_search_exclu
     asked = []
     contest([[THREE[1], weak]], {INERTIA.title: 40.0}, asked=asked)
     assert asked == [GRADIENT, *([INERTIA] if tested else [])]
+
+
+def test_a_memory_is_tested_though_it_explains_nothing():
+    """Its effect is nonlinear: about a replica without it, a refit may find it to be none."""
+    asked = []
+    contest([[THREE[1], trial(MEMORY, -5.0)]], {MEMORY.title: 40.0}, asked=asked)
+    assert asked == [GRADIENT, MEMORY]
 
 
 @pytest.mark.parametrize(("name", "tested"), [(76.0, True), (78.0, False)])

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from trial_cases import GAIN, GRADIENT, INERTIA, TERM, found, trial, unfreed
+from trial_cases import GAIN, GRADIENT, INERTIA, MEMORY, TERM, found, trial, unfreed
 
 from wsp_env.diagnosis import convergence, form_errors, trials
 from wsp_env.diagnosis.candidates import Variant, switched, values_in
@@ -59,6 +59,21 @@ def test_another_inertia_that_the_search_does_not_find_is_tried_if_its_interval_
     start = Fitted(Model(2e-4, (0.06,)), (), (), (), 0.0)
     (batch,) = trials.trials_of(None, screen, start, None)
     assert [one.listed for one in batch] == [GAIN, *([variant] if tried else [])]
+
+
+@pytest.mark.parametrize("accepted", [(), (GRADIENT,)])
+def test_a_memory_of_which_the_search_finds_nothing_is_tried_beside_what_it_finds(monkeypatch, accepted):
+    """In each round, but only once: it comes with the first batch, and not alone."""
+    monkeypatch.setattr(trials, "refit", lambda _, model, variants, __: Fitted(model, tuple(variants), (), (), 0.0))
+    monkeypatch.setattr(trials, "cost", lambda *_: 0.0)
+    monkeypatch.setattr(trials, "net_effect", lambda *_: StopChange(0.02, 0.0))
+    unseen = found(MEMORY, -1.0)
+    start = Fitted(Model(2e-4, (0.06,)), accepted, (), (), 0.0)
+    (batch,) = trials.trials_of(
+        None, SimpleNamespace(found=[found(GAIN, 30.0), unseen], second={}, whitening=None), start, None
+    )
+    assert [one.listed for one in batch] == [GAIN, MEMORY]
+    assert list(trials.trials_of(None, SimpleNamespace(found=[unseen], second={}, whitening=None), start, None)) == []
 
 
 @pytest.mark.parametrize("best", [2.0, 0.25, 0.1])

@@ -13,6 +13,7 @@ from wsp_env.diagnosis.trials import Trial
 GRADIENT = Variant("track_gradient", ("rise",), {})
 GAIN = Variant("brake_gain_imbalance", ("gain",), {"axle": 2.0})
 INERTIA = Variant("wheelset_inertia", ("share",), {})
+MEMORY = Variant("contaminant_memory", ("distance_m",), {})
 TERM = Variant("discovered", ("coefficient_1",), {"slot_1": 0.0}, (100.0,), "brake torque by braking")
 #: Weights whose deviance is the cost alone; the same beside further nuisances.
 BENT = SimpleNamespace(deviance=lambda fitted: fitted.cost, freed=lambda columns: BENT)

@@ -18,6 +18,9 @@ from wsp_env.plant.mechanisms import ALL, LIBRARY
 
 #: Finite-difference step, as a share of typical value less null value.
 _STEP = 0.25
+#: Share of that step over which a derivative is taken (assumption: between nonlinearity and rounding; half and twice as much
+#: give like fits). Over the whole step, a nonlinear effect has another slope than at its value, and a fit ends elsewhere.
+_DERIVATIVE = 0.02
 #: Further steps of a rolled distance (a memory) that are searched, as multiples of the first: the effect is nonlinear, and a
 #: step of one metre does not show the effect of ten metres.
 _FADING = (4.0, 16.0)
@@ -174,17 +177,17 @@ def at_bound(variant: Variant, model: Model) -> bool:
 
 
 def columns(balances: Balances | Replica, model: Model, base: np.ndarray, variant: Variant) -> np.ndarray:
-    """Return the change of the residuals (n, k) for a step of each free parameter, about the variant's values in the model.
+    """Return the derivatives of the residuals (n, k) by each free parameter at the variant's values in the model, per step.
 
-    A parameter at a bound is stepped away from it, and the sign of the column is corrected.
+    At a bound the derivative is taken on the inner side.
     """
     start, found = values_in(model, variant), []
-    for i, change in enumerate(variant.moves()):
+    for i, change in enumerate(_DERIVATIVE * variant.moves()):
         for step_by in (change, -change):
             values = start.copy()
             values[i] += step_by
             moved = switched(model, variant, values)
             if values_in(moved, variant)[i] != start[i]:
                 break
-        found.append((balances.raw(moved) - base) * np.sign(step_by * change))
+        found.append((balances.raw(moved) - base) * np.sign(step_by * change) / _DERIVATIVE)
     return np.column_stack(found)

@@ -10,7 +10,7 @@ from wsp_env.diagnosis.convergence import fits_worse
 from wsp_env.diagnosis.replica import OF_TIME
 from wsp_env.diagnosis.retest import AboutItself, Retested, Side
 from wsp_env.diagnosis.side_by_side import side_by_side
-from wsp_env.diagnosis.trials import FORM, Trial, hides_in_noise, log_odds
+from wsp_env.diagnosis.trials import FORM, Trial, fades, hides_in_noise, log_odds
 
 #: Largest ratio of the evidence from both sides to the evidence about the replica without it that is considered. What would
 #: need more to be the best is not tested. Assumptions: of names, it was 0.7 to 3.9 in the campaigns of
@@ -150,7 +150,7 @@ def _promising(
     def may_hold(one: Trial) -> bool:
         if not one.listed.family and log_odds(one.listed, one.found.evidence) > 0.0:
             return True
-        if hides_in_noise(one.found) and not held:
+        if (hides_in_noise(one.found) or fades(one.found)) and not held:
             return True
         may_be_best = _most_gained(one) * one.evidence > least or one.listed.name in OF_TIME
         return log_odds(one.listed, one.evidence) > threshold(one) and may_be_best

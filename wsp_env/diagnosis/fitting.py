@@ -16,7 +16,8 @@ from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, Group, law_columns, nuisances, whitened
 
 TAU = 2e-4  # [m/J] prior median, within a factor e^LOG_TAU; the seed paper's measured rails have 1.9e-4
-_ITERATIONS = 10
+_ITERATIONS = 20
+_CONVERGED = 0.05  # change of the sum of squares that counts for nothing
 _LARGEST_STEP = 0.7  # [-] largest change of log tau or log mu_cd in one iteration
 _DAMPINGS = 0.0, 0.01, 0.1, 1.0, 10.0, 100.0  # damping, as shares of a parameter's own square
 _LEAST_ROWS = 20  # blocks of sliding that are needed to estimate a run's friction
@@ -178,14 +179,18 @@ def refit(
     least = 0
     for _ in range(_ITERATIONS):
         system = state.system()
+        expected = state.gain(system)
+        if expected < _CONVERGED:
+            break
         for level in range(least, len(_DAMPINGS)):
             tried = state.at(state.moved(system, _DAMPINGS[level]))
             if tried.cost <= state.cost:
                 break
         else:
             break
-        better, state, least = state.cost - tried.cost, tried, max(level - 1, 0)
-        if better < 0.05:
+        decrease, state, least = state.cost - tried.cost, tried, max(level - 1, 0)
+        # A whole step from which the cost decreased as expected of a linear model has reached the best fit.
+        if level == 0 and abs(decrease - expected) < _CONVERGED:
             break
     return state.fitted(system)
 
@@ -255,8 +260,12 @@ class _State:
         """Return the precisions of the priors: none of the variants' parameters, those of the law."""
         return np.where(np.arange(several) < own, 0.0, 1.0)
 
-    def moved(self, system: _System, damping: float) -> Model:
-        """Return the model after a Gauss-Newton step; a long step is shortened in its direction.
+    def gain(self, system: _System) -> float:
+        """Return the decrease of the cost by an undamped step, if the model were linear."""
+        return float(system.against @ self._step(system, 0.0))
+
+    def _step(self, system: _System, damping: float) -> np.ndarray:
+        """Return the amplitudes (k,) of a Gauss-Newton step, to be subtracted.
 
         A parameter that is at a bound and would move beyond it stays there, and the others move as without it (projected Newton
         method, D. P. Bertsekas, SIAM Journal on Control and Optimization 20, 1982).
@@ -267,6 +276,11 @@ class _State:
             free[: len(steps)] &= ~beyond
             amplitude = np.zeros(len(damped))
             amplitude[free] = fit(damped[np.ix_(free, free)], system.against[free]).amplitude
+        return amplitude
+
+    def moved(self, system: _System, damping: float) -> Model:
+        """Return the model after a Gauss-Newton step; a long step is shortened in its direction."""
+        steps, amplitude = system.steps, self._step(system, damping)
         highest = 0.9 * self.balances.campaign.contact.kinetic_friction_r
         change, step = -amplitude[: len(steps)] * steps, np.zeros(len(self.moves))
         step[self.moves] = -amplitude[len(steps) :]

@@ -92,6 +92,11 @@ def hides_in_noise(one: Found) -> bool:
     return "inertia" in ALL[one.candidate.variant.name].acts and bool(distinct.any())
 
 
+def fades(one: Found) -> bool:
+    """Whether a mechanism follows over a rolled distance: the search, which is linear, may find nothing of it."""
+    return any(size.rolled for size in ALL[one.candidate.variant.name].sizes)
+
+
 def log_odds(variant: Variant, evidence: float) -> float:
     """Log posterior odds that a mechanism, or a term without a name, is missing."""
     return evidence + (PRIOR_TERM if variant.family else PRIOR)
@@ -116,6 +121,7 @@ def trials_of(
     left = [one for one in kinds.values() if log_odds(one.candidate.variant, one.evidence) > 0.0]
     start = refit(replica, fitted.model, fitted.variants, weights) if left else fitted
     missed, late = [one for one in seen.found if one.name in OF_TIME or hides_in_noise(one)], 0.0
+    fading = [one for one in seen.found if fades(one)]
 
     def trial(one: Found) -> Trial:
         tried = _fit_on_replica(replica, start, weights, one)
@@ -135,6 +141,8 @@ def trials_of(
         if missed and (in_time or not fitted.variants):
             promising = [*[one for one in promising if one not in missed], *missed]
             missed = []
+        promising += [one for one in fading if one not in promising]
+        fading = []
         left = [one for one in left if one not in promising]
         # A refit moves the location of a mechanism only locally; the second-best place or band may be the better start.
         seconds = [seen.second[one.name] for one in promising if one.name in seen.second]
