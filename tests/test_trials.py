@@ -76,10 +76,13 @@ def test_a_memory_of_which_the_search_finds_nothing_is_tried_beside_what_it_find
     assert list(trials.trials_of(None, SimpleNamespace(found=[unseen], second={}, whitening=None), start, None)) == []
 
 
-@pytest.mark.parametrize("best", [2.0, 0.25, 0.1])
-def test_a_refit_begins_where_the_way_to_the_linear_step_leaves_least(monkeypatch, best):
-    """Residuals bend: the linear step of a wheel that is turned by a per cent leads beyond what can be fitted."""
-    step = float(-GRADIENT.moves()[0])
+@pytest.mark.parametrize(("best", "amplitude"), [(2.0, 1.0), (0.25, 1.0), (0.1, 1.0), (0.05, 20.0), (5.0, 0.2)])
+def test_a_refit_begins_where_the_way_to_the_linear_step_leaves_least(monkeypatch, best, amplitude):
+    """Residuals bend: the linear step of a wheel that is turned by a per cent leads beyond what can be fitted.
+
+    The search's own step is on the way, whatever the linear one is beside it.
+    """
+    step = float(-GRADIENT.moves()[0] * amplitude)
     begun = []
 
     def refit(_, model, variants, __):
@@ -89,7 +92,8 @@ def test_a_refit_begins_where_the_way_to_the_linear_step_leaves_least(monkeypatc
     monkeypatch.setattr(trials, "refit", refit)
     monkeypatch.setattr(trials, "cost", lambda _, model, __: abs(np.log(values_in(model, GRADIENT)[0] / step / best)))
     monkeypatch.setattr(trials, "net_effect", lambda *_: StopChange(0.02, 0.0))
-    screen = SimpleNamespace(found=[found(GRADIENT, 5.0)], second={}, whitening=None)
+    stepped = dataclasses.replace(found(GRADIENT, 5.0), amplitude=np.array([amplitude]))
+    screen = SimpleNamespace(found=[stepped], second={}, whitening=None)
     list(trials.trials_of(None, screen, Fitted(Model(2e-4, (0.06,)), (), (), (), 100.0), None))
     assert begun[1] == pytest.approx(best)
 

@@ -190,13 +190,15 @@ class _BestFit(NamedTuple):
 
 
 def _fit_on_replica(replica: Replica, start: Fitted, weights: Weights, one: Found) -> _BestFit:
-    """Fit a mechanism, starting at those shares of its linear step that fit best.
+    """Fit a mechanism, starting at those shares of its linear step, or at the step of the search, that fit best.
 
-    The linear step may be wrong, and a refit of the location may improve it or lose it.
+    The linear step may be wrong, and a refit of the location may improve it or lose it. The search knows the effect of its own
+    step. A linear step many times as long leads far beyond a nonlinear effect.
     """
     listed = one.candidate.variant
     best, free, ends = start, listed, True
-    values = listed.null() - np.multiply.outer(_SHARES, one.amplitude * listed.moves())
+    shares = (*_SHARES, 1.0 / max(float(np.abs(one.amplitude).max()), 1e-9))
+    values = listed.null() - np.multiply.outer(shares, one.amplitude * listed.moves())
     on_the_way = [switched(start.model, listed, each) for each in values]
     first, second = sorted(on_the_way, key=lambda model: cost(replica, model, weights))[:2]
     there, wide = near(listed), refined(near(listed))
