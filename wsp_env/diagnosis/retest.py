@@ -105,11 +105,11 @@ class Side:
         self._without = self.fit(*without) if without else None
 
     def fits_worse(self, other: "Side") -> bool:
-        """Whether the model about which this side is fits worse than that of the other side, by more than deviances scatter."""
+        """Whether the model about which this side is has a larger deviance than that of the other side about itself."""
         mine, least = (one._known or one._without for one in (self, other))
         assert mine is not None
         assert least is not None
-        return mine.deviance > least.deviance + WORSE * float(np.sqrt(2.0 * len(self.replica.rows)))
+        return mine.deviance > least.deviance
 
     @property
     def noise_parameters(self) -> NoiseParameters:
@@ -203,9 +203,9 @@ def retest(seen: Screen, here: Side, one: AboutItself) -> Retested | None:
 
     The evidence is the mean of both sides. If a side speaks against it, this side counts alone, but the side without it only
     unless the model with it fits distinctly better, each about itself with the same weights; its own side is then not made.
-    There is none if it fits distinctly worse, each with weights of its own, and worse with the same: both sides may extrapolate
-    in its favour. What leaves far more about itself with the same weights is not tested. If the parts of the recordings leave
-    it no longer sure, the evidence is what they leave. A delay that may be within a sample keeps its evidence.
+    There is none if it fits worse about itself, each with weights of its own, and also with the same: both sides may then
+    extrapolate in its favour. What leaves far more about itself with the same weights is not tested. If the parts of the
+    recordings leave it no longer sure, the evidence is what they leave. A delay that may be within a sample keeps its evidence.
     """
     trial, variant, variants = one.trial, one.trial.variant, one.trial.fitted.variants
     if one.fits_far_worse:
