@@ -14,7 +14,7 @@ from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights
 from wsp_env.diagnosis.gls import Projector
-from wsp_env.diagnosis.quality import Level, Side, _removed, level, quality
+from wsp_env.diagnosis.quality import Level, Side, _removed, level, misfits, quality
 
 GRADIENT = Variant("track_gradient", ("rise",), {})
 TRUE = 0.003
@@ -121,3 +121,23 @@ def test_an_extension_is_asked_about_its_own_replica_and_the_baseline_about_its_
     assert asked[0] == ("b", (), 0)
     assert ("again", ("track_gradient",), 1) in asked or not second
     assert {name for name, choice, _ in asked if choice} == ({"o", "again"} if second else {"o"})
+
+
+def test_runs_misfit_if_all_of_them_do():
+    run, rng = np.repeat(np.arange(4), 500), np.random.default_rng(4)
+    noise = rng.standard_normal(len(run)) ** 2
+    assert not misfits(noise, run)
+    assert misfits(1.3 * noise, run)
+    assert not misfits(np.where(run == 3, 1.5, 1.0) * noise, run)  # its own rail, which says nothing of the others
+    assert misfits(1.3 * noise, np.zeros(len(run), dtype=int))  # a single run has only its rows
+
+
+def test_a_misfit_counts_runs_not_rows():
+    """With friction of its own in each run, whose mean square is right on average, few campaigns misfit."""
+    rng = np.random.default_rng(5)
+    run = np.repeat(np.arange(6), 400)
+    found = []
+    for _ in range(300):
+        own = rng.gamma(8.0, 1.0 / 8.0, 6)[run]
+        found.append(misfits(own * rng.standard_normal(len(run)) ** 2, run))
+    assert np.mean(found) < 0.08

@@ -56,6 +56,16 @@ def test_a_force_that_the_wheels_do_not_feel_is_in_the_estimated_speed(sound):
         assert np.abs(found.speed - stop.speed - lost).max() < 0.02 * np.abs(bare.speed - stop.speed - lost).max()
 
 
+def test_a_lifted_wheel_leaves_its_adhesion_finite(sound):
+    """At such a deceleration a high body lifts the trailing wheels."""
+    lifted = Model(LAW.tau, LAW.mu_cd, {"load_transfer": {"body_height_m": 4.0, "pivot_height_m": 2.0}})
+    stop = dataclasses.replace(sound.sources[0], acceleration=np.full_like(sound.sources[0].acceleration, -60.0))
+    (found,) = Evaluator(sound.campaign, [stop])(lifted)
+    (bare,) = Evaluator(sound.campaign, [stop])(LAW)
+    assert found.load.min() == pytest.approx(0.1 * bare.load.min())
+    assert np.isfinite(found.force / found.load).all()
+
+
 def test_a_force_that_is_always_there_is_left_to_the_recorded_speed(sound):
     """A gradient over the whole stop bends no speed: its offset and slope are read from the recording."""
     bare, uphill = (Evaluator(sound.campaign, sound.stops)(Model(2e-4, LAW.mu_cd, choice))

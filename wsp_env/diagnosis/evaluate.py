@@ -19,6 +19,10 @@ from wsp_env.recordings import Campaign
 #: Mechanism -> its parameters.
 Choice = Mapping[str, Mapping[str, float]]
 
+#: Lower bound of a wheel's load, as a share of its static load (assumption: T/2N of a wheel that hardly touches the rail tells
+#: nothing of its adhesion, and that of a lifted wheel is infinite).
+_LEAST_LOAD = 0.1
+
 
 @dataclasses.dataclass(frozen=True)
 class Model:
@@ -172,8 +176,10 @@ class Evaluator:
     def _evaluations(self, m: along.PlantModel, p: along.Prediction, shift: np.ndarray) -> list[Evaluation]:
         """Return each stop's part of a prediction; `shift` is the correction of the recorded speed."""
         torque, rate = self._braking(p), along.true_wheel_acceleration(m, *self._rates)
+        static = np.repeat(p.mass_kg, self._counts)[:, None] * self.vehicle.gravity_mps2 / (2.0 * self.vehicle.axles)
         every = {
-            "speed": p.speed_mps, "adhesion": p.adhesion, "slope": p.adhesion_slope, "load": p.wheel_load_n,
+            "speed": p.speed_mps, "adhesion": p.adhesion, "slope": p.adhesion_slope,
+            "load": np.maximum(p.wheel_load_n, _LEAST_LOAD * static),
             "slip": p.slip_speed_mps, "force": (torque + p.inertia_kgm2 * rate) / p.radius_m, "torque": torque,
             "braking": p.torque_nm, "impulse": p.wheel_speed_radps @ (p.inertia_kgm2 / p.radius_m),
             "brake_force": torque @ (1.0 / p.radius_m), "recorded_speed": self._recorded + shift, "resistance": p.resistance_n,

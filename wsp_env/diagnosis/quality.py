@@ -28,7 +28,7 @@ from wsp_env.diagnosis.search import held_out_rows
 from wsp_env.diagnosis.trials import SURE, on_a_sensor
 from wsp_env.diagnosis.variation import Group, law_columns
 
-_BEYOND = 2.0  # standard deviations of chi-square by which the baseline must misfit for a removable share: assumption
+_BEYOND = 2.0  # standard deviations of its scatter by which a mean square misfits: assumption
 #: Rows of each part, from the mask (n,) of held-out rows; None: all rows.
 _ROWS: Mapping[str, Callable[[np.ndarray], np.ndarray | None]] = {
     "tuned": np.logical_not, "held out": np.asarray, "all": lambda held: None
@@ -43,7 +43,7 @@ class Quality:
     before: Model  # law fitted to all runs
     after: Model  # the same with mechanisms, whose sizes are fitted to the tuning runs
     held_out: tuple[float, ...]  # reduction of chi-square of the validation runs by each accepted mechanism
-    misfits: bool  # whether the baseline leaves more of the held-out runs than noise and nuisances do
+    misfits: bool  # whether the baseline leaves more of the held-out runs than noise and nuisances do, in all of them alike
     removed_of: Mapping[str, float | None]  # removed share of the removable held-out residual, by balance; None: none removable
     repeated: tuple[bool, ...]  # whether the held-out runs confirm each mechanism; False if a size ends at a bound
     squares: Mapping[str, np.ndarray]  # (n,) of all rows, "before" and "after", beside the nuisances of `fit`
@@ -131,8 +131,7 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
     parts_and_balances = parts | {name: rows for name, rows in each.items() if rows.any()}
     rests = level(own, after, kept, weights(own, "all"), before)
     if kept:  # the baseline on its own replica
-        bare = level(replica, after, kept, every, before)
-        rests = rests._replace(before=bare.before)
+        rests = rests._replace(before=level(replica, after, kept, every, before).before)
     figures = {name: rests.left(rows) for name, rows in parts_and_balances.items()}
     base, extended = ({name: figures[name][i] for name in parts} for i in (0, 1))
     return Quality(
@@ -140,7 +139,7 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
         before,
         after,
         gains,
-        _misfits(base.get("validate", 0.0), int(held.sum())),
+        bool(held.any()) and misfits(rests.before.squares(held) + rests.before.unlikely, replica.rows.run[held]),
         {name: _removed(figures.get(name), int(rows.sum())) for name, rows in each.items()},
         repeated,
         {"before": rests.before.squares(slice(None)), "after": rests.after.squares(slice(None))},
@@ -203,11 +202,30 @@ def level(
 
 def _removed(held: Left | None, rows: int) -> float | None:
     """Return the removed share of what can be removed; None if nothing can."""
-    if held is None or not _misfits(held.before, rows, max(held.best, 1.0)):
+    if held is None or held.before <= max(held.best, 1.0) + _BEYOND * _scatter(rows):
         return None
     return (held.before - held.after) / (held.before - min(held.best, 1.0))
 
 
-def _misfits(square: float, rows: int, least: float = 1.0) -> bool:
-    """Whether the mean square of so many rows is more than `least` beyond its scatter."""
-    return square > least + _BEYOND * float(np.sqrt(2.0 / max(rows, 1)))
+def _scatter(rows: int) -> float:
+    """Return the standard deviation of the mean of so many squares of white noise."""
+    return float(np.sqrt(2.0 / max(rows, 1)))
+
+
+def misfits(squares: np.ndarray, run: np.ndarray) -> bool:
+    """Whether squares (n,) exceed those of white noise by more than they scatter, from row to row and from run to run.
+
+    Runs differ by more than their rows: rails and slides of their own. Their sums about the common mean tell by how much
+    (cluster-robust variance, K.-Y. Liang, S. L. Zeger, Biometrika 73, 1986, with the factor m / (m - 1) of m runs).
+
+    Parameters
+    ----------
+    run : (n,) of each row
+
+    """
+    mean, scatter = float(np.mean(squares)), _scatter(len(squares))
+    sums = np.bincount(np.unique(run, return_inverse=True)[1], squares - mean)
+    if len(sums) > 1:
+        between = float(np.sqrt(len(sums) / (len(sums) - 1) * (sums @ sums))) / len(squares)
+        scatter = max(scatter, between)
+    return mean > 1.0 + _BEYOND * scatter
