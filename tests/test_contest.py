@@ -156,6 +156,15 @@ def test_what_fits_distinctly_worse_about_itself_and_cannot_explain_as_much_as_w
     assert list(rejected) == [one.title for one in refused]
 
 
+@pytest.mark.parametrize(("here", "tested"), [(41.0, True), (39.0, False)])
+def test_a_name_that_explains_more_here_than_one_that_holds_may_gain_as_much(monkeypatch, here, tested):
+    """The gain has 40 nats here and 250 from both sides; the other name fits worse about itself."""
+    monkeypatch.setattr(wsp_env.diagnosis.contest, "_AT_A_TIME", 1)
+    asked, two = [], [THREE[0], trial(GRADIENT, here)]
+    contest([two], {GAIN.title: 250.0}, asked=asked, squares={GRADIENT.title: 1140.0})
+    assert asked == [GAIN, *([GRADIENT] if tested else [])]
+
+
 @pytest.mark.parametrize(("evidence", "tested"), [(170.0, [GRADIENT]), (None, [GRADIENT, GAIN])])
 def test_what_the_first_will_beat_as_it_is_here_waits_for_it(evidence, tested):
     """The gain explains 40 nats here, four times that is less than the gradient's 165; it is tested if that does not hold."""

@@ -55,7 +55,7 @@ def best_of(
     sides: list[Side] = []
     for some in batches:
         last = {one.listed.title: one for one in some}
-        held: list[tuple[Retested, float]] = []  # with its sum of squares about itself
+        held: list[tuple[Retested, AboutItself]] = []
         for kind in ([one for one in some if not one.listed.family], [one for one in some if one.listed.family]):
             promising = _promising(kind, some, threshold, [one for one, _ in held])
             tested = [one for one in promising if not rejects(one)]
@@ -75,13 +75,13 @@ def best_of(
                     last[one.trial.listed.title] = retested.trial
                     odds = log_odds(retested.trial.listed, retested.trial.evidence)
                     if odds > threshold(retested.trial) and not rejects(retested.trial):
-                        held.append((retested, one.step.fitted.cost))
+                        held.append((retested, one))
             hold = {one.trial.listed.title for one, _ in held}
             for title in [one.listed.title for one in promising]:
                 if title not in hold:
                     rejected[title] = log_odds(last[title].listed, last[title].evidence)
         if held:
-            best, *others = _compared(held)
+            best, *others = _compared([(one, about.step.fitted.cost) for one, about in held])
             return Contest(
                 best, rejected, trials + list((last | {one.trial.listed.title: one.trial for one in others}).values())
             )
@@ -95,22 +95,28 @@ def _most_gained(one: Trial) -> float:
     return _MOST_GAINED_BY_TERM if one.listed.family else _MOST_GAINED
 
 
-def _is_hopeless(one: AboutItself, held: Sequence[tuple[Trial, float]]) -> bool:
+def _is_hopeless(one: AboutItself, held: Sequence[tuple[Trial, AboutItself]]) -> bool:
     """Whether a trial fits worse about itself than one that holds, and explains too little here to be the best.
 
-    Of those that hold: the trial, and its sum of squares about itself.
+    Of those that hold: the trial, and what it was about itself. A name that explains more here than such a one is not hopeless:
+    it may gain as much.
     """
-    most = _most_gained(one.trial) * one.trial.evidence
-    return any(most < other.evidence and fits_worse(one.step.fitted.cost, least) for other, least in held)
+    most, family = _most_gained(one.trial) * one.trial.evidence, bool(one.trial.listed.family)
+    return any(
+        most < other.evidence
+        and (family or one.trial.evidence < about.trial.evidence)
+        and fits_worse(one.step.fitted.cost, about.step.fitted.cost)
+        for other, about in held
+    )
 
 
-def _trials(held: Sequence[tuple[Retested, float]]) -> list[tuple[Trial, float]]:
-    return [(one.trial, least) for one, least in held]
+def _trials(held: Sequence[tuple[Retested, AboutItself]]) -> list[tuple[Trial, AboutItself]]:
+    return [(one.trial, about) for one, about in held]
 
 
 def _at_once(left: Sequence[AboutItself]) -> int:
     """Return how many trials to test beside each other: those that need be tested even if the first holds as it does here."""
-    holds = [(left[0].trial, left[0].step.fitted.cost)]
+    holds = [(left[0].trial, left[0])]
     return 1 + sum(1 for _ in itertools.takewhile(lambda one: not _is_hopeless(one, holds), left[1:_AT_A_TIME]))
 
 
