@@ -20,7 +20,7 @@ from wsp_env.diagnosis.answer import (
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.report import write_report
-from wsp_env.diagnosis.report_facts import MEANINGS, confidence_said, lead, removed_said, where_said, worth_said
+from wsp_env.diagnosis.report_facts import MEANINGS, confidence_said, lead, misfit_said, removed_said, where_said, worth_said
 from wsp_env.diagnosis.report_runs import figures, heat_maps, still_high
 from wsp_env.diagnosis.sources import signed
 from wsp_env.recordings import demo_campaign, read_campaign
@@ -126,6 +126,14 @@ def test_the_share_removed_is_no_more_than_all_and_no_less_than_none(share, word
     assert words in removed_said(share)
     assert "110" not in removed_said(share)
     assert "-" not in removed_said(share).replace("held-out", "")
+
+
+def test_a_misfit_is_told_with_what_is_too_small_to_matter():
+    """Wheel speeds that are late by half a sample explain nearly all, and matter in no stop."""
+    law = FitQuality(1.0, {"tune": 8.0, "validate": 4.84}, {"tune": 1.1, "validate": 0.96}, None)
+    told = "mean squares in held-out runs are 4.8 times what noise and normal variation leave"
+    assert misfit_said(law) == f"{told}, and 1.0 times with what was seen but is too small to matter"
+    assert misfit_said(dataclasses.replace(law, extended=law.baseline)) == told
 
 
 def test_no_confidence_stands_beside_a_failed_held_out_test_without_it(found):

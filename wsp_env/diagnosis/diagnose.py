@@ -9,7 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from wsp_env.diagnosis.accepted import Accepted
-from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, FitQuality, Named
+from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, FitQuality, Named, Verdict
 from wsp_env.diagnosis.balances import Balances
 from wsp_env.diagnosis.candidates import unavailable, variants, without
 from wsp_env.diagnosis.convergence import converge_law
@@ -190,7 +190,7 @@ def _answer(replica: Replica, outcome: Outcome, notes: list[str]) -> Diagnosis:
         sentence=sentence(verdict, named, where, terms, nearest),
         mechanisms=named,
         location=() if verdict in ("adequate", "insufficient") else where,
-        fit=_nothing_removed(found.fit) if verdict == "adequate" or not holds else found.fit,
+        fit=_fit(found.fit, verdict, holds),
         detectable=detectable(outcome.first),
         next_test=next_test(verdict, named, reasons, where, terms),
         evidence=_evidence(outcome.first.found),
@@ -208,9 +208,14 @@ def _title(trial: Trial) -> str:
     return trial.listed.title.replace("_", " ")
 
 
-def _nothing_removed(fit: FitQuality) -> FitQuality:
-    """Return the quality of the baseline alone, for an answer without findings."""
-    return dataclasses.replace(fit, extended=fit.baseline, removed_validate=None)
+def _fit(fit: FitQuality, verdict: Verdict, holds: bool) -> FitQuality:
+    """Return the quality of the fit that an answer claims: no extension where none holds, and no removal without a finding.
+
+    The extension of an adequate model is what was seen, but is too small to matter.
+    """
+    if not holds:
+        return dataclasses.replace(fit, extended=fit.baseline, removed_validate=None)
+    return dataclasses.replace(fit, removed_validate=None) if verdict == "adequate" else fit
 
 
 def _evidence(found: Sequence[Found]) -> tuple[Evidence, ...]:

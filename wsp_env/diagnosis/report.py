@@ -179,6 +179,8 @@ def _curve(name: str, curve: Curve) -> Any:
 def _before_after(found: Diagnosis) -> Section | None:
     fit, shows = found.fit, []
     sides = {"Baseline": fit.baseline, "Extended": fit.extended} if _extended(found) else {"As tuned": fit.baseline}
+    if not _extended(found) and fit.extended != fit.baseline:
+        sides["With what is too small to matter"] = fit.extended
     rows = [(group, *(f"{side[group]:.3f}" for side in sides.values()), f"{fit.noise_floor:.3f}") for group in fit.baseline]
     text = ["Parameters fitted to the runs to tune on alone, scored on the runs to validate too."]
     if rows:

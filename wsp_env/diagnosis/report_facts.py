@@ -137,11 +137,13 @@ def removed_said(share: float | None) -> str:
 
 
 def misfit_said(fit: FitQuality) -> str:
-    """Return the misfit of the tuned law, in words."""
+    """Return the misfit of the tuned law, in words, and that beside what was seen but is too small to matter."""
     held_out = "validate" in fit.baseline
-    value = fit.baseline["validate"] if held_out else max(fit.baseline.values())
+    group = "validate" if held_out else max(fit.baseline, key=fit.baseline.__getitem__)
     runs = "held-out runs" if held_out else "the runs"
-    return f"mean squares in {runs} are {value:.1f} times what noise and normal variation leave"
+    law, beside = f"{fit.baseline[group]:.1f}", f"{fit.extended[group]:.1f}"
+    told = f"mean squares in {runs} are {law} times what noise and normal variation leave"
+    return told if beside == law else f"{told}, and {beside} times with what was seen but is too small to matter"
 
 
 def where_said(found: Diagnosis) -> str:
