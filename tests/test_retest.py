@@ -86,6 +86,8 @@ def test_a_side_that_speaks_against_a_better_fit_does_not_count_alone(ask, itsel
     """A memory that does not show about a replica without it. Without it 106 squares are left there; 70 scatter by 12."""
     assert ask(1.0, 8600.0, itself=itself).trial.reduction == reduction
     assert ask(8600.0, 1.0, itself=itself).trial.reduction == 1.0  # not needed about itself
+    # A false memory of 0.7 m: with weights of its own it leaves a larger deviance than the law.
+    assert ask(1.0, 8600.0, itself=itself, worse=True).trial.reduction == 1.0
 
 
 def test_what_fits_worse_about_itself_than_nothing_has_no_evidence_from_both_sides(ask):

@@ -230,9 +230,10 @@ def retest(seen: Screen, here: Side, one: AboutItself) -> Retested | None:
     if shift > NUISANCE_SHIFT**2:
         return None
     reduction, least = float(np.mean(both)), min(both)
-    if 0.5 * least <= trial.penalty and not one.fits_better:
+    worse = own.fits_worse(here)
+    if 0.5 * least <= trial.penalty and (worse or not one.fits_better):
         reduction = least
-    if own.fits_worse(here) and not one.fits_as_well:
+    if worse and not one.fits_as_well:
         reduction = 0.0
     found = estimates(own.replica, fitted, variant, own.weights, reduction)
     if intervals_contain_null(found, variant):
