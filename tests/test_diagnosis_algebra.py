@@ -12,7 +12,8 @@ from scipy import linalg
 from wsp_env.diagnosis.balances import Rows
 from wsp_env.diagnosis.gls import Projector, fit
 from wsp_env.diagnosis.locate import change_points
-from wsp_env.diagnosis.search import _net_by_run, held_out_rows
+from wsp_env.diagnosis.net import net_by_run
+from wsp_env.diagnosis.search import held_out_rows
 from wsp_env.diagnosis.triangular import inverse_of
 
 
@@ -116,7 +117,7 @@ def test_what_acts_in_one_run_stays_in_it_beside_a_law_that_all_runs_share():
     run = np.repeat([0, 1, 4], 4)  # run 2 and 3 do not slide
     law = SimpleNamespace(net=lambda columns: (columns - 0.1 * columns.mean(axis=0), None))
     alone, shared, nothing = np.where(run == 1, 3.0, 0.0), np.where(run < 4, 3.0, 0.0), np.zeros(12)
-    found = _net_by_run(law, np.column_stack([alone, shared, nothing]), run)
+    found = net_by_run(law, np.column_stack([alone, shared, nothing]), run)
     assert found[:, 0] == pytest.approx(np.where(run == 1, 2.9, 0.0))
     assert found[:, 1] == pytest.approx(shared - 0.2)
     assert not found[:, 2].any()

@@ -15,9 +15,9 @@ from wsp_env.diagnosis.candidates import variants
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.evaluate import Evaluator, Model
 from wsp_env.diagnosis.forces import Forces
+from wsp_env.diagnosis.net import Law, candidate
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.replica_slips import _FLAT_S, required_slips
-from wsp_env.diagnosis.search import _Law, candidate
 from wsp_env.diagnosis.stops import BLOCK_S, SLIP_MPS, VEHICLE_BLOCK_S, PreparedStop, least_slip, prepare, smooth_wheels
 from wsp_env.diagnosis.swings import swings
 from wsp_env.diagnosis.trials import weights_of
@@ -249,7 +249,7 @@ def test_times_below_some_samples_are_no_effects(sound):
     """Channels of one logger are read within a sample of each other: the small size is 0.6 of a sample at least."""
     replica = Replica(sound, LAW)
     base, whitening = replica.raw(LAW), replica.whitening(LAW)
-    law = _Law(replica, LAW, base, whitening)
+    law = Law(replica, LAW, base, whitening)
     for name in ("wheel_speed_lag", "clock_offset", "brake_delay"):
         variant = next(one for one in variants(replica) if one.name == name)
         found = candidate(replica, LAW, base, law, variant)

@@ -18,7 +18,7 @@ from wsp_env.diagnosis.candidates import switched, unavailable, variants
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import baseline
 from wsp_env.diagnosis.interest import Compared
-from wsp_env.diagnosis.search import net_effect
+from wsp_env.diagnosis.net import net_effect
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.parameters.uic_z1 import BOGIE, COACH
 from wsp_env.plant.longitudinal.along import Belief, Trajectory, along, model

@@ -7,8 +7,9 @@ import numpy as np
 
 from wsp_env.diagnosis.fitting import Fitted
 from wsp_env.diagnosis.interest import StopChange
+from wsp_env.diagnosis.net import net_effect
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.search import Found, Screen, net_effect
+from wsp_env.diagnosis.search import Found, Screen
 from wsp_env.diagnosis.trials import FORM, INDISTINCT, Trial
 
 

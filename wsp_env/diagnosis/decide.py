@@ -20,10 +20,11 @@ from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.exchange import exchanged
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit
 from wsp_env.diagnosis.form_errors import FormErrorThreshold
+from wsp_env.diagnosis.net import net_effect
 from wsp_env.diagnosis.noise import NoiseParameters
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.retest import LARGE_CHANGE, Retested, Side, about_itself, begun, converge_reweighted, own_side, retest
-from wsp_env.diagnosis.search import Screen, net_effect, screen
+from wsp_env.diagnosis.search import Screen, screen
 from wsp_env.diagnosis.side_by_side import side_by_side
 from wsp_env.diagnosis.structure import structured
 from wsp_env.diagnosis.trials import (

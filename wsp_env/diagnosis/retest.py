@@ -21,9 +21,10 @@ from wsp_env.diagnosis.estimates import estimates, intervals_contain_null, withi
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, refit, replica_of
 from wsp_env.diagnosis.form_errors import forms
+from wsp_env.diagnosis.net import net_effect
 from wsp_env.diagnosis.noise import Noise, NoiseParameters
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.search import Screen, net_effect
+from wsp_env.diagnosis.search import Screen
 from wsp_env.diagnosis.side_by_side import side_by_side
 from wsp_env.diagnosis.trials import SURE, ReplicaNoise, Trial, form_of, freed, log_odds
 

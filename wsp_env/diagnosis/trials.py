@@ -13,10 +13,11 @@ from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh, weights_from
 from wsp_env.diagnosis.interest import StopChange
+from wsp_env.diagnosis.net import net_effect
 from wsp_env.diagnosis.noise import Noise, NoiseParameters, noise_from_parameters, noise_of
 from wsp_env.diagnosis.readings import of_noise
 from wsp_env.diagnosis.replica import OF_TIME, OF_TORQUE, Replica
-from wsp_env.diagnosis.search import Found, Screen, net_effect
+from wsp_env.diagnosis.search import Found, Screen
 from wsp_env.diagnosis.side_by_side import side_by_side
 from wsp_env.diagnosis.variation import nuisances
 from wsp_env.plant.mechanisms import ALL

@@ -9,7 +9,7 @@ from wsp_env.diagnosis.accepted import Accepted
 from wsp_env.diagnosis.answer import Worth
 from wsp_env.diagnosis.decide import Outcome
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.search import net_change
+from wsp_env.diagnosis.net import net_change
 from wsp_env.diagnosis.trials import FORM, form_of
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import Campaign
