@@ -145,8 +145,8 @@ def adhesion(slip_speed: float, speed: float, normal_load: float, on: Surface, t
 _adhesion_in_batches = with_math(adhesion, elementary)
 
 
-#: Contacts that the compiler works on at once. What is left of a number beyond its multiples goes one by one, at eight times
-#: the cost.
+#: Contacts by the paper's recovery that the compiler works on at once. What is left of a number beyond its multiples goes one
+#: by one, at eight times the cost. Other recoveries are solved one by one anyway.
 _LANES = 8
 
 
@@ -171,11 +171,10 @@ _adhesions_by_paper, _adhesions_in_general = _adhesions(True), _adhesions(False)
 @kernel
 def adhesions(met: np.ndarray, count: int, law: DegradedLaw, found: np.ndarray) -> None:
     """Evaluate the law of many contacts at once, see `wsp_env.contact.port.tractions`."""
-    whole = min((count + _LANES - 1) // _LANES * _LANES, met.shape[1])
     if law == paper_recovery(law):
-        _adhesions_by_paper(met, whole, law, found)
+        _adhesions_by_paper(met, min((count + _LANES - 1) // _LANES * _LANES, met.shape[1]), law, found)
     else:
-        _adhesions_in_general(met, whole, law, found)
+        _adhesions_in_general(met, count, law, found)
 
 
 def _loop(output: int, paper: bool) -> Callable[..., None]:

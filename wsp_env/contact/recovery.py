@@ -25,8 +25,9 @@ def kept_by_shape(rest: float, gap: float, a: float, offset: float, exponent: fl
         f = low
         for _ in range(60):
             u = max(a * f - offset, _WORK_FLOOR)
-            kept = math.exp(-(u**exponent))
-            steep = 1.0 - gap * kept * exponent * u ** (exponent - 1.0) * a
+            power = u**exponent
+            kept = math.exp(-power)
+            steep = 1.0 - gap * kept * exponent * power / u * a
             step = (rest - gap * kept - f) / steep if steep > 0.0 else math.inf
             if a * (f + step) - offset > bend:
                 f = rest
@@ -37,10 +38,12 @@ def kept_by_shape(rest: float, gap: float, a: float, offset: float, exponent: fl
     if f == rest:
         for _ in range(60):
             u = max(a * f - offset, _WORK_FLOOR)
-            kept = math.exp(-(u**exponent))
-            step = (f - rest + gap * kept) / (1.0 - gap * kept * exponent * u ** (exponent - 1.0) * a)
+            power = u**exponent
+            kept = math.exp(-power)
+            step = (f - rest + gap * kept) / (1.0 - gap * kept * exponent * power / u * a)
             f -= step
             if abs(step) <= 1e-15:
                 break
     u = max(a * f - offset, _WORK_FLOOR)
-    return math.exp(-(u**exponent)), exponent * u ** (exponent - 1.0)
+    power = u**exponent
+    return math.exp(-power), exponent * power / u
