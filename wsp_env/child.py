@@ -20,7 +20,7 @@ from numba.core import event
 try:
     import resource
 except ImportError:  # Windows
-    resource = None  # type: ignore[assignment]
+    resource = None  # type: ignore[assignment]  # not there on Windows
 
 #: Clock time per processor time that is allowed: so slow a busy machine may be (assumption).
 CLOCK_PER_CPU = 30.0

@@ -34,7 +34,7 @@ def unpack(content: bytes, folder: Path) -> None:
             if not file.resolve().is_relative_to(folder.resolve()):
                 raise ValueError(f"{name} leads out of the folder that it was packed for")
             data = archive.read(name)
-            write_whole(file, lambda stream, data=data: stream.write(data))  # type: ignore[misc]
+            write_whole(file, lambda stream, data=data: stream.write(data))  # type: ignore[misc]  # a default of a lambda
 
 
 @dataclasses.dataclass(frozen=True)

@@ -187,7 +187,7 @@ def reduced(body: Writer, array: Value, name: str, axis: int | None, keep: bool 
     if not shape:
         return found
     made = (*shape, 1) if keep else shape
-    return Value(Array(found.type, made), element=lambda at: found)  # type: ignore[arg-type]
+    return Value(Array(found.type, made), element=lambda at: found)  # type: ignore[arg-type]  # a scalar
 
 
 def made(kind: Scalar, shape: tuple[Any, ...], code: str) -> Value:

@@ -102,7 +102,7 @@ class Expressions(Operators):
     def _tuple(self, node: ast.Tuple) -> Value:
         values = [self.as_number(self.expression(one)) for one in node.elts]
         if all(isinstance(value.type, Known) for value in values):
-            return Value(Known(tuple(value.type.value for value in values)))  # type: ignore[union-attr]
+            return Value(Known(tuple(value.type.value for value in values)))  # type: ignore[union-attr]  # all are known
         texts = [value.code for value in values if not kinds.erased(value.type)]
         return Value(Several(tuple(value.type for value in values)), f"{{{', '.join(texts)}}}")
 

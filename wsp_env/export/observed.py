@@ -38,7 +38,7 @@ def observed_unit(name: str, title: str, prefix: str, vehicle: Vehicle, interval
     settings, p = names[SETTINGS]._fields, controller.parameters
     plan = kinds.variable(t.type_of(controller._plan), "self->plan")
     timers = tuple(float(getattr(p, one)) for one in _TIMERS)
-    seen = guarded_observer(t, vehicle, interval_s, "self->plan.command", timers)  # type: ignore[arg-type]
+    seen = guarded_observer(t, vehicle, interval_s, "self->plan.command", timers)  # type: ignore[arg-type]  # as many as _TIMERS
     table = kinds.Array(kinds.REAL, (kinds.BATCH, len(settings)), const=True)
     control = t.call(names[KERNEL], [kinds.variable(table, "self->settings"), plan, seen.memory, seen.constants], None)
     parameters = [parameter(p, one) for one in (*settings, *_TIMERS)]

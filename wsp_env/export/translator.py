@@ -200,7 +200,7 @@ class Translator:
         text = "\n".join(body.lines)
         unused = [f"    (void){own};" for own, _ in parameters if not re.search(rf"\b{re.escape(own)}\b", text)]
         by_value = returns is None or (isinstance(returns, Array) and returns.sizes) or isinstance(returns, Known)
-        head = f"static {'void' if by_value else self.c_type(returns)} {name}("  # type: ignore[arg-type]
+        head = f"static {'void' if by_value else self.c_type(returns)} {name}("  # type: ignore[arg-type]  # None: by_value
         said = fits(first_paragraphs(source.docstring), "") if source.docstring else []
         declared = listed(head, [one for _, one in parameters] or ["void"], ")")
         self.functions.append("\n".join([*said, declared, "{", *unused, *body.lines, "}"]))

@@ -59,7 +59,7 @@ class CampaignVehicle(Checked):
 def check_missing(missing: object, axles: int) -> None:
     """Raise `ParameterError` unless `missing` are axles from 1, each once, with one left."""
     whole = isinstance(missing, tuple) and all(type(k) is int and 1 <= k <= axles for k in missing)
-    if not whole or len(set(missing)) != len(missing) or len(missing) >= axles:  # type: ignore[arg-type,call-overload]
+    if not whole or len(set(missing)) != len(missing) or len(missing) >= axles:  # type: ignore[arg-type,call-overload]  # whole: a tuple
         raise ParameterError(
             f"missing_axles = {list(missing) if isinstance(missing, tuple) else missing!r} must be a list of axles from 1 to "
             f"{axles}, each once, and leave one"

@@ -116,7 +116,7 @@ def braked(choice: Choice) -> dict[str, Any]:
 
     env = gym.make(choice.id, **choice.options)
     _, info = env.reset(seed=choice.seed, options=choice.pins)
-    batch = env.unwrapped.batch  # type: ignore[attr-defined]
+    batch = env.unwrapped.batch  # type: ignore[attr-defined]  # gymnasium: any environment
     controller = load(choice.controller)
     controller.reset(1, batch.vehicle)
     rows, locked, ended, terminated = [[info[name] for name in _KEPT]], np.zeros(batch.vehicle.axles), False, False
