@@ -58,11 +58,11 @@ def test_pressures_alone_or_torques_alone_have_no_actuator_balance(tmp_path):
     campaign = campaign_with(tmp_path / "c")
     file = tmp_path / "c" / "campaign.toml"
     text = file.read_text(encoding="utf-8")
-    for source in ('brake_torque_source = "cylinder pressure times the nominal gain"', "torque_per_bar_nm = 3000.0"):
-        file.write_text(text.replace('brake_torque_source = "measured"', source), encoding="utf-8")
-        computed = read_campaign(tmp_path / "c")
-        assert all(one.pressed is None for one in prepare(computed)[0])
-        assert not computed.vehicle.torque_is_measured
+    source = 'brake_torque_source = "cylinder pressure times the nominal gain"'
+    file.write_text(text.replace('brake_torque_source = "measured"', source), encoding="utf-8")
+    computed = read_campaign(tmp_path / "c")
+    assert all(one.pressed is None for one in prepare(computed)[0])
+    assert not computed.vehicle.torque_is_measured
     assert campaign.vehicle.torque_is_measured
 
 

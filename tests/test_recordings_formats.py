@@ -316,3 +316,27 @@ def test_files_that_are_none(tmp_path, suffix, content):
         toml.write(f'[runs.A1]\nfile = "A1{suffix}"\n')
     with pytest.raises(CampaignError, match=rf"A1\{suffix}"):
         read_campaign(folder)
+
+
+@pytest.mark.parametrize("pressures", [True, False])
+@pytest.mark.parametrize("torques", [True, False])
+def test_torques_are_computed_only_where_a_file_has_none(tmp_path, columns, torques, pressures):
+    """A vehicle may state its nominal gain, whatever was recorded: a torque that was measured is not replaced by it."""
+    per_bar, off = 3000.0, 1.1  # the nominal gain, and that of the true brake over it
+    kept = {name: values for name, values in columns.items() if torques or "torque" not in name}
+    for k in range(1, AXLES + 1):
+        if pressures:
+            kept[f"axle{k}_cylinder_pressure_bar"] = columns[f"axle{k}_brake_torque_nm"] / (off * per_bar)
+    folder = write_campaign(tmp_path / "both", {"A1": kept}, tune=["A1"])
+    file = folder / "campaign.toml"
+    file.write_text(file.read_text().replace("wheel_radius_m", f"torque_per_bar_nm = {per_bar}\nwheel_radius_m"))
+    if not (torques or pressures):
+        with pytest.raises(CampaignError, match="lacks the column axle1_cylinder_pressure_bar"):
+            read_campaign(folder)
+        return
+    campaign = read_campaign(folder)
+    run = campaign.runs["A1"]
+    expected = columns["axle1_brake_torque_nm"] / (1.0 if torques else off)
+    assert_allclose(run.brake_torque_nm[:, 0], expected, rtol=1e-9, atol=1e-6)
+    assert campaign.vehicle.torque_is_measured == torques
+    assert (run.cylinder_pressure_bar is not None) == pressures

@@ -179,7 +179,7 @@ def torque_per_bar(campaign: Campaign) -> float:
             turning = vehicle.wheel_radius_m * run.wheel_speed_radps > LOCKED_MPS
             both += float((run.brake_torque_nm * run.cylinder_pressure_bar)[turning].sum())
             square += float((run.cylinder_pressure_bar**2)[turning].sum())
-    return max(both / square, 0.0) if square > 0.0 else 0.0
+    return max(both / square, 0.0) if square > 0.0 else vehicle.torque_per_bar_nm
 
 
 def channel_noise(run: Recording, speed: SpeedNoise, per_bar: float = 0.0) -> Noise:

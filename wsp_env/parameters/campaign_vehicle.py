@@ -8,6 +8,8 @@ from wsp_env.parameters.uic_z1 import usual_positions
 from wsp_env.parameters.vehicle import MOST_AXLES, Brake, Vehicle, check_bodies, usual_bodies
 
 _SOURCE = "the campaign"
+#: A `brake_torque_source` other than "measured".
+FROM_PRESSURE = "cylinder pressure times the nominal gain"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -21,16 +23,16 @@ class CampaignVehicle(Checked):
     gravity_mps2: float = quantity(9.81, "m/s2", _SOURCE, 9.0, 10.0)
     axle_positions_m: tuple[float, ...] = quantity((), "m", _SOURCE, -1e4, 1e4)  # rising; made to start with 0
     resistance_n: tuple[float, ...] = quantity((0.0, 0.0, 0.0), "N, N s/m, N s2/m2", _SOURCE, 0.0, 1e6)  # A + B v + C v2
-    # [Nm/bar] of a wheelset, for files with cylinder pressures but no torques; 0: the files have torques
+    # [Nm/bar] nominal, of a wheelset; needed where files have cylinder pressures but no torques. 0: unknown
     torque_per_bar_nm: float = quantity(0.0, "N m/bar", _SOURCE, 0.0, 1e6)
     bodies: tuple[tuple[int, ...], ...] = ()  # axles of each bogie, body by body from the front; empty: the usual ones
     missing_axles: tuple[int, ...] = ()  # from 1: without sensors; their mass and brake stay
-    brake_torque_source: str = "measured"  # or "cylinder pressure times the nominal gain": then itself a model
+    brake_torque_source: str = "measured"  # or `FROM_PRESSURE`: then itself a model
 
     @property
     def torque_is_measured(self) -> bool:
         """Whether the brake torque was measured, not computed from the cylinder pressure."""
-        return self.brake_torque_source == "measured" and self.torque_per_bar_nm == 0.0
+        return self.brake_torque_source == "measured"
 
     def __post_init__(self) -> None:
         """Check the ranges, and that tuples are as long as they must be; count the axles' positions from the leading one."""
@@ -51,8 +53,7 @@ class CampaignVehicle(Checked):
             raise ParameterError(f"resistance_n must be the three numbers [A, B, C], got {list(self.resistance_n)}")
         if self.brake_torque_source != "measured" and "pressure" not in str(self.brake_torque_source):
             raise ParameterError(
-                f'brake_torque_source = {shown(self.brake_torque_source)} is unknown; valid: "measured", '
-                '"cylinder pressure times the nominal gain"'
+                f'brake_torque_source = {shown(self.brake_torque_source)} is unknown; valid: "measured", "{FROM_PRESSURE}"'
             )
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from wsp_env.parameters import velim
-from wsp_env.parameters.campaign_vehicle import CampaignVehicle, check_missing
+from wsp_env.parameters.campaign_vehicle import FROM_PRESSURE, CampaignVehicle, check_missing
 from wsp_env.parameters.contact import ContactParameters
 from wsp_env.parameters.document import DocumentError, read_toml
 from wsp_env.parameters.quantity import ParameterError, number, replace, shown
@@ -125,6 +125,8 @@ def read_campaign(folder: Path, refuse: bool = True) -> Campaign:
         file, blank = _described(path, name, entry, vehicle, contact)
         runs[name] = read_recording(file, blank, mapping, vehicle, sample_time, refuse)
     runs = laid_out(runs, vehicle)
+    if any(run.torque_from_pressure for run in runs.values()):
+        vehicle = dataclasses.replace(vehicle, brake_torque_source=FROM_PRESSURE)
     return Campaign(str(head["name"]), tune, validate, sample_time, vehicle, contact, runs)
 
 

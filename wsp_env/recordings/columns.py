@@ -2,7 +2,7 @@
 
 import dataclasses
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +38,7 @@ def read_columns(
     mapping: Mapping[str, Source],
     sample_time_s: float,
     wheel_radius_m: float,
+    alternatives: Sequence[list[str]] = (),
 ) -> Columns:
     """Read channels of one file.
 
@@ -47,6 +48,7 @@ def read_columns(
     mapping : where channels come from (`channels.parse`); the others have their native columns
     sample_time_s : step of the common clock [s]
     wheel_radius_m : for wheel speeds recorded as speeds of the circumference
+    alternatives : further channels that must be there: those of the first list that the file has, else of the last one
 
     Raises
     ------
@@ -55,11 +57,18 @@ def read_columns(
 
     """
     opened = open_file(file)
+
+    def has(name: str) -> bool:
+        return name in mapping or channels.native(name).column in opened.units
+
+    if alternatives:
+        required = [*required, *next((some for some in alternatives if all(map(has, some))), alternatives[-1])]
+        optional = [name for name in optional if name not in required]
     _check_axles(opened, required, optional)
     sources = {name: mapping.get(name) or channels.native(name) for name in ["time", *required, *optional]}
     wanted = [name for name in required if name != "time"]
     opened.require([sources[name].column for name in ([] if opened.own_clocks else ["time"]) + wanted])
-    wanted += [name for name in optional if name in mapping or sources[name].column in opened.units]
+    wanted += [name for name in optional if has(name)]
     opened.require([sources[name].column for name in wanted])
     clocks = [column for name in wanted if (column := sources[name].time)]
     opened.require(clocks)

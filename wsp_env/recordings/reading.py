@@ -29,20 +29,24 @@ def read_recording(
     mapping : other people's columns, see `channels.parse`
     refuse : whether a channel in another unit, or of the wrong sign, is an error; otherwise the recording tells of it
 
+    Torques are computed from pressures only where the file has none.
+
     Raises
     ------
     CampaignError
         naming file, column and row; a `CampaignWarning` is given for everything that was repaired
 
     """
-    from_pressure = vehicle.torque_per_bar_nm > 0.0
-    needed = ("wheel_speed", "cylinder_pressure" if from_pressure else "brake_torque")
     axles = range(1, vehicle.axles + 1)
     there = [k for k in axles if k not in blank.missing_axles]
-    required = ["vehicle_speed", *(f"axle{k}_{channel}" for channel in needed for k in there)]
-    optional = ["position", *(f"axle{k}_{channel}" for channel in needed for k in blank.missing_axles)]
-    optional += [f"axle{k}_{channel}" for channel in _OPTIONAL if channel not in needed for k in axles]
-    columns = read_columns(file, required, optional, mapping, sample_time_s, vehicle.wheel_radius_m)
+    brakes = ("brake_torque", "cylinder_pressure") if vehicle.torque_per_bar_nm > 0.0 else ("brake_torque",)
+    required = ["vehicle_speed", *(f"axle{k}_wheel_speed" for k in there)]
+    optional = ["position", *(f"axle{k}_{channel}" for channel in ("wheel_speed", *brakes) for k in blank.missing_axles)]
+    optional += [f"axle{k}_{channel}" for channel in _OPTIONAL for k in axles]
+    alternatives = [[f"axle{k}_{channel}" for k in there] for channel in brakes]
+    columns = read_columns(file, required, optional, mapping, sample_time_s, vehicle.wheel_radius_m, alternatives)
+    from_pressure = not all(name in columns.values for name in alternatives[0])
+    needed = ("wheel_speed", "cylinder_pressure" if from_pressure else "brake_torque")
     for name in (f"axle{k}_{channel}" for channel in needed for k in blank.missing_axles):
         if name not in columns.values:
             columns.values[name] = np.full(len(columns.time_s), np.nan)
@@ -58,6 +62,7 @@ def read_recording(
         wheel_speed_radps=wheel_speed,
         brake_torque_nm=vehicle.torque_per_bar_nm * braked_by if from_pressure else braked_by,
         wheel_load_n=others["wheel_load"],
+        torque_from_pressure=from_pressure,
         cylinder_pressure_bar=braked_by if from_pressure else others["cylinder_pressure"],
         valve_command=others["valve_command"],
         position_m=columns.values.get("position"),

@@ -31,6 +31,7 @@ class Recording:
     position_m: np.ndarray | None = None  # (T,) [m]
     suspect: np.ndarray | None = None  # (T, axles) bool: repaired samples, never compared with the law; None: none
     warnings: tuple[str, ...] = ()  # what was repaired or looks wrong, and where
+    torque_from_pressure: bool = False  # whether the file has no torques, so that pressures times `torque_per_bar_nm` stand in
     start_is_known: bool = True  # whether somebody measured start_position_m
     missing_axles: tuple[int, ...] = ()  # from 1: without a usable sensor; their channels here stand in, see `missing`
     dead_channels: tuple[str, ...] = ()  # those of them whose channel is there and says nothing
