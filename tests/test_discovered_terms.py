@@ -9,8 +9,8 @@ from trial_cases import trial
 from wsp_env.diagnosis import discovered
 from wsp_env.diagnosis.accepted import Accepted
 from wsp_env.diagnosis.balances import ADHESION, VEHICLE
-from wsp_env.diagnosis.candidates import Candidate, Variant
-from wsp_env.diagnosis.discovered import MISREAD, NAME, axle_groups, curves, equation, slot_of, slot_of_title, terms
+from wsp_env.diagnosis.candidates import Candidate, Variant, located, refined
+from wsp_env.diagnosis.discovered import MISREAD, NAME, axle_groups, curves, equation, slot_of, slot_of_title, terms, unit_in
 from wsp_env.diagnosis.search import is_possible
 from wsp_env.diagnosis.verdict import has_another_form
 from wsp_env.plant.mechanisms.term_words import SLOTS
@@ -62,6 +62,28 @@ def test_a_model_holds_three_terms_of_the_plant_and_one_of_the_recorded_speed():
     assert not tried([of_plant] * 3 + [of_speed])
     # The next term has numbers of its own.
     assert {one.sizes[0] for one in tried([of_plant]) if one.name == NAME} == {"coefficient_2"}
+
+
+def test_a_refit_moves_a_bump_along_the_track_and_no_other_term():
+    """The search tries few places and widths."""
+    for one in tried([next(one for one in tried() if one.name == NAME)]):
+        bump = "place bump" in one.family
+        assert set(located(one)) == ({"scale_2", "second_scale_2"} if bump else set())
+        assert len(refined(one).sizes) == len(one.sizes) + 2 * bump
+        assert slot_of(refined(one)) == slot_of(one)
+
+
+@pytest.mark.parametrize(
+    ("family", "units"),
+    [
+        ("vehicle force by place bump", {"coefficient_2": "N", "scale_2": "m", "second_scale_2": "m", "low_2": "-"}),
+        ("brake torque by slip", {"coefficient_2": "N m / (m/s)", "scale_2": "-", "high_2": "m/s", "slot_2": "-"}),
+        ("recorded speed by time", {"coefficient": "m/s / (s)", "feature": "-"}),
+    ],
+)
+def test_parameters_of_terms_have_the_units_of_slot_and_feature(family, units):
+    one = next(one for one in tried([next(one for one in tried() if one.name == NAME)]) if one.family == family)
+    assert {name: unit_in(one, name) for name in units} == units
 
 
 def test_friction_by_the_rate_of_the_slip_can_only_rise():

@@ -14,13 +14,14 @@ from synthetic_stops import AXLES, stop, write_campaign
 
 import wsp_env  # noqa: F401  # registers the environments
 from wsp_env.diagnosis.balances import Balances
-from wsp_env.diagnosis.candidates import switched, unavailable, variants
+from wsp_env.diagnosis.candidates import Variant, refined, switched, unavailable, variants
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import baseline
 from wsp_env.diagnosis.interest import Compared
 from wsp_env.diagnosis.net import net_effect
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.parameters.uic_z1 import BOGIE, COACH
+from wsp_env.plant.card import Recorded
 from wsp_env.plant.longitudinal.along import Belief, Trajectory, along, model
 from wsp_env.plant.mechanisms import ALL, adhesion_patch, at_stop, sanding
 from wsp_env.recordings import read_campaign
@@ -301,6 +302,24 @@ def test_edges_of_a_patch_are_as_wide_as_they_are_said_to_be():
     assert_allclose(changed, -0.4 * adhesion_patch.inside(wide, at), atol=1e-12)
     box = np.array([adhesion_patch.friction_factor(adhesion_patch.Parameters(-0.4, **wide | {"edge_m": 0.5}), x) for x in at])
     assert_allclose(box, [1.0, 1.0, 0.8, 0.6, 0.6, 0.6, 0.8, 1.0, 1.0], atol=1e-9)
+
+
+def test_a_refit_does_not_sharpen_the_edges_of_a_patch_to_the_roughness_of_a_rail():
+    """The plant may have sharper ones; the friction of sound rails varies within metres, for all wheels of all runs alike."""
+    searched = Variant("adhesion_patch", ("change",), {"start_m": 100.0, "length_m": 60.0, "edge_m": 3.0})
+    wide = refined(searched)
+    moved = switched(Model(2e-4, (0.06,)), wide, np.array([-0.2, 100.0, 60.0, 0.6])).choice["adhesion_patch"]
+    assert moved == {"change": -0.2, "start_m": 100.0, "length_m": 60.0, "edge_m": 3.0}
+    recorded = Recorded(4, np.linspace(300.0, 600.0, 50))
+    assert {shape["edge_m"] for shape in adhesion_patch.stretches(recorded)} == {3.0}
+
+
+@given(length=st.floats(1.0, 1000.0), edge=st.floats(0.5, 100.0))
+def test_the_change_of_a_patch_is_reached_in_its_middle_and_half_of_it_where_it_is_said(length, edge):
+    reach = adhesion_patch.half_reach_m(length, edge)
+    p = adhesion_patch.Parameters(-0.4, 100.0, length, edge)
+    changed = [adhesion_patch.friction_factor(p, 100.0 + 0.5 * length + x) - 1.0 for x in (-reach, 0.0, reach)]
+    assert_allclose(changed, [-0.2, -0.4, -0.2], atol=1e-9)
 
 
 def test_the_rail_of_a_later_stop_recovers_sooner():

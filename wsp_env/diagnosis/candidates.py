@@ -39,6 +39,7 @@ class Variant:
     steps: tuple[float, ...] = ()  # finite-difference steps of the sizes; empty: the parameters' default steps
     family: str = ""  # of a term without a name: its description; terms that differ only in scale share it
     above: bool = False  # whether its only size must be above its null; below it, the size looks like noise
+    places: tuple[str, ...] = ()  # of a term: those of its fixed parameters that say where it acts
 
     @property
     def title(self) -> str:
@@ -136,15 +137,17 @@ def refined(variant: Variant) -> Variant:
 
 def located(variant: Variant) -> dict[str, float]:
     """Return those of the fixed parameters that say where a mechanism acts, and that a refit may move."""
-    return {name: value for name, value in variant.fixed.items() if parameter_of(variant.name, name).refit_step}
+    names = variant.places if variant.family else variant.fixed
+    return {name: variant.fixed[name] for name in names if parameter_of(variant.name, name).refit_step}
 
 
 def switched(model: Model, variant: Variant, values: np.ndarray) -> Model:
-    """Return a model with a variant switched on at given values of its sizes, clipped to their bounds."""
+    """Return a model with a variant switched on at given values of its sizes, clipped to what they can be and a refit tries."""
     parameters = {one.name: one for one in ALL[variant.name].parameters}
     given = dict(zip(variant.sizes, map(float, values), strict=True)) | variant.fixed
     whole = {name: one.null for name, one in parameters.items()} | dict(model.choice.get(variant.name, {})) | given
-    inside = {name: float(np.clip(value, parameters[name].low, parameters[name].high)) for name, value in whole.items()}
+    low = {name: max(one.low, one.refit_low) for name, one in parameters.items()}
+    inside = {name: float(np.clip(value, low[name], parameters[name].high)) for name, value in whole.items()}
     return dataclasses.replace(model, choice={**model.choice, variant.name: inside})
 
 

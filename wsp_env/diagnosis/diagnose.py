@@ -15,7 +15,7 @@ from wsp_env.diagnosis.candidates import unavailable, variants, without
 from wsp_env.diagnosis.convergence import converge_law
 from wsp_env.diagnosis.data_first import data_first
 from wsp_env.diagnosis.decide import Outcome, nothing, select
-from wsp_env.diagnosis.discovered import OF_WHEELS, Words, axles_on, equation, looks_like, slot_of, slot_of_title
+from wsp_env.diagnosis.discovered import OF_WHEELS, Words, axles_on, equation, looks_like, slot_of, slot_of_title, unit_in
 from wsp_env.diagnosis.effects import course, curve, held_out
 from wsp_env.diagnosis.estimates import estimates, undetermined
 from wsp_env.diagnosis.evaluate import Model
@@ -245,6 +245,7 @@ def _discovered(replica: Replica, outcome: Outcome, one: Accepted, found: Qualit
     at, variant, found_values = outcome.accepted.index(one), one.trial.variant, _estimates(outcome, one)
     if variant.family:
         words, slot, like = equation(variant, outcome.fitted.model.choice[variant.name]), slot_of(variant), looks_like(variant)
+        found_values = {name: dataclasses.replace(value, unit=unit_in(variant, name)) for name, value in found_values.items()}
     else:
         said = f"as if {mechanism_words(variant.name, found_values)}, but in another form"
         words, slot, like = Words(said, axles_on(variant), ()), slot_of_title(variant.name), (one.words,)

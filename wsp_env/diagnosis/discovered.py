@@ -13,7 +13,7 @@ from wsp_env.diagnosis.candidates import Variant
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.plant.mechanisms import ALL, misread_speed
 from wsp_env.plant.mechanisms.discovered import TERMS
-from wsp_env.plant.mechanisms.term_words import FEATURES, SLOTS, axles_of, equation_of, mask_of
+from wsp_env.plant.mechanisms.term_words import FEATURES, SLOTS, axles_of, equation_of, mask_of, unit_of
 from wsp_env.plant.mechanisms.term_words import looks_like as physics_of
 from wsp_env.plant.mechanisms.terms import UNBOUNDED, Feature, Slot, Term
 
@@ -203,13 +203,15 @@ def _of(
 ) -> Variant:  # fmt: skip
     """Return the variant whose terms, numbered from n, are given features with their scales in one slot."""
     fixed: dict[str, float] = {}
+    places: list[str] = []
     for k, (feature, scale) in enumerate(parts, n):
         fixed |= {
             f"slot_{k}": float(slot), f"axles_{k}": mask_of(axles), f"feature_{k}": float(feature), f"scale_{k}": scale[0],
             f"second_scale_{k}": scale[1], f"low_{k}": -UNBOUNDED, f"high_{k}": UNBOUNDED,
         }  # fmt: skip
+        places += [f"scale_{k}", f"second_scale_{k}"] if feature is Feature.PLACE_BUMP else []
     sizes = tuple(f"coefficient_{k}" for k in range(n, n + len(parts)))
-    return Variant(NAME, sizes, fixed, (step,) * len(parts), _family(slot, axles, name), above)
+    return Variant(NAME, sizes, fixed, (step,) * len(parts), _family(slot, axles, name), above, tuple(places))
 
 
 class Words(NamedTuple):
@@ -224,8 +226,12 @@ def _terms_in(variant: Variant, values: Mapping[str, float]) -> list[Term]:
     """Return the terms of a variant, from the card's parameters."""
     if variant.name == MISREAD:
         return [misread_speed.term_of({"coefficient": 0.0} | dict(values))]
-    numbers = [size.removeprefix("coefficient_") for size in variant.sizes if size.startswith("coefficient_")]
-    return [Term(*(values.get(f"{field}_{n}", 0.0) for field in Term._fields)) for n in numbers]
+    return [Term(*(values.get(f"{field}_{n}", 0.0) for field in Term._fields)) for n in _numbers(variant)]
+
+
+def _numbers(variant: Variant) -> list[str]:
+    """Return the numbers of a variant's terms in the model."""
+    return [size.removeprefix("coefficient_") for size in variant.sizes if size.startswith("coefficient_")]
 
 
 def equation(variant: Variant, values: Mapping[str, float]) -> Words:
@@ -235,6 +241,13 @@ def equation(variant: Variant, values: Mapping[str, float]) -> Words:
         FEATURES[Feature(int(one.feature))].words.format(scale=one.scale, second_scale=one.second_scale) for one in found
     )
     return Words(", and ".join(map(equation_of, found)), axles_of(found[0].axles), features)
+
+
+def unit_in(variant: Variant, parameter: str) -> str:
+    """Return the unit of a parameter of a variant."""
+    field = parameter.rstrip("_0123456789")
+    at = 0 if variant.name == MISREAD else _numbers(variant).index(parameter.removeprefix(f"{field}_"))
+    return unit_of(_terms_in(variant, variant.fixed)[at], field)
 
 
 def slot_of(variant: Variant) -> str:

@@ -79,6 +79,7 @@ class Parameter(NamedTuple):
     fitted: bool = True  # False: the diagnosis leaves this size to another mechanism, or size, with the same trace
     rolled: bool = False  # a size: a distance that is rolled, as good as a time
     refit_step: float = 0.0  # of a shape: the step by which a refit moves it; 0: it stays where the search put it
+    refit_low: float = -math.inf  # of a shape: the lowest value that a refit tries, where recordings do not show lower ones
 
     @property
     def whole(self) -> bool:

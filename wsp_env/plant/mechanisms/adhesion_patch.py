@@ -1,6 +1,7 @@
 """A stretch of track on which the contaminated rail has a different friction.
 
-mu_cd is multiplied by 1 + change between `start_m` and `start_m + length_m`; the edges have the width `edge_m`. Crossings and
+mu_cd is multiplied by 1 + change between `start_m` and `start_m + length_m`; the edges have the width `edge_m`. However wide
+they are, `change` is reached in the middle: else a recording could not tell it from length and edges. Crossings and
 sprayed sections (the standard's sudden change of adhesion) have sharp edges, fallen leaves have wide ones. Form and sizes:
 assumption.
 """
@@ -16,9 +17,14 @@ from wsp_env.plant.card import Card, Parameter, Recorded, Said, Signature, perce
 
 #: Width of a sharp edge [m] (assumption: about an axle distance; keeps the friction differentiable along the track).
 _SHARP_M = 2.0
+#: Width of the sharpest edge that is tried in recordings [m]. The friction of sound rails varies over as little
+#: (`wsp_env.diagnosis.variation`), alike for all wheels of all runs; a sharper edge would be fitted to that.
+_RESOLVED_M = 3.0
 
 #: Lengths of a patch that are tried in recordings [m]; positions are half a length apart (assumption).
 _LENGTHS_M = (30.0, 60.0, 120.0)
+#: Ratio of length to edges from which on half of the change is reached where the patch begins; cosh of more overflows.
+_SHARP_RATIO = 100.0
 #: Longer than a stop [m]: of such a patch, one end lies beyond what was recorded (assumption).
 _LONGER_M = 3000.0
 
@@ -39,7 +45,7 @@ def friction_factor(p: Parameters, place_m: float) -> float:
         return 1.0
     entered = math.tanh((place_m - p.start_m) / p.edge_m)
     left = math.tanh((place_m - p.start_m - p.length_m) / p.edge_m)
-    return 1.0 + 0.5 * p.change * (entered - left)
+    return 1.0 + 0.5 * p.change * (entered - left) / math.tanh(0.5 * p.length_m / p.edge_m)
 
 
 def stretches(recorded: Recorded) -> list[dict[str, float]]:
@@ -48,7 +54,7 @@ def stretches(recorded: Recorded) -> list[dict[str, float]]:
         return []
     first, last = np.quantile(recorded.places_m, [0.01, 0.99])
     return [
-        {"start_m": float(start), "length_m": length, "edge_m": _SHARP_M}
+        {"start_m": float(start), "length_m": length, "edge_m": _RESOLVED_M}
         for length in _LENGTHS_M
         for start in np.arange(first - length / 2, last - length / 4, length / 2)
     ]
@@ -57,13 +63,21 @@ def stretches(recorded: Recorded) -> list[dict[str, float]]:
 def inside(shape: Mapping[str, float], place_m: np.ndarray) -> np.ndarray:
     """Return the derivative (n,) of log mu_cd by a small change, at places (n,) [m]; see `friction_factor`."""
     entered, left = place_m - shape["start_m"], place_m - shape["start_m"] - shape["length_m"]
-    result: np.ndarray = 0.5 * (np.tanh(entered / shape["edge_m"]) - np.tanh(left / shape["edge_m"]))
+    edge, middle = shape["edge_m"], np.tanh(0.5 * shape["length_m"] / shape["edge_m"])
+    result: np.ndarray = 0.5 * (np.tanh(entered / edge) - np.tanh(left / edge)) / middle
     return result
 
 
+def half_reach_m(length_m: float, edge_m: float) -> float:
+    """Return the distance from the middle [m] within which the change is at least half of that in the middle."""
+    ratio = length_m / edge_m
+    return 0.5 * edge_m * math.acosh(math.cosh(ratio) + 2.0) if ratio < _SHARP_RATIO else 0.5 * length_m
+
+
 def where(values: Mapping[str, float]) -> dict[str, str]:
-    """Return where the patch is, for the sentence; of one longer than a stop, only the end that was recorded."""
-    start_m, end_m = values["start_m"], values["start_m"] + values["length_m"]
+    """Return where at least half of the change is, for the sentence; of a patch longer than a stop, only its recorded end."""
+    middle_m, reach_m = values["start_m"] + 0.5 * values["length_m"], half_reach_m(values["length_m"], values["edge_m"])
+    start_m, end_m = middle_m - reach_m, middle_m + reach_m
     if values["length_m"] <= _LONGER_M:
         return {"where": f"from {start_m:.0f} m to {end_m:.0f} m"}
     return {"where": f"up to {end_m:.0f} m" if start_m < 0.0 else f"from {start_m:.0f} m on"}
@@ -77,7 +91,16 @@ CARD = Card(
         Parameter("start_m", "m", 0.0, 200.0, -1e5, 1e6, "assumption: place along the track", "shape", refit_step=2.0),
         Parameter("length_m", "m", 100.0, 100.0, 1.0, 1e5, "assumption: length of the patch", "shape", refit_step=2.0),
         Parameter(
-            "edge_m", "m", _SHARP_M, _SHARP_M, 0.5, 100.0, "assumption: 0.76 of its change within", "shape", refit_step=0.5
+            "edge_m",
+            "m",
+            _SHARP_M,
+            _SHARP_M,
+            0.5,
+            100.0,
+            "assumption: 0.76 of its change within",
+            "shape",
+            refit_step=0.5,
+            refit_low=_RESOLVED_M,
         ),
     ),
     record=Parameters,

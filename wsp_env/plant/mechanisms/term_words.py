@@ -40,7 +40,7 @@ FEATURES: dict[Feature, Described] = {
     Feature.COSINE: Described("cos(2 pi {scale:g} Hz t)", "-", ("Hz", "")),
     Feature.WHEEL_SINE: Described("sin({scale:g} x wheel angle)", "-", ("1/turn", "")),
     Feature.WHEEL_COSINE: Described("cos({scale:g} x wheel angle)", "-", ("1/turn", "")),
-    Feature.PLACE_BUMP: Described("a bump {second_scale:g} m long about {scale:g} m along the track", "-", ("m", "m")),
+    Feature.PLACE_BUMP: Described("a bump {second_scale:.0f} m long about {scale:.0f} m along the track", "-", ("m", "m")),
     Feature.WHEEL_DIFFERENCE: Described("circumferential speed beyond the other wheels' mean", "m/s"),
     Feature.WORK: Described("friction work done so far", "MJ"),
     Feature.BUILT_UP: Described(
@@ -168,20 +168,29 @@ def _per(term: Term) -> tuple[str, str]:
     return f" per {described.unit} of {words}", ""
 
 
+def unit_of(term: Term, field: str) -> str:
+    """Return the unit of a field of a term."""
+    described, own = FEATURES[Feature(int(term.feature))], SLOTS[Slot(int(term.slot))][1]
+    if field == "coefficient":
+        return own if described.unit == "-" else f"{own} / ({described.unit})"
+    units = {"scale": described.scale[0], "second_scale": described.scale[1], "low": described.unit, "high": described.unit}
+    return units.get(field, "") or "-"
+
+
 def equation_of(term: Term) -> str:
     """Return a term in words: "650 N m on axle 1 while braking"."""
     slot, axles = Slot(int(term.slot)), _axles(term.axles)
-    size, (per, behind) = abs(term.coefficient), _per(term)
+    size, (per, behind) = float(f"{abs(term.coefficient):.3g}"), _per(term)
     rises = "rises" if term.coefficient > 0.0 else "falls"
     if slot is Slot.BRAKE_TORQUE:
         less = "" if term.coefficient > 0.0 else " less"
-        return f"{size:.3g} N m{less}{per} on {axles}{behind}"
+        return f"{size:g} N m{less}{per} on {axles}{behind}"
     if slot is Slot.FRICTION:
         return f"friction of {axles} {rises} by {100.0 * size:.3g} %{per}{behind}"
     if slot is Slot.RECOVERY:
-        return f"recovery rate of {axles} {rises} by a factor of {math.exp(min(size, 700.0)):.3g}{per}{behind}"
+        return f"recovery rate of {axles} {rises} by a factor of {math.exp(min(abs(term.coefficient), 700.0)):.3g}{per}{behind}"
     if slot is Slot.RECORDED_SPEED:
-        return f"recorded speed too {'high' if term.coefficient > 0.0 else 'low'} by {size:.3g} m/s{per}{behind}"
+        return f"recorded speed too {'high' if term.coefficient > 0.0 else 'low'} by {size:g} m/s{per}{behind}"
     way = "against" if term.coefficient > 0.0 else "along"
     where = "" if not axles_of(term.axles) else f" (of {axles})"
-    return f"{size:.3g} N {way} the motion{per}{behind}{where}"
+    return f"{size:g} N {way} the motion{per}{behind}{where}"

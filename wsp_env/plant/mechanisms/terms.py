@@ -55,7 +55,7 @@ class Feature(IntEnum):
     TORQUE_SINE = 25  # believed torque over full torque, times sin(scale x wheel angle) [-] (per turn of the wheel)
     TORQUE_COSINE = 26  # the same with the cosine [-] (per turn of the wheel)
     TORQUE_PLAY = 27  # believed torque over full torque, negative while rising, positive while falling [-] (share of it, play)
-    SETTLING = 28  # exp(-time since braking began / scale) [-] (s)
+    SETTLING = 28  # exp(-time since braking began / scale), 0 before [-] (s)
     TORQUE_SETTLING = 29  # believed torque over full torque, times the same [-] (s)
 
 
@@ -188,7 +188,8 @@ def _feature(code: int, scale: float, second: float, past: Past, doing: Doing) -
     if code == _TORQUE_COSINE:
         return share * math.cos(scale * doing.angle_rad) * _kept_by_mean(scale * doing.wheel, doing.mean_s)
     if code in (_SETTLING, _TORQUE_SETTLING):
-        return (share if code == _TORQUE_SETTLING else 1.0) * math.exp(-past.braked_s / max(scale, _LEAST))
+        decays = math.exp(-past.braked_s / max(scale, _LEAST)) if past.braked_s > 0.0 else 0.0
+        return share * decays if code == _TORQUE_SETTLING else decays
     if code == _TORQUE_PLAY:
         return (past.lagged - share) / max(scale, _LEAST)
     if code == _PLACE_BUMP:
