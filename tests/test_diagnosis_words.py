@@ -114,6 +114,8 @@ def test_a_term_without_a_name_is_said_with_its_equation_and_what_it_looks_like(
     assert "brake torque on axle 3" in test
     plain = dataclasses.replace(term, features=())
     assert next_test("discovered", (), {}, (), (plain,)) == "the brake torque on axle 3 measured by itself"
+    bump = dataclasses.replace(term, slot="vehicle force", features=("a bump 140 m long about 307 m along the track",))
+    assert next_test("discovered", (), {}, (), (bump,)).endswith("earlier: the vehicle force must stay at its place")
 
 
 def test_an_unknown_cause_is_said_with_the_balance_that_is_off():

@@ -296,6 +296,10 @@ def test_axles_are_a_mask():
             "3500 N against the motion, times sin(2 pi 0.283 Hz t)",
         ),
         (
+            Term(6545.6, Slot.VEHICLE_FORCE, 0.0, Feature.PLACE_BUMP, 306.81, 140.1),
+            "6550 N against the motion at most, in a bump 140 m long about 307 m along the track",
+        ),
+        (
             Term(-0.01, Slot.RECORDED_SPEED, 0.0, Feature.TIME),
             "recorded speed too low by 0.01 m/s per s of time since the start",
         ),

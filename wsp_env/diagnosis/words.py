@@ -133,6 +133,8 @@ def next_test(
 def _term_test(term: Discovered) -> str:
     """Return the test that would confirm a term."""
     axles = f" on axle {', '.join(map(str, term.axles))}" if term.axles else ""
+    if any(one.endswith("along the track") for one in term.features):
+        return f"stops that begin some 100 m earlier: the {term.slot} must stay at its place"
     alone = f"the {term.slot}{axles} measured by itself"
     return f"stops in which {' and '.join(term.features)} varies on purpose, with {alone}" if term.features else alone
 

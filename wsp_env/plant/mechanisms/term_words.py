@@ -163,6 +163,8 @@ def _per(term: Term) -> tuple[str, str]:
     words = described.words.format(scale=term.scale, second_scale=term.second_scale)
     if feature in (Feature.BRAKING, Feature.ALWAYS):
         return "", f" {words}"
+    if feature is Feature.PLACE_BUMP:
+        return "", f" at most, in {words}"
     if described.unit == "-":
         return "", f", times {words}"
     return f" per {described.unit} of {words}", ""
