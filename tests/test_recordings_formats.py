@@ -9,7 +9,8 @@ import pytest
 from numpy.testing import assert_allclose
 from synthetic_stops import AXLES, RADIUS_M, stop, write_campaign
 
-from wsp_env.recordings import CampaignError, CampaignWarning, read_campaign, readers, tune
+from wsp_env.recordings import CampaignError, CampaignWarning, read_campaign, readers, reading, tune
+from wsp_env.recordings.columns import read_columns
 
 NM_PER_BAR = 2500.0
 
@@ -340,3 +341,23 @@ def test_torques_are_computed_only_where_a_file_has_none(tmp_path, columns, torq
     assert_allclose(run.brake_torque_nm[:, 0], expected, rtol=1e-9, atol=1e-6)
     assert campaign.vehicle.torque_is_measured == torques
     assert (run.cylinder_pressure_bar is not None) == pressures
+
+
+def test_no_channel_of_a_missing_axle_is_asked_for_twice(tmp_path, columns, monkeypatch):
+    kept = {name: values for name, values in columns.items() if "torque" not in name}
+    for k in range(1, AXLES + 1):
+        kept[f"axle{k}_cylinder_pressure_bar"] = columns[f"axle{k}_brake_torque_nm"] / NM_PER_BAR
+    folder = write_campaign(tmp_path / "missing", {"A1": kept}, tune=["A1"])
+    file = folder / "campaign.toml"
+    more = f"torque_per_bar_nm = {NM_PER_BAR}\nmissing_axles = [2]\nwheel_radius_m"
+    file.write_text(file.read_text().replace("wheel_radius_m", more))
+    asked = []
+
+    def noted(file, required, optional, *rest):
+        asked.extend([*required, *optional])
+        return read_columns(file, required, optional, *rest)
+
+    monkeypatch.setattr(reading, "read_columns", noted)
+    run = read_campaign(folder).runs["A1"]
+    assert len(asked) == len(set(asked))
+    assert_allclose(run.brake_torque_nm[:, 1], columns["axle2_brake_torque_nm"], rtol=1e-9, atol=1e-6)

@@ -41,7 +41,7 @@ def read_recording(
     there = [k for k in axles if k not in blank.missing_axles]
     brakes = ("brake_torque", "cylinder_pressure") if vehicle.torque_per_bar_nm > 0.0 else ("brake_torque",)
     required = ["vehicle_speed", *(f"axle{k}_wheel_speed" for k in there)]
-    optional = ["position", *(f"axle{k}_{channel}" for channel in ("wheel_speed", *brakes) for k in blank.missing_axles)]
+    optional = ["position", *(f"axle{k}_{channel}" for channel in ("wheel_speed", "brake_torque") for k in blank.missing_axles)]
     optional += [f"axle{k}_{channel}" for channel in _OPTIONAL for k in axles]
     alternatives = [[f"axle{k}_{channel}" for k in there] for channel in brakes]
     columns = read_columns(file, required, optional, mapping, sample_time_s, vehicle.wheel_radius_m, alternatives)
