@@ -335,7 +335,7 @@ def test_terms_and_parameters_are_each_others_reverse():
 
 
 def test_is_no_name_of_the_library():
-    assert set(ALL) - set(LIBRARY) == {"discovered", "misread_speed"}
+    assert set(ALL) - set(LIBRARY) == {"discovered", "misread_speed", "misread_wheel"}
 
 
 def test_environment_brakes_differently(tmp_path):

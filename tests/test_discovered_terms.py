@@ -10,7 +10,18 @@ from wsp_env.diagnosis import discovered
 from wsp_env.diagnosis.accepted import Accepted
 from wsp_env.diagnosis.balances import ADHESION, VEHICLE
 from wsp_env.diagnosis.candidates import Candidate, Variant, located, refined
-from wsp_env.diagnosis.discovered import MISREAD, NAME, axle_groups, curves, equation, slot_of, slot_of_title, terms, unit_in
+from wsp_env.diagnosis.discovered import (
+    MISREAD,
+    MISREAD_WHEEL,
+    NAME,
+    axle_groups,
+    curves,
+    equation,
+    slot_of,
+    slot_of_title,
+    terms,
+    unit_in,
+)
 from wsp_env.diagnosis.search import is_possible
 from wsp_env.diagnosis.verdict import has_another_form
 from wsp_env.plant.mechanisms.term_words import SLOTS
@@ -54,12 +65,13 @@ def test_every_slot_is_tried_but_those_that_recordings_say_nothing_of():
     assert slots(tried(slides=False)) == set(names.values()) - {names[Slot.FRICTION], names[Slot.RECOVERY]}
 
 
-def test_a_model_holds_three_terms_of_the_plant_and_one_of_the_recorded_speed():
-    every = tried()
-    of_plant, of_speed = (next(one for one in every if one.name == name) for name in (NAME, MISREAD))
-    assert slots(tried([of_speed])) == slots(every) - {slot_of(of_speed)}
-    assert slots(tried([of_plant] * 3)) == {slot_of(of_speed)}
-    assert not tried([of_plant] * 3 + [of_speed])
+def test_a_model_holds_three_terms_of_the_plant_one_of_the_recorded_speed_and_one_of_a_wheel_sensor():
+    names = {NAME, MISREAD, MISREAD_WHEEL}
+    of_plant, of_speed, of_wheel = (next(one for one in tried() if one.name == name) for name in (NAME, MISREAD, MISREAD_WHEEL))
+    assert {one.name for one in tried([of_speed])} == names - {MISREAD}
+    assert {one.name for one in tried([of_wheel])} == names - {MISREAD_WHEEL}
+    assert {one.name for one in tried([of_plant] * 3)} == names - {NAME}
+    assert not tried([of_plant] * 3 + [of_speed, of_wheel])
     # The next term has numbers of its own.
     assert {one.sizes[0] for one in tried([of_plant]) if one.name == NAME} == {"coefficient_2"}
 
@@ -78,6 +90,7 @@ def test_a_refit_moves_a_bump_along_the_track_and_no_other_term():
     [
         ("vehicle force by place bump", {"coefficient_2": "N", "scale_2": "m", "second_scale_2": "m", "low_2": "-"}),
         ("brake torque by slip", {"coefficient_2": "N m / (m/s)", "scale_2": "-", "high_2": "m/s", "slot_2": "-"}),
+        ("wheel reading of axle 2 by time", {"coefficient": "- / (s)", "axles": "-"}),
         ("recorded speed by time", {"coefficient": "m/s / (s)", "feature": "-"}),
     ],
 )

@@ -19,7 +19,7 @@ from wsp_env.parameters.quantity import ParameterError
 from wsp_env.parameters.uic_z1 import BOGIE, COACH
 from wsp_env.plant.card import Passage
 from wsp_env.plant.longitudinal.along import Belief, Trajectory, along, model
-from wsp_env.plant.mechanisms import ALL, NULL, leading_axle_cleaning, make, wheel_speed_lag
+from wsp_env.plant.mechanisms import ALL, NULL, leading_axle_cleaning, make, misread_wheel, wheel_speed_lag
 
 every = pytest.mark.parametrize("name", ALL)
 STEP_S = 0.01
@@ -56,6 +56,10 @@ def recorded(name=None):
         for j in range(1, len(read)):
             read[j] = [wheel_speed_lag.reading(p, wheel[j, k], read[j - 1, k], wheel[j - 1, k], STEP_S) for k in range(4)]
         wheel = read
+    if name == "misread_wheel":
+        p, radius = misread_wheel.Parameters(**choice[name]), COACH.wheel_radius_m
+        read = [[misread_wheel.reading_factor(p, k, radius * w, 0.0) * w for k, w in enumerate(row)] for row in wheel]
+        wheel = np.array(read)
     speed = stops.recorded_speed_mps[:, i]
     trajectory = Trajectory(
         time_s=stops.time_s[:samples],

@@ -11,19 +11,21 @@ import numpy as np
 from wsp_env.diagnosis.balances import ADHESION
 from wsp_env.diagnosis.candidates import Variant
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.plant.mechanisms import ALL, misread_speed
+from wsp_env.plant.mechanisms import ALL, misread_speed, misread_wheel
 from wsp_env.plant.mechanisms.discovered import TERMS
 from wsp_env.plant.mechanisms.term_words import FEATURES, SLOTS, axles_of, equation_of, mask_of, unit_of
 from wsp_env.plant.mechanisms.term_words import looks_like as physics_of
 from wsp_env.plant.mechanisms.terms import UNBOUNDED, Feature, Slot, Term
 
-#: Cards that hold terms: the numbered terms of the plant, and the one error of the recorded speed.
-NAME, MISREAD = "discovered", misread_speed.CARD.name
+#: Cards that hold terms: the numbered terms of the plant, the one error of the recorded speed, and the one of a wheel sensor.
+NAME, MISREAD, MISREAD_WHEEL = "discovered", misread_speed.CARD.name, misread_wheel.CARD.name
+_ERRORS = {MISREAD: misread_speed.term_of, MISREAD_WHEEL: misread_wheel.term_of}
 
-#: Finite-difference steps of a coefficient by slot, for a feature of size 1 [N m], [-], [-], [N], [m/s]; small against the
-#: values in a stop.
+#: Finite-difference steps of a coefficient by slot, for a feature of size 1 [N m], [-], [-], [N], [m/s], [-]; small against
+#: the values in a stop.
 _STEPS = {
     Slot.BRAKE_TORQUE: 100.0, Slot.FRICTION: 0.02, Slot.RECOVERY: 0.1, Slot.VEHICLE_FORCE: 200.0, Slot.RECORDED_SPEED: 0.02,
+    Slot.WHEEL_READING: 0.002,
 }  # fmt: skip
 #: Usual sizes of features that are far from 1, in their units; used only for the steps.
 _USUAL = {
@@ -69,7 +71,10 @@ _SOME: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
         Feature.TORQUE_SETTLING: _SETTLING,
     },
     Slot.FRICTION: {Feature.SPEED: _ONE, Feature.BRAKING_TIME: _ONE},
+    Slot.WHEEL_READING: {Feature.SPEED: _ONE, Feature.TIME: _ONE},
 }
+#: Slots that one term fills, on the axles that it is given.
+_ONLY = {Slot.RECORDED_SPEED: MISREAD, Slot.WHEEL_READING: MISREAD_WHEEL}
 
 #: Slots, in words, of terms that act on each wheelset.
 OF_WHEELS = frozenset(SLOTS[slot][0] for slot in (Slot.BRAKE_TORQUE, Slot.FRICTION, Slot.RECOVERY))
@@ -130,10 +135,8 @@ def _closed(replica: Replica, n: int, accepted: Sequence[Variant]) -> set[Slot]:
     if not (replica.rows.balance == ADHESION).any():
         closed |= {Slot.FRICTION, Slot.RECOVERY}
     if n > TERMS:
-        closed |= set(Slot) - {Slot.RECORDED_SPEED}
-    if any(one.name == MISREAD for one in accepted):
-        closed.add(Slot.RECORDED_SPEED)
-    return closed
+        closed |= set(Slot) - set(_ONLY)
+    return closed | {slot for slot, name in _ONLY.items() if any(one.name == name for one in accepted)}
 
 
 def _all(replica: Replica, n: int, closed: Set[Slot]) -> Iterator[Variant]:
@@ -144,12 +147,13 @@ def _all(replica: Replica, n: int, closed: Set[Slot]) -> Iterator[Variant]:
             for scale in scales:
                 yield _variant(n, slot, (), feature, scale)
     groups = axle_groups(replica.vehicle.running_gear)
+    each = [one for one in groups if len(one) == 1]  # each axle has a sensor of its own
     for slot, features in _SOME.items():
         if slot in closed:
             continue
         for feature, scales in features.items():
             for scale in scales:
-                for axles in groups:
+                for axles in groups if slot is not Slot.WHEEL_READING else each:
                     yield _variant(n, slot, axles, feature, scale)
     if Slot.VEHICLE_FORCE in closed:
         return
@@ -178,8 +182,9 @@ def axle_groups(running_gear: Sequence[Sequence[int]]) -> list[tuple[int, ...]]:
 
 def _variant(n: int, slot: Slot, axles: tuple[int, ...], feature: Feature, scale: tuple[float, float]) -> Variant:
     step, name = _STEPS[slot] / _USUAL.get(feature, 1.0), feature.name.lower()
-    if slot is Slot.RECORDED_SPEED:
-        return Variant(MISREAD, ("coefficient",), {"feature": float(feature)}, (step,), _family(slot, axles, name))
+    if slot in _ONLY:
+        where = {"axles": mask_of(axles)} if slot is Slot.WHEEL_READING else {}
+        return Variant(_ONLY[slot], ("coefficient",), where | {"feature": float(feature)}, (step,), _family(slot, axles, name))
     parts = [(feature, scale)]
     if feature is Feature.TORQUE_SINE and n < TERMS:  # with its cosine, because the initial wheel angle is unknown
         parts.append((Feature.TORQUE_COSINE, scale))
@@ -224,8 +229,8 @@ class Words(NamedTuple):
 
 def _terms_in(variant: Variant, values: Mapping[str, float]) -> list[Term]:
     """Return the terms of a variant, from the card's parameters."""
-    if variant.name == MISREAD:
-        return [misread_speed.term_of({"coefficient": 0.0} | dict(values))]
+    if variant.name in _ERRORS:
+        return [_ERRORS[variant.name]({"coefficient": 0.0} | dict(values))]
     return [Term(*(values.get(f"{field}_{n}", 0.0) for field in Term._fields)) for n in _numbers(variant)]
 
 
@@ -246,7 +251,7 @@ def equation(variant: Variant, values: Mapping[str, float]) -> Words:
 def unit_in(variant: Variant, parameter: str) -> str:
     """Return the unit of a parameter of a variant."""
     field = parameter.rstrip("_0123456789")
-    at = 0 if variant.name == MISREAD else _numbers(variant).index(parameter.removeprefix(f"{field}_"))
+    at = 0 if variant.name in _ERRORS else _numbers(variant).index(parameter.removeprefix(f"{field}_"))
     return unit_of(_terms_in(variant, variant.fixed)[at], field)
 
 

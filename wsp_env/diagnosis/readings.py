@@ -14,10 +14,14 @@ from scipy.signal import lfilter
 from wsp_env.diagnosis.evaluate import Choice, Evaluation, Evaluator, Model, read_late
 from wsp_env.diagnosis.stops import PreparedStop
 from wsp_env.parameters.vehicle import Vehicle
-from wsp_env.plant.mechanisms import ALL
+from wsp_env.plant.mechanisms import ALL, misread_wheel
+from wsp_env.plant.mechanisms.terms import concerns
 from wsp_env.recordings import Campaign
 
 _ITERATIONS = 3  # iterations from true values to readings: the rate of a late reading is late, too
+
+
+_OF_SCALE = frozenset({"radii", "reading_factor"})  # slots that change by how much a wheel's reading errs, not its time
 
 
 def on_sensors(model: Model) -> Choice:
@@ -32,8 +36,14 @@ def of_noise(model: Model) -> Choice:
 
 
 def readings_of(model: Model) -> Choice:
-    """Return the mechanisms of a model that change readings; a wrong radius is excluded, because its reading is right."""
-    return {name: values for name, values in on_sensors(model).items() if "radii" not in ALL[name].acts}
+    """Return the mechanisms of a model that change what is read when; wrong scales of wheel sensors (a radius) are excluded."""
+    return {name: values for name, values in on_sensors(model).items() if not _OF_SCALE & ALL[name].acts.keys()}
+
+
+def misread_wheels(model: Model, axles: int) -> np.ndarray:
+    """Return the axles (A,) bool whose wheel-speed sensors a model says to misread by a share that changes."""
+    values = model.choice.get(misread_wheel.CARD.name)
+    return np.array([values is not None and concerns(values["axles"], k) for k in range(axles)])
 
 
 def correct_readings(campaign: Campaign, stops: Sequence[PreparedStop], readings: Choice) -> list[PreparedStop]:

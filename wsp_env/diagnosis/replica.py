@@ -29,7 +29,7 @@ import numpy as np
 from wsp_env.diagnosis.balances import ADHESION, Balances, Blocks, Rows, Whitening
 from wsp_env.diagnosis.evaluate import Choice, Evaluation, Evaluator, Model
 from wsp_env.diagnosis.loop import predicted
-from wsp_env.diagnosis.readings import correct_readings, on_sensors, readings_of, simulate_readings
+from wsp_env.diagnosis.readings import correct_readings, misread_wheels, on_sensors, readings_of, simulate_readings
 from wsp_env.diagnosis.replica_slips import braked, larger_radii, required_slips, rolling, true_slips
 from wsp_env.diagnosis.stops import PreparedStop
 from wsp_env.diagnosis.thinning import averaged
@@ -61,21 +61,22 @@ class Replica:
         self._readings: Choice = {}
         campaign = recorded.campaign
         right = recorded.like(correct_readings(campaign, recorded.sources, readings)) if readings else recorded
-        larger = larger_radii(right, baseline)
+        larger, misread = larger_radii(right, baseline), misread_wheels(model, recorded.axles)
+        wrong = (larger != 0.0) | misread  # wheels whose sensor does not show their slip
         evaluator = Evaluator(campaign, right.sources)
         found = evaluator(baseline)
-        true = true_slips(found, found if rest is baseline else evaluator(rest), right.sources, larger)
+        true = true_slips(found, found if rest is baseline else evaluator(rest), right.sources, np.where(misread, 0.0, larger))
         needed, kept = required_slips(right, evaluator, baseline, found, true)
-        made = [rolling(right, one, i, needed[i], kept[i], true[i], larger) for i, one in enumerate(found)]
+        made = [rolling(right, one, i, needed[i], kept[i], true[i], wrong) for i, one in enumerate(found)]
         forces = Evaluator(campaign, made)(baseline)
         balanced = [braked(right, stop, one) for stop, one in zip(made, forces, strict=True)]
         self._copy = self.timed = right.like(balanced)
-        self.rows = _rows_of_true_slips(right.rows, self._copy.rows, larger)
+        self.rows = _rows_of_true_slips(right.rows, self._copy.rows, wrong)
         self._kept = threading.local()  # each thread keeps its last evaluation
-        # The replica contains the true slip of a wheel with wrong radius; the reading of its sensor is linear in the radius.
+        # The replica contains the true slip of such a wheel; the reading of its sensor is linear in the radius, or the error.
         shares = [averaged(share, stop.step_s) for share, stop in zip(kept, right.sources, strict=True)]
         #: Shares (T, A) of the measured slips that it keeps, of each stop: 1 where a wheel slides, 0 where it grips.
-        self.kept_slips = [share * (larger == 0.0) for share in shares]
+        self.kept_slips = [share * ~wrong for share in shares]
         slid = self._at_true_slips(baseline, on_sensors(rest))
         self._slopes = [one.slope for one in slid]
         if rest is not baseline:
@@ -249,9 +250,9 @@ def _predicted_stops(
     return found
 
 
-def _rows_of_true_slips(recorded: Rows, copied: Rows, larger: np.ndarray) -> Rows:
-    """Return the recorded rows, with the replica's slip and work for wheels of wrong radius."""
-    turned = recorded.wheels & (larger[recorded.axle] != 0.0)
+def _rows_of_true_slips(recorded: Rows, copied: Rows, wrong: np.ndarray) -> Rows:
+    """Return the recorded rows, with the replica's slip and work for wheels (A,) bool whose sensors do not show them."""
+    turned = recorded.wheels & wrong[recorded.axle]
     slip, work = (np.where(turned, copy, own) for copy, own in ((copied.slip, recorded.slip), (copied.work, recorded.work)))
     return dataclasses.replace(recorded, slip=slip, work=work)
 

@@ -44,16 +44,16 @@ def larger_radii(recorded: Balances, model: Model) -> np.ndarray:
 
 
 def rolling(
-    recorded: Balances, one: Evaluation, index: int, needed: np.ndarray, share: np.ndarray, true: np.ndarray, larger: np.ndarray
+    recorded: Balances, one: Evaluation, index: int, needed: np.ndarray, share: np.ndarray, true: np.ndarray, wrong: np.ndarray
 ) -> PreparedStop:
     """Return a stop with the wheels at the replica's slip and the recorded torques.
 
-    The slip is the measured one where the wheel slides (the true one if its radius is wrong), else the one that its force
-    requires.
+    The slip is the measured one where the wheel slides (the true one of wheels (A,) bool with a wrong reading), else the one
+    that its force requires.
     """
     stop, radius, noise = recorded.sources[index], recorded.radius, recorded.sources[index].noise
     v = np.maximum(stop.speed, 0.1)[:, None]
-    creepage = np.clip((share * np.where(larger != 0.0, true, one.slip) + (1.0 - share) * needed) / v, -0.2, 0.999)
+    creepage = np.clip((share * np.where(wrong, true, one.slip) + (1.0 - share) * needed) / v, -0.2, 0.999)
     slip = creepage * stop.speed[:, None]
     smooth = denoised(slip, share, radius * noise.wheel, wheel_filter(noise.step_s), stop.step_s, noise.step_s)
     wheel = (one.speed[:, None] - smooth) / radius

@@ -53,6 +53,7 @@ SLOTS = {
     "torque": "i, k, torque, doing",
     "reading": "now, before, last, duration",
     "wheel_speed": "wheel, rate",
+    "reading_factor": "k, wheel_mps, time",
     "recorded_speed": "speed, acceleration, time",
     "true_speed": "speed, acceleration, time",
     "after_contact": "i, k, rolled, kept",

@@ -99,6 +99,8 @@ torque_acts = _acts("torque")
 reading = _handed_on("reading", "now")
 #: True wheel speed [rad/s] from a reading and its rate [rad/s2].
 wheel_speed = _handed_on("wheel_speed", "wheel")
+#: Reading of axle k's wheel-speed sensor over the true speed [-], from the circumferential speed [m/s] and the time [s].
+reading_factor = _factor("reading_factor")
 #: Recorded vehicle speed [m/s] from the true one, its rate [m/s2] and the time since the start [s], and the other way round.
 recorded_speed = _handed_on("recorded_speed", "speed")
 true_speed = _handed_on("true_speed", "speed")
@@ -174,6 +176,7 @@ FROM_CARDS: dict[str, Callable[..., Any]] = {
     "torque": _torque,
     "reading": reading,
     "wheel_speed": wheel_speed,
+    "reading_factor": reading_factor,
     "recorded_speed": recorded_speed,
     "true_speed": true_speed,
     "after_contact": after_contact,

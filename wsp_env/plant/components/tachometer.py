@@ -8,7 +8,7 @@ import numpy as np
 from wsp_env.compiled import inlined, kernel
 from wsp_env.parameters.vehicle import Tachometer
 from wsp_env.plant.mechanisms import Active
-from wsp_env.plant.slots import reading
+from wsp_env.plant.slots import reading, reading_factor
 
 # SplitMix64 (Steele, Lea, Flood, OOPSLA 2014): a good hash of a counter. The noise of a stop is a function of its key (drawn
 # from the environment's own generator) and of the time, so it does not depend on the batch that the stop is computed in.
@@ -71,10 +71,10 @@ def normal(key: np.uint64, counter: int) -> float:
 
 @inlined
 def read(
-    i: int, k: int, speed: float, now: float, interval: float, noise: float, state: TachometerState,
+    i: int, k: int, speed: float, radius: float, now: float, interval: float, noise: float, state: TachometerState,
     t: TachometerConstants, active: Active,
 ) -> None:  # fmt: skip
-    """Read the sensor of axle k, whose wheel turns with `speed` [rad/s], at the end of a control interval; without noise.
+    """Read the sensor of axle k, whose wheel turns with `speed` [rad/s], at the end of a control interval.
 
     New edges since the last reading: their number over the time they took. None: what the next edge could at most mean.
     """
@@ -92,6 +92,7 @@ def read(
         clean = min(state.counted[i, k], t.pulse_angle / max(now - state.edge_time[i, k], 1e-9))
     last = state.counted[i, k]
     state.counted[i, k] = clean
-    clean = reading(active, clean, state.filtered[i, k], last, interval)
+    factor = reading_factor(active, k, radius * clean, now)
+    clean = reading(active, factor * clean, state.filtered[i, k], factor * last, interval)
     state.filtered[i, k] = clean
     state.measured[i, k] = max(clean + (noise if clean > 0.0 else 0.0), 0.0)

@@ -149,8 +149,8 @@ def of_mechanisms(vehicle: Vehicle, own: Mechanisms) -> PlantModel:
 
 #: Slots in which a mechanism changes speeds, torques or the forces beside the wheels.
 _MOVING = frozenset(
-    {"mass", "gradient", "radii", "inertia", "torque_factor", "torque", "force", "wheel_speed", "true_speed"}
-)  # fmt: skip
+    {"mass", "gradient", "radii", "inertia", "torque_factor", "torque", "force", "wheel_speed", "reading_factor", "true_speed"}
+)
 
 
 def moving(own: Mechanisms, loads: bool = False) -> Mechanisms:

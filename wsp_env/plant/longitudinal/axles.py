@@ -114,5 +114,6 @@ def read_sensors(i: int, state: State, c: Conditions, p: PlantConstants, active:
     step = round(now / interval)
     for k in range(axles):
         noise = c.noise[i] * tachometer.normal(c.key[i], step * axles + k) if c.noise[i] > 0.0 else 0.0
-        tachometer.read(i, k, state.wheel_speed[i, k], now, interval, noise, state.tachometer, p.tachometer, active)
-        state.slip_speed[i, k] = state.speed[i] - c.radius[i, k] * state.wheel_speed[i, k]
+        wheel, radius = state.wheel_speed[i, k], c.radius[i, k]
+        tachometer.read(i, k, wheel, radius, now, interval, noise, state.tachometer, p.tachometer, active)
+        state.slip_speed[i, k] = state.speed[i] - radius * wheel

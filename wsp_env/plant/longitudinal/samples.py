@@ -17,6 +17,7 @@ from wsp_env.plant.slots import (
     at_speed,
     before_contact,
     changed_contact,
+    reading_factor,
     recovery,
     resistance,
     surface,
@@ -111,7 +112,9 @@ def _roll(i: int, j: int, before: int, given: Given, found: Found) -> None:
             )  # fmt: skip
             after_passage(active, i, k, passage)
         last = kept[_WHEEL, i, k]
-        kept[_WHEEL, i, k] = wheel_speed(active, measured.wheel[j, k], measured.wheel_acceleration[j, k])
+        read = wheel_speed(active, measured.wheel[j, k], measured.wheel_acceleration[j, k])
+        nearly = read / reading_factor(active, k, given.radius[k] * read, now)  # to first order in the sensor's error
+        kept[_WHEEL, i, k] = read / reading_factor(active, k, given.radius[k] * nearly, now)
         kept[_WORK, i, k] += 2.0 * kept[_FRICTION, i, k] * duration
         kept[_ANGLE, i, k] += 0.5 * (last + kept[_WHEEL, i, k]) * duration
         if j == given.first[i]:  # a mean stands for the middle of its time

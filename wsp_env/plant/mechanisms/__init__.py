@@ -46,6 +46,7 @@ _FILES = (
     "blended_brake",
     "discovered",
     "misread_speed",
+    "misread_wheel",
 )
 
 

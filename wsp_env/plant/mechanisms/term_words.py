@@ -21,6 +21,7 @@ SLOTS: dict[Slot, tuple[str, str]] = {
     Slot.RECOVERY: ("recovery", "-"),
     Slot.VEHICLE_FORCE: ("vehicle force", "N"),
     Slot.RECORDED_SPEED: ("sensor", "m/s"),
+    Slot.WHEEL_READING: ("sensor", "-"),
 }
 
 FEATURES: dict[Feature, Described] = {
@@ -131,6 +132,10 @@ LOOKS_LIKE: dict[Slot, dict[Feature, tuple[str, ...]]] = {
         Feature.SPEED_TIME: ("drift of the speed sensor's scale",),
         Feature.SPEED_SQUARED: ("speed sensor that is not linear",),
     },
+    Slot.WHEEL_READING: {
+        Feature.SPEED: ("wheel-speed sensor that misses teeth at high speed",),
+        Feature.TIME: ("drift of a wheel-speed sensor's scale",),
+    },
 }
 
 
@@ -183,7 +188,7 @@ def equation_of(term: Term) -> str:
     """Return a term in words: "650 N m on axle 1 while braking"."""
     slot, axles = Slot(int(term.slot)), _axles(term.axles)
     size, (per, behind) = float(f"{abs(term.coefficient):.3g}"), _per(term)
-    rises = "rises" if term.coefficient > 0.0 else "falls"
+    rises, high = ("rises", "high") if term.coefficient > 0.0 else ("falls", "low")
     if slot is Slot.BRAKE_TORQUE:
         less = "" if term.coefficient > 0.0 else " less"
         return f"{size:g} N m{less}{per} on {axles}{behind}"
@@ -191,8 +196,10 @@ def equation_of(term: Term) -> str:
         return f"friction of {axles} {rises} by {100.0 * size:.3g} %{per}{behind}"
     if slot is Slot.RECOVERY:
         return f"recovery rate of {axles} {rises} by a factor of {math.exp(min(abs(term.coefficient), 700.0)):.3g}{per}{behind}"
+    if slot is Slot.WHEEL_READING:
+        return f"wheel speed of {axles} read too {high} by {100.0 * size:.3g} %{per}{behind}"
     if slot is Slot.RECORDED_SPEED:
-        return f"recorded speed too {'high' if term.coefficient > 0.0 else 'low'} by {size:g} m/s{per}{behind}"
+        return f"recorded speed too {high} by {size:g} m/s{per}{behind}"
     way = "against" if term.coefficient > 0.0 else "along"
     where = "" if not axles_of(term.axles) else f" (of {axles})"
     return f"{size:g} N {way} the motion{per}{behind}{where}"

@@ -22,6 +22,7 @@ class Slot(IntEnum):
     RECOVERY = 2  # added to the logarithm of the recovery rate tau under each axle [-]
     VEHICLE_FORCE = 3  # added to the force against the motion [N]; the feature is averaged over the axles
     RECORDED_SPEED = 4  # added to the recorded speed of the vehicle [m/s]: see `misread_speed`
+    WHEEL_READING = 5  # the share by which the sensor of each axle's wheel speed reads too high [-]: see `misread_wheel`
 
 
 class Feature(IntEnum):
