@@ -194,6 +194,14 @@ def test_a_name_with_less_evidence_that_fits_better_about_itself_is_compared_wit
     assert other.evidence == left
 
 
+@pytest.mark.parametrize(("squares", "expected", "left"), [(600.0, GAIN, 40.0 - 200.0), (950.0, TERM, 90.0)])
+def test_what_fits_distinctly_worse_about_itself_than_a_name_is_behind_it(squares, expected, left):
+    """Another inertia looks like noise, of which the replicas of others do not know: a term explains more of the rest."""
+    best, _, trials = contest([THREE], {TERM.title: 90.0, GRADIENT.title: 1.0}, squares={GAIN.title: squares})
+    assert best.trial.listed == expected
+    assert next(one.evidence for one in [*trials, best.trial] if one.listed == TERM) == left
+
+
 def test_a_term_is_compared_with_no_name():
     best, _, _ = contest([THREE], squares={TERM.title: 1.0})
     assert best.trial.listed == GRADIENT

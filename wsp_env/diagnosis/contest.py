@@ -120,12 +120,33 @@ def _at_once(left: Sequence[AboutItself]) -> int:
     return 1 + sum(1 for _ in itertools.takewhile(lambda one: not _is_hopeless(one, holds), left[1:_AT_A_TIME]))
 
 
+def _behind_what_fits(held: Sequence[tuple[Retested, float]]) -> list[tuple[Retested, float]]:
+    """Return what holds, with less evidence for what fits distinctly worse about itself than a name.
+
+    What another inertia or a wrong sensor leaves looks like noise, of which no other replica knows: beside it, the mechanism
+    explains little. The worse of the two then has less evidence than the name, by half of the squares that it leaves more.
+    """
+    names = [one for one in held if not one[0].trial.listed.family]
+    if not names:
+        return list(held)
+    best, least = min(names, key=lambda one: one[1])
+
+    def behind(one: Retested, cost: float) -> Retested:
+        most = best.trial.evidence - 0.5 * (cost - least)
+        if not fits_worse(cost, least) or one.trial.evidence <= most:
+            return one
+        return one._replace(trial=dataclasses.replace(one.trial, evidence=most))
+
+    return [(behind(one, cost), cost) for one, cost in held]
+
+
 def _compared(held: Sequence[tuple[Retested, float]]) -> list[Retested]:
     """Return what holds, best first, from the trials and their sums of squares about themselves.
 
     Evidence is told against the model without the mechanism. A name with less of it that fits better about itself is compared
     directly: the worse of the two then has so much less evidence than the better.
     """
+    held = _behind_what_fits(held)
     ranked = preferred([one.trial for one, _ in held])
     (first, least), *others = [next(one for one in held if one[0].trial is trial) for trial in ranked]
     after: list[Retested] = []

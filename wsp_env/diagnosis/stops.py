@@ -13,6 +13,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from wsp_env.diagnosis.speed import SpeedEstimator, SpeedNoise, estimate, estimate_noise, nodes
+from wsp_env.diagnosis.zeros import zeroed
 from wsp_env.plant.card import LOCKED_MPS
 from wsp_env.recordings import Campaign, Recording
 from wsp_env.recordings.quality import describe
@@ -100,6 +101,7 @@ def least_slip(speed: np.ndarray) -> np.ndarray:
 def prepare(campaign: Campaign) -> tuple[list[PreparedStop], list[str]]:
     """Return the usable stops, and notes: the reader's warnings, assumptions, and what was left out and why."""
     stops: list[PreparedStop] = []
+    campaign = zeroed(campaign)
     left_out = [sentence for run in campaign.runs.values() for sentence in run.warnings]
     left_out += _believed(campaign)
     per_bar = torque_per_bar(campaign)

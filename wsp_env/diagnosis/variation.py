@@ -19,6 +19,7 @@ from wsp_env.diagnosis.forces import Forces
 from wsp_env.diagnosis.interest import PUSH
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.side_by_side import side_by_side
+from wsp_env.diagnosis.zeros import usual_zero
 
 #: Correlation lengths of mu_cd along the track [m]. Short: the likeliest of the tried lengths, on a campaign with 2 % variation
 #: over 5 to 20 m; its size is estimated, because a wheel passes many such lengths. Long: rails of different history; a large
@@ -42,7 +43,7 @@ _EXPECTED = {
     "gain": 0.01 * _UNIFORM,  # of an axle's torque, if computed from the cylinder pressure
     "measured gain": 0.001,  # of a measured torque
     "spring": 0.05,  # effect of a brake's return spring, and zero error of a pressure, over the largest torque
-    "zero": 0.001 * _UNIFORM,  # offset of a torque over the largest: sensors are zeroed before a test
+    "zero": 0.001 * _UNIFORM,  # offset of a torque over the largest: sensors are zeroed before a test; or what they read then
     "inertia": 0.03,  # of a wheelset: wheels wear
     "radius": 0.0005 * _UNIFORM,  # of an axle's wheels
     "turn": 0.001 * _UNIFORM,  # of a wheel speed, once per turn: a pulse wheel a tenth of a millimetre off its centre
@@ -175,7 +176,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("speed", uncertain, 1.0, True),
         Group("gain", forces.gain, gain, True, "gain of a run"),
         Group("gain of a run", each(forces.gain), gain),
-        Group("zero of the torque", forces.zeros(), _EXPECTED["zero"], True),
+        Group("zero of the torque", forces.zeros(), max(_EXPECTED["zero"], usual_zero(balances.campaign)), True),
         Group("torque in time", forces.courses(_COURSE_NODE_S), _EXPECTED["torque"], most=_most_torque(axles)),
         Group(ONSET, forces.onsets(_ONSET_NODE_S, _ONSET_NODES), _EXPECTED["onset"]),
         Group(WHEEL_TIME, timed.late_wheels() @ apart, sample, True),
