@@ -21,6 +21,9 @@ _CONVERGED = 0.05  # change of the sum of squares that counts for nothing
 _LARGEST_STEP = 0.7  # [-] largest change of log tau or log mu_cd in one iteration
 _DAMPINGS = 0.0, 0.01, 0.1, 1.0, 10.0, 100.0  # damping, as shares of a parameter's own square
 _LEAST_ROWS = 20  # blocks of sliding that are needed to estimate a run's friction
+#: Quantile of the adhesion of wheels that grip, and the largest multiple of it that is tried as friction of their rail
+#: (assumptions); numbers of values that are tried, and of finer grids.
+_GRIPPED, _MOST_GRIP, _TRIED, _FINER = 0.95, 1.5, 13, 3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,10 +132,38 @@ def baseline(recorded: Balances) -> Replica:
 
     `wsp_env.diagnosis.convergence.converge_law` fits them to replicas.
     """
-    model = Model(TAU, tuple(stop.believed_mu_cd for stop in recorded.stops))
+    model = _as_gripped(recorded, Model(TAU, tuple(stop.believed_mu_cd for stop in recorded.stops)))
     whitening = recorded.whitening(model)
     groups = nuisances(recorded, model, recorded.raw(model), whitening)
     return Replica(recorded, refit(recorded, model, (), weigh(recorded, whitening, groups)).model)
+
+
+def _as_gripped(recorded: Balances, model: Model) -> Model:
+    """Return a model with the likeliest friction in runs without slides in which the wheels' forces exceed what is believed.
+
+    Without slides mu_cd stays as it is believed. But a rail may have been dry, unlike the others of a campaign: its wheels
+    grip with more than the friction that is believed.
+    """
+    slides = sliding(recorded)
+    believed, needed = np.array(model.mu_cd), np.zeros(len(recorded.stops))
+    for i, (part, one) in enumerate(zip(recorded.parts, recorded.evaluate(model), strict=True)):
+        if not slides[i] and part.used.any():
+            needed[i] = np.quantile(part.wheel_rows(one.force / (2.0 * one.load)), _GRIPPED)
+    lifted = needed > believed
+    low, high = np.log(believed), np.log(np.where(lifted, _MOST_GRIP * needed, believed))
+    for _ in range(_FINER if lifted.any() else 0):
+        grid = np.linspace(low, high, _TRIED)
+        best = np.argmin([_surprise(recorded, dataclasses.replace(model, mu_cd=tuple(np.exp(one)))) for one in grid], axis=0)
+        low, high = (grid[np.clip(best + side, 0, _TRIED - 1), np.arange(len(believed))] for side in (-1, 1))
+    mu_cd = np.where(lifted, np.exp(0.5 * (low + high)), believed)
+    return dataclasses.replace(model, mu_cd=tuple(mu_cd.tolist()))
+
+
+def _surprise(recorded: Balances, model: Model) -> np.ndarray:
+    """Return -2 log likelihood (runs,) of the wheels' rows under the channels' own noise, without a constant."""
+    whitening, rows = recorded.whitening(model), recorded.rows
+    each = rows.wheels * (whitening(recorded.raw(model)) ** 2 + 2.0 * np.log(whitening.deviation))
+    return np.bincount(rows.run, weights=each, minlength=len(recorded.stops))
 
 
 def replica_of(recorded: Balances, model: Model, weights: Weights) -> Replica:
