@@ -1,6 +1,6 @@
 """Zero errors of brake channels: what they read before the brakes are applied for the first time.
 
-A released cylinder has no pressure. What its sensor reads then is the sensor's error, the same in all runs of a campaign, and is
+A released cylinder has no pressure. What its sensor reads then is its error, the same in all runs of a campaign, and is
 subtracted; so is that of a torque that was computed from the pressure. A measured torque may be that of a brake that drags:
 what axles read differently there only tells how large such errors are.
 """
