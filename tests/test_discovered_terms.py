@@ -15,6 +15,7 @@ from wsp_env.diagnosis.discovered import (
     MISREAD_WHEEL,
     NAME,
     axle_groups,
+    behind_the_first,
     curves,
     equation,
     slot_of,
@@ -40,6 +41,17 @@ from wsp_env.plant.mechanisms.terms import Feature, Slot
 )
 def test_groups_are_axles_bogies_and_places_within_them_but_never_all(gear, groups):
     assert axle_groups(gear) == groups
+
+
+@pytest.mark.parametrize(("gear", "behind"), [(((2, 2),), [(2, 3, 4)]), (((2,),), []), (((1,),), [])])
+def test_axles_behind_the_first_are_a_group_where_they_are_no_other(gear, behind):
+    assert behind_the_first(gear) == behind
+
+
+def test_what_the_first_axle_does_to_the_rail_acts_on_the_others():
+    families = {one.family for one in tried()}
+    assert "friction of axles 2, 3 and 4 by speed" in families
+    assert not any("of axles 2, 3 and 4" in one for one in families if not one.startswith("friction"))
 
 
 def tried(accepted=(), measured=False, slides=True, search=terms, rolls=False):

@@ -38,7 +38,7 @@ def ask(monkeypatch):
 
     def asked(
         here: float, own: float, shift: float = 0.0, left: float = 20.0, interval: tuple[float, float] = (0.001, 0.003),
-        itself: float = 100.0, worse: bool = False,
+        itself: float = 100.0, worse: bool = False, again: float = -np.inf,
     ) -> retest.Retested | None:  # fmt: skip
         fitted = Fitted(ON, (GRADIENT,), (np.array([0.002]),), (np.eye(1),), 100.0)
         one = dataclasses.replace(trial(GRADIENT, 30.0), fitted=fitted, reduction=6.0, penalty=PENALTY)
@@ -55,7 +55,7 @@ def ask(monkeypatch):
         monkeypatch.setattr(retest, "estimates", lambda *_: {"rise": Estimate(0.002, "-", interval)})
         monkeypatch.setattr(retest, "net_effect", lambda *_: StopChange(0.04, 0.0))
         monkeypatch.setattr(retest, "agreement", lambda *_: SimpleNamespace(student_evidence=lambda evidence: left))
-        return retest.retest(SEEN, side("here", here), retest.AboutItself(one, retest.Step(HERE, fitted, fitted)))
+        return retest.retest(SEEN, side("here", here), retest.AboutItself(one, retest.Step(HERE, fitted, fitted), again))
 
     return asked
 
@@ -95,6 +95,12 @@ def test_what_fits_worse_about_itself_than_nothing_has_no_evidence_from_both_sid
     assert ask(540.0, 1386.0, worse=True, itself=110.0).trial.evidence == -PENALTY
     # Deviances with noise of their own do not refuse what fits as well with the same weights: a coupler's force.
     assert ask(498.0, 4240.0, worse=True, itself=100.0).trial.reduction == 2369.0
+
+
+@pytest.mark.parametrize(("again", "holds"), [(-np.inf, False), (106.0, False), (118.0, True)])
+def test_what_fits_as_well_as_the_law_about_a_replica_made_again_counts(ask, again, holds):
+    """The weights of a round shift the law: made again, it leaves more than the 106 squares about its first replica."""
+    assert (ask(60.0, 80.0, worse=True, itself=117.0, again=again).trial.evidence == 70.0 / 2.0 - PENALTY) == holds
 
 
 @pytest.mark.parametrize(("deviance", "worse"), [(17670.0, False), (17951.0, True)])
@@ -148,7 +154,7 @@ def test_what_a_refit_has_lost_is_sought_from_the_linear_step(monkeypatch, varia
 
     monkeypatch.setattr(retest, "begun", steps)
     one = dataclasses.replace(trial(variant, 30.0), fitted=fits["refit"])
-    assert retest.about_itself(None, PLAIN, SEEN, one).step.begin is fits[begun]
+    assert retest.about_itself(None, PLAIN, SEEN, lambda: 0.0, one).step.begin is fits[begun]
 
 
 @pytest.mark.parametrize(("interval", "holds"), [((1e-6, 0.004), True), ((-1e-6, 0.004), False)])

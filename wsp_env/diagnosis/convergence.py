@@ -126,8 +126,8 @@ def fits_worse(cost: float, other: float, deviations: float = WORSE) -> bool:
 
 
 def moves(before: Fitted, after: Fitted) -> np.ndarray:
-    """Return the changes (k,) of all mechanisms' parameters between two fits, in standard deviations."""
-    return np.concatenate([
+    """Return the changes (1 + k,) of all mechanisms' parameters between two fits, in standard deviations, after a 0."""
+    return np.concatenate([np.zeros(1)] + [
         (new - old) / np.sqrt(np.maximum(np.diag(spread), 1e-300))
         for new, old, spread in zip(after.values, before.values, after.covariance, strict=True)
     ])  # fmt: skip

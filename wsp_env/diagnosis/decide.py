@@ -84,7 +84,8 @@ def select(
             break
         progress(f"refitting {len(accepted) + 1} of {MOST}")
         here = functools.partial(_without_new, replica, fitted, seen, weights)
-        about = functools.partial(about_itself, replica.recorded, weights, seen)
+        again = functools.cache(functools.partial(_made_again, replica, fitted, seen, weights))
+        about = functools.partial(about_itself, replica.recorded, weights, seen, again)
         threshold = functools.partial(
             _threshold,
             FormErrorThreshold(replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen),
@@ -135,6 +136,12 @@ def nothing(replica: Replica, tried: Sequence[Variant], noise_parameters: NoiseP
 def _without_new(replica: Replica, fitted: Fitted, seen: Screen, weights: Weights) -> Side:
     """Return the side without a further mechanism, for all trials of a round."""
     return Side(replica, seen, weights, ReplicaNoise(replica, seen, like=seen.noise), (fitted.model, fitted.variants))
+
+
+def _made_again(replica: Replica, fitted: Fitted, seen: Screen, weights: Weights) -> float:
+    """Return the squares that a model leaves about a replica made again from its fit with the weights of a round."""
+    begin = refit(replica, fitted.model, fitted.variants, freed(weights, seen, fitted.variants))
+    return begun(replica.recorded, begin, weights, seen).fitted.cost
 
 
 def _promises(seen: Screen) -> bool:

@@ -147,13 +147,16 @@ def _all(replica: Replica, n: int, closed: Set[Slot]) -> Iterator[Variant]:
             for scale in scales:
                 yield _variant(n, slot, (), feature, scale)
     groups = axle_groups(replica.vehicle.running_gear)
-    each = [one for one in groups if len(one) == 1]  # each axle has a sensor of its own
+    of_slot = {
+        Slot.WHEEL_READING: [one for one in groups if len(one) == 1],  # each axle has a sensor of its own
+        Slot.FRICTION: [*groups, *behind_the_first(replica.vehicle.running_gear)],  # which wets or cleans the rail for them
+    }
     for slot, features in _SOME.items():
         if slot in closed:
             continue
         for feature, scales in features.items():
             for scale in scales:
-                for axles in groups if slot is not Slot.WHEEL_READING else each:
+                for axles in of_slot.get(slot, groups):
                     yield _variant(n, slot, axles, feature, scale)
     if Slot.VEHICLE_FORCE in closed:
         return
@@ -178,6 +181,12 @@ def axle_groups(running_gear: Sequence[Sequence[int]]) -> list[tuple[int, ...]]:
     each = [(axle,) for bogie in bogies for axle in bogie]
     whole = sum(counts)
     return [one for one in dict.fromkeys([*each, *bogies, *places]) if len(one) < whole]
+
+
+def behind_the_first(running_gear: Sequence[Sequence[int]]) -> list[tuple[int, ...]]:
+    """Return the group of all axles behind the first, from 1, if it is not among `axle_groups`."""
+    behind = tuple(range(2, sum(count for body in running_gear for count in body) + 1))
+    return [behind] if behind and behind not in axle_groups(running_gear) else []
 
 
 def _variant(n: int, slot: Slot, axles: tuple[int, ...], feature: Feature, scale: tuple[float, float]) -> Variant:

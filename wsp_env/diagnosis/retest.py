@@ -8,7 +8,7 @@ about two replicas scatter by tens of nats.
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -55,6 +55,7 @@ class AboutItself(NamedTuple):
 
     trial: Trial
     step: Step
+    without: float = -np.inf  # squares that the model without it leaves about a replica made again from its fit
 
     @property
     def fits_better(self) -> bool:
@@ -73,7 +74,7 @@ class AboutItself(NamedTuple):
 
     @property
     def _without(self) -> float:
-        return self.trial.fitted.cost + self.trial.reduction
+        return max(self.trial.fitted.cost + self.trial.reduction, self.without)
 
 
 class Weighted(NamedTuple):
@@ -171,22 +172,27 @@ class Retested(NamedTuple):
         return 0.5 * float(np.mean(reduced)) - mine.penalty + others.penalty
 
 
-def about_itself(recorded: Balances, weights: Weights, seen: Screen, trial: Trial) -> AboutItself:
+def about_itself(
+    recorded: Balances, weights: Weights, seen: Screen, without: Callable[[], float], trial: Trial
+) -> AboutItself:  # fmt: skip
     """Return a trial about a replica of its own, with the weights of the other side.
+
+    These weights may shift the law. The replica without the mechanism was made with others, and may fit better than any that
+    is made again: what the model without it leaves there (`without`) is compared, too.
 
     About a replica without a strongly nonlinear mechanism, a refit may lead away from it. A name is tried from its refit and
     from its linear step; what fits better counts.
     """
     refitted = functools.partial(begun, recorded, trial.fitted, weights, seen)
     if trial.listed.family:
-        return AboutItself(trial, refitted())
+        return AboutItself(trial, refitted(), without())
     own = freed(weights, seen, trial.fitted.variants)
     stepped = functools.partial(rescaled, recorded, _linear(trial), trial.variant, own, _MULTIPLES)
     first, begin = side_by_side(lambda one: one(), (refitted, stepped))
     if begin.cost >= first.fitted.cost or largest_change(first.fitted, begin) <= LARGE_CHANGE:
-        return AboutItself(trial, first)
+        return AboutItself(trial, first, without())
     further = begun(recorded, begin, weights, seen)
-    return AboutItself(trial, min(first, further, key=lambda one: one.fitted.cost))
+    return AboutItself(trial, min(first, further, key=lambda one: one.fitted.cost), without())
 
 
 def own_side(step: Step, seen: Screen) -> tuple[Side, Fitted]:
