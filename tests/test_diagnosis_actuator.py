@@ -1,5 +1,6 @@
 """The actuator's balance: torques and cylinder pressures, both measured, show what the brakes do without any contact model."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from synthetic_stops import RADIUS_M, stop, write_campaign
 from wsp_env.diagnosis import Diagnosis, diagnose
 from wsp_env.diagnosis.balances import ACTUATOR, Balances
 from wsp_env.diagnosis.candidates import unavailable
+from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import baseline
 from wsp_env.diagnosis.stops import prepare, torque_per_bar
 from wsp_env.recordings import Campaign, read_campaign
@@ -129,3 +131,25 @@ def test_a_dead_pressure_channel_is_told_and_not_compared(tmp_path):
     stops, notes = prepare(read_campaign(tmp_path / "c"))
     assert [one.pressed is None for one in stops] == [False, True, False]
     assert any("A2" in note and "axle 3" in note for note in notes)
+
+
+@pytest.mark.parametrize("pressures", [True, False])
+def test_a_brake_beside_the_calipers_is_in_no_measured_torque(tmp_path, pressures):
+    """An electrodynamic brake holds the wheel; neither the calipers' torque nor their pressure knows of it."""
+    campaign = campaign_with(tmp_path / "c")
+    if not pressures:
+        runs = {name: dataclasses.replace(run, cylinder_pressure_bar=None) for name, run in campaign.runs.items()}
+        campaign = dataclasses.replace(campaign, runs=runs)
+    balances = Balances(campaign, prepare(campaign)[0])
+    assert "blended_brake" not in unavailable(balances)
+    assert ("pad_friction" in unavailable(balances)) == (not pressures)
+    law = Model(2e-4, (0.06,) * 3)
+    on = dataclasses.replace(law, choice={"blended_brake": {"torque_nm": 700.0, "blending_mps": 5.0, "axle": 2.0}})
+    for stop_, before, after in zip(balances.stops, balances.evaluate(law), balances.evaluate(on), strict=True):
+        more = after.torque - before.torque
+        braked = stop_.torque[:, 1] > 0.1 * stop_.torque.max()
+        np.testing.assert_allclose(more[braked, 1], 700.0)
+        assert not more[:, [0, 2, 3]].any()
+        np.testing.assert_allclose((after.force - before.force) * RADIUS_M, more, atol=1e-6)
+        if pressures:
+            np.testing.assert_allclose(after.braking, before.braking)

@@ -75,7 +75,7 @@ def unavailable(balances: Balances | Replica) -> dict[str, str]:
     contacts: dict[str, str] = {}
     for name, card in LIBRARY.items():
         signature = card.signature
-        if blind and signature.acts_on == "brake":
+        if blind and signature.acts_on == "brake" and not signature.beside_calipers:
             brakes[name] = "the torque itself is measured, and no cylinder pressure beside it"
         elif balances.axles < signature.least_axles:
             axles[name] = f"needs {signature.least_axles} axles"

@@ -175,13 +175,14 @@ class Evaluator:
 
     def _evaluations(self, m: along.PlantModel, p: along.Prediction, shift: np.ndarray) -> list[Evaluation]:
         """Return each stop's part of a prediction; `shift` is the correction of the recorded speed."""
-        torque, rate = self._braking(p), along.true_wheel_acceleration(m, *self._rates)
+        beside = self._beside(m)
+        torque, rate = self._braking(p, beside), along.true_wheel_acceleration(m, *self._rates)
         static = np.repeat(p.mass_kg, self._counts)[:, None] * self.vehicle.gravity_mps2 / (2.0 * self.vehicle.axles)
         every = {
             "speed": p.speed_mps, "adhesion": p.adhesion, "slope": p.adhesion_slope,
             "load": np.maximum(p.wheel_load_n, _LEAST_LOAD * static),
             "slip": p.slip_speed_mps, "force": (torque + p.inertia_kgm2 * rate) / p.radius_m, "torque": torque,
-            "braking": p.torque_nm, "impulse": p.wheel_speed_radps @ (p.inertia_kgm2 / p.radius_m),
+            "braking": p.torque_nm - beside * self._measured, "impulse": p.wheel_speed_radps @ (p.inertia_kgm2 / p.radius_m),
             "brake_force": torque @ (1.0 / p.radius_m), "recorded_speed": self._recorded + shift, "resistance": p.resistance_n,
         }  # fmt: skip
         return [
@@ -189,13 +190,25 @@ class Evaluator:
             for samples, mass in zip(self._trajectory.stops, p.mass_kg, strict=True)
         ]
 
-    def _braking(self, p: along.Prediction) -> np.ndarray:
-        """Return the torques (T, A): measured, else those of the model's brakes [N m]."""
-        return np.where(self._measured, self._torque, p.torque_nm) if self._measured.any() else p.torque_nm
+    def _braking(self, p: along.Prediction, beside: np.ndarray) -> np.ndarray:
+        """Return the torques (T, A): measured with those `beside` them, else those of the model's brakes [N m]."""
+        return np.where(self._measured, self._torque + beside, p.torque_nm) if self._measured.any() else p.torque_nm
+
+    def _beside(self, m: along.PlantModel) -> np.ndarray:
+        """Return the torques (T, A) that no caliper holds, so that measured torques do not contain them [N m]."""
+        on = mechanisms.beside_calipers(m.mechanisms)
+        if on == mechanisms.NULL or not self._measured.any():
+            return np.zeros_like(self._torque)
+        result: np.ndarray = self._last(self._beside_of, on)
+        return result
+
+    def _beside_of(self, on: Any) -> np.ndarray:
+        p = along.along(self._trajectory, self._any_belief, along.of_mechanisms(self.vehicle, on), contacts=False)
+        return p.torque_nm - self._trajectory.brake_torque_nm
 
     def _predicted(self, m: along.PlantModel, p: along.Prediction) -> np.ndarray:
         """Return the change of speed (T,) since each stop's start, predicted from wheel forces and resistance [m/s]."""
-        force = self._braking(p) @ (1.0 / p.radius_m) + p.resistance_n
+        force = self._braking(p, self._beside(m)) @ (1.0 / p.radius_m) + p.resistance_n
         impulse = p.wheel_speed_radps @ (p.inertia_kgm2 / p.radius_m)  # exact, also on replicas with predicted rates
         sums = []
         for samples, stop, mass in zip(self._trajectory.stops, self.stops, p.mass_kg, strict=True):

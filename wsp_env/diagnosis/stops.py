@@ -30,6 +30,7 @@ SLIP_MPS = 0.1  # smallest slip change of interest
 #: error does not make a rolling wheel look like this (assumption: twice the smallest slip of interest).
 SLIDES, SLIDES_MPS = 0.01, 2.0 * SLIP_MPS
 ROLLING_SHARE = 0.05  # share of the largest torque below which a wheel rolls freely
+_GAINS = 2.0  # largest ratio of a brake's gain to the nominal one, or the reverse
 PRESSED_SHARE = 0.5  # unexplained share of an axle's torque from which on its pressure does not belong to it
 _ORDER = 2
 #: Window [s] and order of the filters of a wheel's speed and its derivatives. The derivatives keep fourth-order courses: a
@@ -161,7 +162,7 @@ def _strange_pressures(stop: PreparedStop, whole: np.ndarray) -> list[int]:
     found = []
     for k in range(stop.torque.shape[1]):
         torque, pressed = stop.torque[stop.usable[:, k], k], whole[stop.usable[:, k], k]
-        scale = float(torque @ pressed) / max(float(pressed @ pressed), 1e-9)
+        scale = np.clip(float(torque @ pressed) / max(float(pressed @ pressed), 1e-9), 1.0 / _GAINS, _GAINS)
         if np.linalg.norm(torque - scale * pressed) > PRESSED_SHARE * np.linalg.norm(torque):
             found.append(k + 1)
     return found

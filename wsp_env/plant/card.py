@@ -180,6 +180,7 @@ class Signature(NamedTuple):
     over: Over = "slip"  # what its curve is drawn over
     swings: bool = False  # it pushes and pulls in turn: it has no mean, so that its largest push matters
     exact: bool = False  # it has one form only: the interval of its size needs no more than noise and nuisances give
+    beside_calipers: bool = False  # of a brake: a torque measured at the calipers does not contain it
     least_axles: int = 1  # that a vehicle must have to show it
     least_stops: int = 1  # that a campaign must have to show it
     normal: Mapping[str, float] = {}  # size -> change from its null up to which it is normal variation of sound vehicles

@@ -209,6 +209,12 @@ def acting_in(slots: Set[str], mechanisms: Mechanisms) -> Mechanisms:
     return mechanisms._replace(**off)
 
 
+def beside_calipers(mechanisms: Mechanisms) -> Mechanisms:
+    """Return the mechanisms, with those switched off that no torque beside the calipers comes from."""
+    off = {card.name: getattr(NULL, card.name) for card, _ in _on(mechanisms) if not card.signature.beside_calipers}
+    return mechanisms._replace(**off)
+
+
 _FORCES = frozenset({"torque_factor", "torque", "force"})
 
 

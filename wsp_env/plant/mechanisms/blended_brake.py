@@ -77,8 +77,8 @@ CARD = Card(
     acts={"torque": torque},
     recalls=never,
     signature=Signature(
-        balances=frozenset({"vehicle", "adhesion", "actuator"}),
-        trace="actuator, and vehicle with adhesion: a torque while braking that follows no pressure and fades with speed",
+        balances=frozenset({"vehicle", "adhesion"}),
+        trace="vehicle with adhesion: a torque while braking that follows no pressure and fades with speed",
         acts_on="brake",
         next_test="the same stop with the electrodynamic brake cut out",
         said=(
@@ -90,6 +90,7 @@ CARD = Card(
             ),
         ),
         over="speed",
+        beside_calipers=True,
         variants=at_speeds,
         words=whose_torque,
     ),
