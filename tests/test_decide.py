@@ -98,7 +98,7 @@ def test_an_earlier_name_gives_way_to_a_rival_that_explains_distinctly_more_besi
     def own(_, __, one):
         return exchange.Retested(one, SimpleNamespace(replica="its own")) if holds else None
 
-    for name, value in (("refit", refit), ("retest", own), ("about_itself", lambda *given: given[-1])):
+    for name, value in (("refit", refit), ("retest", own), ("about_itself", lambda *given, without: given[-1])):
         monkeypatch.setattr(exchange, name, value)
     for name in ("weights_of", "Side", "ReplicaNoise"):
         monkeypatch.setattr(exchange, name, lambda *_, **__: None)
@@ -265,7 +265,7 @@ def test_what_the_runs_leave_no_evidence_of_was_not_seen(left, monkeypatch):
     monkeypatch.setattr(decide, "trials_of", lambda *_: [[one]])
     monkeypatch.setattr(decide, "_ends_at_bound", lambda *_: False)
     fit = SimpleNamespace(fitted=SimpleNamespace(cost=1.0))
-    monkeypatch.setattr(decide, "about_itself", lambda *all_three: SimpleNamespace(trial=all_three[-1], step=fit))
+    monkeypatch.setattr(decide, "about_itself", lambda *given, without: SimpleNamespace(trial=given[-1], step=fit))
     monkeypatch.setattr(decide, "retest", lambda *_: decide.Retested(dataclasses.replace(one, evidence=left), None))
     outcome = decide.select(SimpleNamespace(baseline=Model(2e-4, (0.06,)), rows=[], recorded=None), [GRADIENT])
     assert outcome.rejected == ()

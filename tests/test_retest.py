@@ -154,7 +154,7 @@ def test_what_a_refit_has_lost_is_sought_from_the_linear_step(monkeypatch, varia
 
     monkeypatch.setattr(retest, "begun", steps)
     one = dataclasses.replace(trial(variant, 30.0), fitted=fits["refit"])
-    assert retest.about_itself(None, PLAIN, SEEN, lambda: 0.0, one).step.begin is fits[begun]
+    assert retest.about_itself(None, PLAIN, SEEN, one).step.begin is fits[begun]
 
 
 @pytest.mark.parametrize(("interval", "holds"), [((1e-6, 0.004), True), ((-1e-6, 0.004), False)])

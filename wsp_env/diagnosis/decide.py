@@ -84,8 +84,8 @@ def select(
             break
         progress(f"refitting {len(accepted) + 1} of {MOST}")
         here = functools.partial(_without_new, replica, fitted, seen, weights)
-        again = functools.cache(functools.partial(_made_again, replica, fitted, seen, weights))
-        about = functools.partial(about_itself, replica.recorded, weights, seen, again)
+        made_again = functools.cache(functools.partial(_made_again, replica, fitted, seen, weights))
+        about = functools.partial(about_itself, replica.recorded, weights, seen, without=made_again)
         threshold = functools.partial(
             _threshold,
             FormErrorThreshold(replica, fitted.model, [(one.trial.variant, one.trial.evidence) for one in accepted], seen),

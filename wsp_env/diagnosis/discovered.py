@@ -147,7 +147,7 @@ def _all(replica: Replica, n: int, closed: Set[Slot]) -> Iterator[Variant]:
             for scale in scales:
                 yield _variant(n, slot, (), feature, scale)
     groups = axle_groups(replica.vehicle.running_gear)
-    of_slot = {
+    of_slot: dict[Slot, list[tuple[int, ...]]] = {
         Slot.WHEEL_READING: [one for one in groups if len(one) == 1],  # each axle has a sensor of its own
         Slot.FRICTION: [*groups, *behind_the_first(replica.vehicle.running_gear)],  # which wets or cleans the rail for them
     }

@@ -173,7 +173,7 @@ class Retested(NamedTuple):
 
 
 def about_itself(
-    recorded: Balances, weights: Weights, seen: Screen, without: Callable[[], float], trial: Trial
+    recorded: Balances, weights: Weights, seen: Screen, trial: Trial, without: Callable[[], float] = lambda: -np.inf
 ) -> AboutItself:  # fmt: skip
     """Return a trial about a replica of its own, with the weights of the other side.
 
