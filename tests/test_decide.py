@@ -98,7 +98,7 @@ def test_an_earlier_name_gives_way_to_a_rival_that_explains_distinctly_more_besi
     def own(_, __, one):
         return exchange.Retested(one, SimpleNamespace(replica="its own")) if holds else None
 
-    for name, value in (("refit", refit), ("retest", own), ("about_itself", lambda *given, without: given[-1])):
+    for name, value in (("refit", refit), ("retest", own), ("about_itself", lambda *given, without=None: given[-1])):
         monkeypatch.setattr(exchange, name, value)
     for name in ("weights_of", "Side", "ReplicaNoise"):
         monkeypatch.setattr(exchange, name, lambda *_, **__: None)

@@ -8,7 +8,7 @@ from trial_cases import trial
 
 from wsp_env.diagnosis import discovered
 from wsp_env.diagnosis.accepted import Accepted
-from wsp_env.diagnosis.balances import ADHESION, VEHICLE
+from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, VEHICLE
 from wsp_env.diagnosis.candidates import Candidate, Variant, located, refined
 from wsp_env.diagnosis.discovered import (
     MISREAD,
@@ -54,11 +54,13 @@ def test_what_the_first_axle_does_to_the_rail_acts_on_the_others():
     assert not any("of axles 2, 3 and 4" in one for one in families if not one.startswith("friction"))
 
 
-def tried(accepted=(), measured=False, slides=True, search=terms, rolls=False):
+def tried(accepted=(), measured=False, slides=True, search=terms, rolls=False, pressures=False):
     """The terms, or the curves, that are tried on a coach; `rolls`: under the brake, but without a slide."""
     n = 500
+    balance = np.full(n, ADHESION if slides else VEHICLE)
+    balance[-1] = ACTUATOR if pressures else balance[-1]
     rows = SimpleNamespace(
-        balance=np.full(n, ADHESION if slides else VEHICLE), place=np.linspace(0.0, 900.0, n), time=np.linspace(0.0, 40.0, n),
+        balance=balance, place=np.linspace(0.0, 900.0, n), time=np.linspace(0.0, 40.0, n),
         speed=np.linspace(40.0, 2.0, n), slip=np.linspace(0.0, 5.0, n), slides=np.full(n, slides and not rolls),
     )  # fmt: skip
     vehicle = SimpleNamespace(running_gear=((2, 2),))
@@ -74,6 +76,7 @@ def test_every_slot_is_tried_but_those_that_recordings_say_nothing_of():
     names = {slot: words for slot, (words, _) in SLOTS.items()}
     assert slots(tried()) == set(names.values())
     assert slots(tried(measured=True)) == set(names.values()) - {names[Slot.BRAKE_TORQUE]}
+    assert slots(tried(measured=True, pressures=True)) == set(names.values())
     assert slots(tried(slides=False)) == set(names.values()) - {names[Slot.FRICTION], names[Slot.RECOVERY]}
 
 

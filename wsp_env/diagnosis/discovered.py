@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wsp_env.diagnosis.balances import ADHESION
+from wsp_env.diagnosis.balances import ACTUATOR, ADHESION
 from wsp_env.diagnosis.candidates import Variant
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.plant.mechanisms import ALL, misread_speed, misread_wheel
@@ -131,7 +131,8 @@ def _next(accepted: Sequence[Variant]) -> int:
 
 def _closed(replica: Replica, n: int, accepted: Sequence[Variant]) -> set[Slot]:
     """Return the slots without trials: the recordings give no information on them, or the model is full."""
-    closed = {Slot.BRAKE_TORQUE} if replica.campaign.vehicle.torque_is_measured else set()
+    blind = replica.campaign.vehicle.torque_is_measured and not (replica.rows.balance == ACTUATOR).any()
+    closed = {Slot.BRAKE_TORQUE} if blind else set()
     if not (replica.rows.balance == ADHESION).any():
         closed |= {Slot.FRICTION, Slot.RECOVERY}
     if n > TERMS:
