@@ -13,19 +13,24 @@ from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.readings import misread_wheels, readings_of
 from wsp_env.parameters.uic_z1 import COACH
 from wsp_env.plant.longitudinal.along import Belief, Trajectory, along, model
-from wsp_env.plant.mechanisms.misread_wheel import term_of
+from wsp_env.plant.mechanisms.misread_wheel import RISE_MPS, term_of
 from wsp_env.plant.mechanisms.term_words import equation_of
 from wsp_env.plant.mechanisms.terms import REFERENCE_MPS, Feature
 from wsp_env.recordings import demo_campaign, read_campaign
 
 #: Feature -> what it is of circumferential speed [m/s] and time [s].
-FEATURES = {Feature.SPEED: lambda v, t: v / REFERENCE_MPS, Feature.TIME: lambda v, t: t}
-SIZE, AXLE = 0.01, 3
+FEATURES = {
+    Feature.SPEED: lambda v, t: v / REFERENCE_MPS,
+    Feature.TIME: lambda v, t: t,
+    Feature.ALWAYS: lambda v, t: np.clip((v - ABOVE_MPS) / RISE_MPS + 0.5, 0.0, 1.0),
+}
+SIZE, AXLE, ABOVE_MPS = 0.01, 3, 25.0
 
 
 @pytest.mark.parametrize("feature", FEATURES, ids=lambda one: one.name.lower())
 def test_the_sensor_reads_it_and_the_recording_is_read_without_it(feature):
-    choice = {"misread_wheel": {"coefficient": SIZE, "axles": float(1 << (AXLE - 1)), "feature": float(feature)}}
+    given = {"coefficient": SIZE, "axles": float(1 << (AXLE - 1)), "feature": float(feature)}
+    choice = {"misread_wheel": given | {"above_mps": ABOVE_MPS if feature is Feature.ALWAYS else 0.0}}
     plant, sound = plant_of(COACH, 1, mechanisms=choice), plant_of(COACH, 1)
     for one in (plant, sound):
         one.start(0, a_stop(COACH, mu_cd=0.05))
@@ -60,13 +65,16 @@ def test_a_scale_is_no_reading_at_another_time():
 
 
 def test_equation_in_words():
-    words = equation_of(term_of({"coefficient": -0.012, "axles": 4.0, "feature": float(Feature.SPEED)}))
+    given = {"coefficient": -0.012, "axles": 4.0, "above_mps": 0.0}
+    words = equation_of(term_of(given | {"feature": float(Feature.SPEED)}))
     assert words == "wheel speed of axle 3 read too low by 1.2 %, times running speed over 30 m/s"
+    words = equation_of(term_of(given | {"feature": float(Feature.ALWAYS), "above_mps": 22.4}))
+    assert words == "wheel speed of axle 3 read too low by 1.2 % above 22 m/s"
 
 
 @pytest.mark.slow
 @pytest.mark.long
-def test_a_sensor_that_misses_teeth_at_speed_is_an_error_of_the_sensor_and_no_wheel_of_another_size(tmp_path):
+def test_a_sensor_that_is_not_linear_is_an_error_of_the_sensor_and_no_wheel_of_another_size(tmp_path):
     folder = shutil.copytree(demo_campaign(), tmp_path / "campaign")
     radius = read_campaign(folder).vehicle.wheel_radius_m
     for file in folder.glob("*.csv"):
@@ -79,6 +87,6 @@ def test_a_sensor_that_misses_teeth_at_speed_is_an_error_of_the_sensor_and_no_wh
     assert found.mechanisms == ()
     assert [(one.slot, one.axles) for one in found.discovered] == [("sensor", (AXLE,))]
     term = found.discovered[0]
-    assert term.looks_like == ("wheel-speed sensor that misses teeth at high speed",)
+    assert term.looks_like == ("wheel-speed sensor that is not linear",)
     assert_allclose(term.parameters["coefficient"].value, -0.015, rtol=0.15)
     assert term.removed_validate > 0.7

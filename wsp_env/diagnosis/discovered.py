@@ -36,6 +36,8 @@ _USUAL = {
 _BUMPS_M, _APART_M = (150.0, 300.0), 75.0
 
 _ONE = ((1.0, 1.0),)
+#: Speeds [m/s] above which a wheel sensor that loses pulses is tried; a refit moves them.
+_ABOVE_MPS = ((12.0, 1.0), (20.0, 1.0), (28.0, 1.0))
 #: Play of a brake rigging as a share of the torque: the share held back while the brake is applied (assumption: a few per
 #: cent).
 _PLAY = ((0.03, 1.0), (0.045, 1.0), (0.065, 1.0), (0.09, 1.0))
@@ -71,7 +73,7 @@ _SOME: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
         Feature.TORQUE_SETTLING: _SETTLING,
     },
     Slot.FRICTION: {Feature.SPEED: _ONE, Feature.BRAKING_TIME: _ONE},
-    Slot.WHEEL_READING: {Feature.SPEED: _ONE, Feature.TIME: _ONE},
+    Slot.WHEEL_READING: {Feature.SPEED: _ONE, Feature.TIME: _ONE, Feature.ALWAYS: _ABOVE_MPS},
 }
 #: Slots that one term fills, on the axles that it is given.
 _ONLY = {Slot.RECORDED_SPEED: MISREAD, Slot.WHEEL_READING: MISREAD_WHEEL}
@@ -193,8 +195,11 @@ def behind_the_first(running_gear: Sequence[Sequence[int]]) -> list[tuple[int, .
 def _variant(n: int, slot: Slot, axles: tuple[int, ...], feature: Feature, scale: tuple[float, float]) -> Variant:
     step, name = _STEPS[slot] / _USUAL.get(feature, 1.0), feature.name.lower()
     if slot in _ONLY:
-        where = {"axles": mask_of(axles)} if slot is Slot.WHEEL_READING else {}
-        return Variant(_ONLY[slot], ("coefficient",), where | {"feature": float(feature)}, (step,), _family(slot, axles, name))
+        fixed = {"feature": float(feature)}
+        if slot is Slot.WHEEL_READING:
+            fixed |= {"axles": mask_of(axles), "above_mps": scale[0] if feature is Feature.ALWAYS else 0.0}
+        places = ("above_mps",) if fixed.get("above_mps") else ()
+        return Variant(_ONLY[slot], ("coefficient",), fixed, (step,), _family(slot, axles, name), places=places)
     parts = [(feature, scale)]
     if feature is Feature.TORQUE_SINE and n < TERMS:  # with its cosine, because the initial wheel angle is unknown
         parts.append((Feature.TORQUE_COSINE, scale))
@@ -252,14 +257,20 @@ def _numbers(variant: Variant) -> list[str]:
 def equation(variant: Variant, values: Mapping[str, float]) -> Words:
     """Return a variant that is on, in words."""
     found = _terms_in(variant, values)
-    features = tuple(
-        FEATURES[Feature(int(one.feature))].words.format(scale=one.scale, second_scale=one.second_scale) for one in found
+    features = (
+        ("running speed",)
+        if variant.name == MISREAD_WHEEL and found[0].feature == Feature.ALWAYS
+        else tuple(
+            FEATURES[Feature(int(one.feature))].words.format(scale=one.scale, second_scale=one.second_scale) for one in found
+        )
     )
     return Words(", and ".join(map(equation_of, found)), axles_of(found[0].axles), features)
 
 
 def unit_in(variant: Variant, parameter: str) -> str:
     """Return the unit of a parameter of a variant."""
+    if parameter == "above_mps":
+        return "m/s"
     field = parameter.rstrip("_0123456789")
     at = 0 if variant.name in _ERRORS else _numbers(variant).index(parameter.removeprefix(f"{field}_"))
     return unit_of(_terms_in(variant, variant.fixed)[at], field)

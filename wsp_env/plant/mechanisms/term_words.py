@@ -133,7 +133,8 @@ LOOKS_LIKE: dict[Slot, dict[Feature, tuple[str, ...]]] = {
         Feature.SPEED_SQUARED: ("speed sensor that is not linear",),
     },
     Slot.WHEEL_READING: {
-        Feature.SPEED: ("wheel-speed sensor that misses teeth at high speed",),
+        Feature.ALWAYS: ("wheel-speed sensor that loses pulses at high speed",),
+        Feature.SPEED: ("wheel-speed sensor that is not linear",),
         Feature.TIME: ("drift of a wheel-speed sensor's scale",),
     },
 }
@@ -197,6 +198,7 @@ def equation_of(term: Term) -> str:
     if slot is Slot.RECOVERY:
         return f"recovery rate of {axles} {rises} by a factor of {math.exp(min(abs(term.coefficient), 700.0)):.3g}{per}{behind}"
     if slot is Slot.WHEEL_READING:
+        behind = f" above {term.scale:.0f} m/s" if term.feature == Feature.ALWAYS else behind
         return f"wheel speed of {axles} read too {high} by {100.0 * size:.3g} %{per}{behind}"
     if slot is Slot.RECORDED_SPEED:
         return f"recorded speed too {high} by {size:g} m/s{per}{behind}"
