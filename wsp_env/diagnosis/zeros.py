@@ -9,12 +9,12 @@ import dataclasses
 
 import numpy as np
 
+from wsp_env.plant.card import APPLIED_SHARE
 from wsp_env.recordings import Campaign
 
-#: Share of an axle's largest reading from which on its brake is applied, and largest share that counts as a zero error: the
-#: bound of what a sensor may err (assumption: five times class 0.5).
-_APPLIED_SHARE, _MOST = 0.05, 0.025
-#: Time before this instant that is not used: the brake fills [s]; and shortest time that is, all runs together [s].
+#: Largest zero error of a sensor over its largest reading (assumption: five times that of class 0.5).
+_MOST = 0.025
+#: Time before a brake counts as applied that is not used, because it fills [s]; shortest time that is, all runs together [s].
 _FILLS_S, _LEAST_S = 0.5, 1.0
 #: Fewest axles that tell what is usual: of three, one may drag.
 _FEWEST = 3
@@ -26,7 +26,7 @@ def zero_readings(channels: list[np.ndarray], step_s: float) -> np.ndarray:
     largest = max(float(np.abs(one).max()) for one in channels)
     released = []
     for one in channels:
-        applied = np.logical_or.accumulate(np.abs(one) > _APPLIED_SHARE * largest, axis=0)
+        applied = np.logical_or.accumulate(np.abs(one) > APPLIED_SHARE * largest, axis=0)
         counts = np.maximum((~applied).sum(axis=0) - round(_FILLS_S / step_s), 0)
         released.append(np.arange(len(one))[:, None] < counts)
     counts = sum(one.sum(axis=0) for one in released)
