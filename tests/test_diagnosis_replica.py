@@ -346,3 +346,25 @@ def test_a_speed_that_swings_proposes_its_frequency(sound):
     ]
     assert swings(swinging, sound.radius, sound.inertia)[0] == pytest.approx(0.41, abs=0.02)
     assert swings([dataclasses.replace(sound.sources[0], time=np.zeros(0))], sound.radius, sound.inertia) == ()
+
+
+@pytest.mark.parametrize("extra", [-0.3, 0.3])
+def test_noise_of_a_wheel_s_force_is_as_large_beside_a_vehicle_of_another_mass(sound, extra):
+    """Over the load by the model it would look smaller beside a heavier vehicle, which then seems to fit better."""
+    light = Model(LAW.tau, LAW.mu_cd, {"vehicle_mass": {"extra": extra}})
+    stop = sound.sources[0]
+    noisy = Balances(sound.campaign, [dataclasses.replace(stop, torque=stop.torque + 100.0), *sound.sources[1:]])
+    wheels = sound.rows.wheels & (sound.rows.run == 0)
+    bare, other = ((noisy.raw(model) - sound.raw(model))[wheels] for model in (LAW, light))
+    np.testing.assert_allclose(bare, 100.0 / (2.0 * sound.radius * stop.mass * 9.81 / (2.0 * AXLES)), rtol=0.05)
+    np.testing.assert_allclose(other, bare, rtol=0.1)
+
+
+def test_a_vehicle_that_a_model_stops_too_early_has_finite_adhesion(sound):
+    """A replica far from the recordings may turn back where the recorded vehicle still rolls."""
+    stop = dataclasses.replace(sound.sources[0], speed=sound.sources[0].speed - 30.0)
+    assert stop.speed.min() < 0.0
+    memory = Model(LAW.tau, LAW.mu_cd, {"contaminant_memory": {"distance_m": 0.04}})
+    (found,) = Evaluator(sound.campaign, [stop])(memory)
+    assert np.isfinite(found.adhesion).all()
+    assert np.isfinite(found.slope).all()

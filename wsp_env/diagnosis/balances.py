@@ -2,8 +2,8 @@
 
 With T_k = (C_k + J dw_k/dt) / r from the wheel's own balance:
 
-- adhesion: T_k / (2 N_k) - f(s_k, v, history), per axle. If a wheel rolls freely (T near 0), this is the kinematic balance v -
-  r w = 0 times the slope of the creep curve. It is then reported as kinematics.
+- adhesion: T_k - 2 N_k f(s_k, v, history), per axle, over twice the believed wheel load. If a wheel rolls freely (T near 0),
+  this is the kinematic balance v - r w = 0 times the slope of the creep curve. It is then reported as kinematics.
 - vehicle: v(t) - v(0) + (1/M) integral of (sum T_k + resistances) dt. It contains no adhesion model. In integrated form, the
   noise of the recorded speed stays white and J dw/dt is exact.
 - actuator: C_k minus the torque from the recorded cylinder pressure, per axle. It exists only if both were measured.
@@ -158,7 +158,7 @@ class Balances:
         return self._evaluator(model, [-slip / self.radius for slip in more])
 
     def raw(self, model: Model) -> np.ndarray:
-        """Residuals (n,) of a model: adhesion coefficients [-], speeds [m/s], torques [N m]."""
+        """Residuals (n,) of a model: forces over the believed load [-], speeds [m/s], torques [N m]."""
         return np.concatenate([part.residuals(one) for part, one in zip(self.parts, self.evaluate(model), strict=True)])
 
     def like(self, stops: Sequence[PreparedStop]) -> "Balances":
@@ -296,13 +296,12 @@ class Blocks:
 
     def residuals(self, one: Evaluation) -> np.ndarray:
         """Return the residuals of all rows of this stop."""
-        adhesion = one.force / (2.0 * one.load) - one.adhesion
         impulse = self.summed(one.brake_force + one.resistance) + one.impulse
         momentum = self.vehicle_rows(one.recorded_speed + impulse / one.mass)
         for stretch in self._stretches:  # the initial speed of each stretch is free
             momentum[stretch] -= momentum[stretch].mean()
         brakes = None if self.stop.pressed is None else self.wheel_rows(one.torque - one.braking)
-        return self.joined(self.wheel_rows(adhesion), momentum, brakes)
+        return self.joined(self.wheel_rows(one.unbalanced(one.adhesion)), momentum, brakes)
 
     def deviation(self, one: Evaluation) -> np.ndarray:
         """Return the rows' standard deviations by the channels' noise; 1 in vehicle rows, whose noise is correlated.
@@ -310,8 +309,8 @@ class Blocks:
         The noise of dw/dt counts with the inertia of the model. With the believed one, less noise would look like less inertia.
         """
         noise, radius = self.stop.noise, self.owner.radius
-        moment = noise.moment(one.inertia) / (2.0 * radius * self.mean(one.load))
-        slip = noise.slip(radius) * self.mean(one.slope)
+        moment = noise.moment(one.inertia) / (2.0 * radius * one.believed_load)
+        slip = noise.slip(radius) * self.mean(one.stiffness)
         adhesion = np.sqrt(moment**2 + slip**2 + _ADHESION_FLOOR**2)[self.used]
         brakes = np.full(len(adhesion), np.hypot(noise.block_torque, _TORQUE_FLOOR_NM))
         return self.joined(adhesion, np.ones(self.momenta), brakes)

@@ -23,6 +23,10 @@ Choice = Mapping[str, Mapping[str, float]]
 #: nothing of its adhesion, and that of a lifted wheel is infinite).
 _LEAST_LOAD = 0.1
 
+#: Lower bound of a vehicle's speed [m/s]: the forces of a model that is far from the recordings would stop it, or turn it back,
+#: where the recorded one still rolls, and the law has no friction there (assumption: below the speeds that are evaluated).
+_LEAST_SPEED_MPS = 0.1
+
 
 @dataclasses.dataclass(frozen=True)
 class Model:
@@ -41,6 +45,7 @@ class Evaluation:
     adhesion: np.ndarray  # [-]
     slope: np.ndarray  # derivative of the adhesion by the slip speed [s/m]
     load: np.ndarray  # of one wheel [N]
+    believed_load: float  # of one wheel, by the believed mass [N]
     slip: np.ndarray  # [m/s]
     force: np.ndarray  # T = (C + J dw/dt) / r of the wheelset, from its own balance [N]
     torque: np.ndarray  # C: measured, else by the model's brake [N m]
@@ -52,6 +57,20 @@ class Evaluation:
     mass: float  # [kg]
     inertia: np.ndarray  # (A,) of the wheelsets [kg m2]
     misread: np.ndarray | float = 0.0  # slip error shown by sensors, beyond that of wheels known to roll [m/s]
+
+    @property
+    def stiffness(self) -> np.ndarray:
+        """Derivative (T, A) of the wheel's force by the slip speed, over its believed load [s/m]."""
+        result: np.ndarray = self.slope * (self.load / self.believed_load)
+        return result
+
+    def unbalanced(self, adhesion: np.ndarray) -> np.ndarray:
+        """Return the force (T, A) [-] that the wheel's own balance needs beyond that of an adhesion, over its believed load.
+
+        Over the load by the model, noise of the force would look smaller beside a heavier vehicle.
+        """
+        result: np.ndarray = (0.5 * self.force - self.load * adhesion) / self.believed_load
+        return result
 
     def changed(self, other: "Evaluation", before: "Evaluation") -> "Evaluation":
         """Return this evaluation plus the difference `other` - `before`."""
@@ -119,7 +138,8 @@ class Evaluator:
             speed, shift = self._last(self._speed_of, along.moving(m.mechanisms))
         if faster is not None:
             trajectory = trajectory.measured(wheel_speed_radps=trajectory.wheel_speed_radps + np.concatenate(faster))
-        return self._evaluations(m, along.along(trajectory.measured(speed_mps=speed), belief, m), shift)
+        moving = np.maximum(speed, _LEAST_SPEED_MPS)
+        return self._evaluations(m, along.along(trajectory.measured(speed_mps=moving), belief, m), shift)
 
     def forces(self, model: Model) -> list[Evaluation]:
         """Evaluate a model without the adhesion and its slope."""
@@ -186,8 +206,13 @@ class Evaluator:
             "brake_force": torque @ (1.0 / p.radius_m), "recorded_speed": self._recorded + shift, "resistance": p.resistance_n,
         }  # fmt: skip
         return [
-            Evaluation(**{name: values[samples] for name, values in every.items()}, mass=float(mass), inertia=p.inertia_kgm2)
-            for samples, mass in zip(self._trajectory.stops, p.mass_kg, strict=True)
+            Evaluation(
+                **{name: values[samples] for name, values in every.items()},
+                mass=float(mass),
+                inertia=p.inertia_kgm2,
+                believed_load=stop.mass * self.vehicle.gravity_mps2 / (2.0 * self.vehicle.axles),
+            )
+            for samples, mass, stop in zip(self._trajectory.stops, p.mass_kg, self.stops, strict=True)
         ]
 
     def _braking(self, p: along.Prediction, beside: np.ndarray) -> np.ndarray:

@@ -62,7 +62,7 @@ class Forces:
             stop = part.stop
             lost = balances.inertia * stop.wheel_rate / (balances.radius * one.mass)
             mine = np.nonzero(part.used)[1][:, None] == np.arange(balances.axles)
-            less_slip = part.joined(part.wheel_rows(one.slope * balances.radius * stop.wheel_rate)[:, None] * mine)
+            less_slip = part.joined(part.wheel_rows(one.stiffness * balances.radius * stop.wheel_rate)[:, None] * mine)
             found.append(self._rows(part, one, balances.inertia * stop.wheel_jerk, lost) + less_slip)
         return np.vstack(found)
 
@@ -81,7 +81,7 @@ class Forces:
                 smoothed = smooth_wheels(stop.wheel * wave, np.zeros_like(wave), stop.step_s)
                 shown, rate = (averaged(values, stop.step_s) for values in smoothed[:2])
                 lost = balances.inertia * shown / (balances.radius * one.mass)
-                less_slip = part.joined(part.wheel_rows(one.slope * balances.radius * shown)[:, None] * mine)
+                less_slip = part.joined(part.wheel_rows(one.stiffness * balances.radius * shown)[:, None] * mine)
                 columns.append(self._rows(part, one, balances.inertia * rate, lost) + less_slip)
             wide = np.zeros((len(columns[0]), len(self._parts), 2 * balances.axles))
             wide[:, i] = np.column_stack(columns)
@@ -159,7 +159,7 @@ class Forces:
     ) -> np.ndarray:  # fmt: skip
         """Rows (n, A) of one stop for each wheelset's moment (T, A) [N m] and the vehicle's loss of speed by it [m/s]."""
         mine = np.nonzero(part.used)[1][:, None] == np.arange(self._balances.axles)
-        share = part.wheel_rows(moment / (2.0 * self._balances.radius * one.load))[:, None] * mine
+        share = part.wheel_rows(moment / (2.0 * self._balances.radius * one.believed_load))[:, None] * mine
         vehicle = np.column_stack([part.vehicle_rows(x) for x in lost.T])
         brakes = None if braking is None else part.wheel_rows(braking)[:, None] * mine
         return part.joined(share if slow else share + self._slower(part, one, lost), vehicle, brakes)
@@ -172,4 +172,4 @@ class Forces:
         """
         stop = part.stop
         slower = lost - np.column_stack([stop.estimator(stop.time, x) for x in lost.T])
-        return np.column_stack([part.wheel_rows(one.slope * x[:, None]) for x in slower.T])
+        return np.column_stack([part.wheel_rows(one.stiffness * x[:, None]) for x in slower.T])

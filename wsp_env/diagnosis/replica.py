@@ -194,7 +194,7 @@ class Replica:
         result, rows = right.raw(model), self.rows
         for i, (one, mine) in enumerate(zip(right.evaluate(model), self.evaluate(model), strict=True)):
             expected = mine.adhesion + slopes[i] * (one.slip - mine.slip)
-            wheels = right.parts[i].wheel_rows(one.force / (2.0 * mine.load) - expected)
+            wheels = right.parts[i].wheel_rows(dataclasses.replace(one, load=mine.load).unbalanced(expected))
             result[(rows.run == i) & rows.wheels] = wheels
         return result
 

@@ -82,7 +82,7 @@ def _multiple(replica: Replica, seen: Screen, raw: np.ndarray, noise: np.ndarray
     one, two = _pairs(rows, kind, 1)
     if kind in (ADHESION, KINEMATICS):  # rolling wheels: as an error of slip
         stops = zip(replica.parts, replica.evaluate(seen.model), strict=True)
-        slope = np.concatenate([part.joined(part.wheel_rows(stop.slope)) for part, stop in stops])
+        slope = np.concatenate([part.joined(part.wheel_rows(stop.stiffness)) for part, stop in stops])
         return _amplitude(float(np.mean(raw[one] * raw[two] / (slope[one] * slope[two])))) / SLIP_MPS
     retarded = max(float(np.mean(rows.deceleration[one])), _LEAST_MPS2)
     if kind == VEHICLE:  # from the mean square of its rate

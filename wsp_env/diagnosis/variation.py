@@ -261,10 +261,10 @@ def _slips(balances: Balances | Replica, model: Model) -> tuple[np.ndarray, np.n
     for i, (part, one) in enumerate(zip(balances.parts, balances.evaluate(model), strict=True)):
         # A stiffer contact acts like more slip: df/dlog k is about s df/ds (exact at small creepage, where the stiffness
         # matters).
-        steepness.append(-part.joined(part.wheel_rows(one.slope * one.slip)))
+        steepness.append(-part.joined(part.wheel_rows(one.stiffness * one.slip)))
         # With a larger radius the slip is smaller, so the law predicts less adhesion.
-        radius.append(part.joined(part.wheel_rows(one.slope * balances.radius * part.stop.wheel)))
-        mine = [part.joined(-part.wheel_rows(one.slope * mode[:, None])) for mode in balances.stops[i].uncertain.T]
+        radius.append(part.joined(part.wheel_rows(one.stiffness * balances.radius * part.stop.wheel)))
+        mine = [part.joined(-part.wheel_rows(one.stiffness * mode[:, None])) for mode in balances.stops[i].uncertain.T]
         wide = np.zeros((len(steepness[-1]), sum(sizes)))
         if mine:
             wide[:, sum(sizes[:i]) : sum(sizes[: i + 1])] = np.column_stack(mine)
