@@ -28,7 +28,7 @@ SCALES = {
     Feature.SLIP_SIGN: (3.0, 1.0), Feature.TORQUE_MEMORY: (0.4, 1.0), Feature.SLIP_RATE: (2.0, 1.0), Feature.SINE: (0.3, 1.0),
     Feature.COSINE: (0.3, 1.0), Feature.WHEEL_SINE: (0.1, 1.0), Feature.WHEEL_COSINE: (0.1, 1.0),
     Feature.TORQUE_SINE: (0.1, 1.0), Feature.TORQUE_COSINE: (0.1, 1.0), Feature.TORQUE_PLAY: (0.05, 1.0),
-    Feature.SETTLING: (4.0, 1.0), Feature.TORQUE_SETTLING: (4.0, 1.0),
+    Feature.SETTLING: (4.0, 1.0), Feature.TORQUE_SETTLING: (4.0, 1.0), Feature.TORQUE_WARMING: (1.0, 1.0),
     Feature.PLACE_BUMP: (150.0, 200.0), Feature.BUILT_UP: (1.5, 2.0), Feature.SPEED_TENT: (37.0, 2.0),
     Feature.SLIP_TENT: (3.0, 2.0), Feature.TIME_TENT: (4.0, 3.0),
 }  # fmt: skip
@@ -259,6 +259,22 @@ def test_what_settles_begins_with_the_brake_and_dies_away_with_its_time():
     assert (time == 0.0).any()
     assert_allclose(bare, np.where(time > 0.0, np.exp(-time / 2.0), 0.0))
     assert_allclose(torque, bare * features_along(doings, Term(1.0, 0, 0, Feature.TORQUE)))
+
+
+def test_what_warms_dies_away_with_the_work_of_the_brake():
+    """The work is torque times wheel speed, summed over the steps."""
+    share, wheel, step_s = np.array([0.0, 0.5, 1.0, 1.0, 0.4]), np.array([90.0, 88.0, 86.0, 70.0, 80.0]), 0.1
+    doings = np.zeros((len(Doing._fields), len(share), 1))
+    full = 16_000.0
+    fields = {
+        "time_s": step_s * np.arange(len(share)), "duration_s": step_s, "full_torque": full, "believed_torque": share * full,
+        "wheel": wheel,
+    }  # fmt: skip
+    for name, values in fields.items():
+        doings[Doing._fields.index(name), :, 0] = values
+    said = features_along(doings, Term(1.0, 0, 0, Feature.TORQUE_WARMING, 0.3))[:, 0]
+    work_mj = 1e-6 * np.cumsum(share * full * wheel * step_s)
+    assert_allclose(said, share * np.exp(-work_mj / 0.3))
 
 
 def test_a_feature_is_held_at_the_edges_of_its_range():

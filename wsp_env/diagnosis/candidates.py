@@ -39,7 +39,7 @@ class Variant:
     steps: tuple[float, ...] = ()  # finite-difference steps of the sizes; empty: the parameters' default steps
     family: str = ""  # of a term without a name: its description; terms that differ only in scale share it
     above: bool = False  # whether its only size must be above its null; below it, the size looks like noise
-    places: tuple[str, ...] = ()  # of a term: those of its fixed parameters that say where it acts
+    shapes: dict[str, float] = dataclasses.field(default_factory=dict)  # of a term: fixed parameters that a refit moves, steps
 
     @property
     def title(self) -> str:
@@ -128,17 +128,19 @@ def near(variant: Variant) -> Variant:
 
 
 def refined(variant: Variant) -> Variant:
-    """Return the variant with the parameters that locate it (place, band, time) free as well."""
+    """Return the variant with the parameters that locate it (place, band, time) or shape a term free as well."""
     free = located(variant)
+    own = variant.shapes if variant.family else {name: step(variant.name, name) for name in free}
     fixed = {name: value for name, value in variant.fixed.items() if name not in free}
-    steps = (*variant.moves(), *(step(variant.name, name) for name in free)) if variant.steps else ()
+    steps = (*variant.moves(), *own.values()) if variant.steps else ()
     return Variant(variant.name, (*variant.sizes, *free), fixed, steps, variant.family)
 
 
 def located(variant: Variant) -> dict[str, float]:
     """Return those of the fixed parameters that say where a mechanism acts, and that a refit may move."""
-    names = variant.places if variant.family else variant.fixed
-    return {name: variant.fixed[name] for name in names if parameter_of(variant.name, name).refit_step}
+    if variant.family:
+        return {name: variant.fixed[name] for name in variant.shapes}
+    return {name: value for name, value in variant.fixed.items() if parameter_of(variant.name, name).refit_step}
 
 
 def switched(model: Model, variant: Variant, values: np.ndarray) -> Model:

@@ -41,14 +41,23 @@ _ABOVE_MPS = ((12.0, 1.0), (20.0, 1.0), (28.0, 1.0))
 #: Play of a brake rigging as a share of the torque: the share held back while the brake is applied (assumption: a few per
 #: cent).
 _PLAY = ((0.03, 1.0), (0.045, 1.0), (0.065, 1.0), (0.09, 1.0))
-#: Settling times [s]: one short and one long compared with a stop (assumption).
+#: Settling times [s], and works of a brake [MJ] within which it dries or warms, from which a refit begins: one short and one
+#: long compared with a stop (assumption).
 _SETTLING = ((3.0, 1.0), (8.0, 1.0))
+_WARMING = ((0.5, 1.0), (2.0, 1.0))
+#: Steps by which a refit moves the scales of features [of the scale]: those of a bump along the track [m], and the others as a
+#: share of their start; scales of further features stay.
+_MOVED_M = 10.0
+_MOVED = dict.fromkeys((Feature.SETTLING, Feature.TORQUE_SETTLING, Feature.TORQUE_WARMING), 0.2)
+#: The same of the speed above which a wheel sensor loses pulses [m/s].
+_MOVED_MPS = 1.0
 #: Features with their scales by slot, tried on all axles together; `_SOME`: on groups of axles. Features with a name in the
 #: library are omitted, and so is the friction or recovery of one axle as a whole, which is normal variation of wheel treads.
 _TOGETHER: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
     Slot.BRAKE_TORQUE: {
         Feature.SLIP: _ONE, Feature.BRAKING_TIME: _ONE, Feature.WHEEL_DIFFERENCE: _ONE, Feature.WORK: _ONE,
         Feature.TORQUE_SINE: _ONE, Feature.TORQUE_PLAY: _PLAY, Feature.TORQUE_SETTLING: _SETTLING,
+        Feature.TORQUE_WARMING: _WARMING,
     },
     Slot.FRICTION: {
         Feature.BRAKING_TIME: _ONE, Feature.WORK: _ONE, Feature.WHEEL_DIFFERENCE: _ONE,
@@ -71,6 +80,7 @@ _SOME: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
         Feature.WHEEL_DIFFERENCE: _ONE,
         Feature.TORQUE_PLAY: _PLAY,
         Feature.TORQUE_SETTLING: _SETTLING,
+        Feature.TORQUE_WARMING: _WARMING,
     },
     Slot.FRICTION: {Feature.SPEED: _ONE, Feature.BRAKING_TIME: _ONE},
     Slot.WHEEL_READING: {Feature.SPEED: _ONE, Feature.TIME: _ONE, Feature.ALWAYS: _ABOVE_MPS},
@@ -198,8 +208,8 @@ def _variant(n: int, slot: Slot, axles: tuple[int, ...], feature: Feature, scale
         fixed = {"feature": float(feature)}
         if slot is Slot.WHEEL_READING:
             fixed |= {"axles": mask_of(axles), "above_mps": scale[0] if feature is Feature.ALWAYS else 0.0}
-        places = ("above_mps",) if fixed.get("above_mps") else ()
-        return Variant(_ONLY[slot], ("coefficient",), fixed, (step,), _family(slot, axles, name), places=places)
+        shapes = {"above_mps": _MOVED_MPS} if fixed.get("above_mps") else {}
+        return Variant(_ONLY[slot], ("coefficient",), fixed, (step,), _family(slot, axles, name), shapes=shapes)
     parts = [(feature, scale)]
     if feature is Feature.TORQUE_SINE and n < TERMS:  # with its cosine, because the initial wheel angle is unknown
         parts.append((Feature.TORQUE_COSINE, scale))
@@ -223,15 +233,18 @@ def _of(
 ) -> Variant:  # fmt: skip
     """Return the variant whose terms, numbered from n, are given features with their scales in one slot."""
     fixed: dict[str, float] = {}
-    places: list[str] = []
+    shapes: dict[str, float] = {}
     for k, (feature, scale) in enumerate(parts, n):
         fixed |= {
             f"slot_{k}": float(slot), f"axles_{k}": mask_of(axles), f"feature_{k}": float(feature), f"scale_{k}": scale[0],
             f"second_scale_{k}": scale[1], f"low_{k}": -UNBOUNDED, f"high_{k}": UNBOUNDED,
         }  # fmt: skip
-        places += [f"scale_{k}", f"second_scale_{k}"] if feature is Feature.PLACE_BUMP else []
+        if feature is Feature.PLACE_BUMP:
+            shapes |= {f"scale_{k}": _MOVED_M, f"second_scale_{k}": _MOVED_M}
+        elif feature in _MOVED:
+            shapes[f"scale_{k}"] = _MOVED[feature] * scale[0]
     sizes = tuple(f"coefficient_{k}" for k in range(n, n + len(parts)))
-    return Variant(NAME, sizes, fixed, (step,) * len(parts), _family(slot, axles, name), above, tuple(places))
+    return Variant(NAME, sizes, fixed, (step,) * len(parts), _family(slot, axles, name), above, shapes)
 
 
 class Words(NamedTuple):

@@ -37,9 +37,6 @@ LEAST_FRICTION = 0.1
 #: Bound of the change of log tau (assumption: from no recovery to immediate recovery, without overflow).
 _MOST_LOG = 20.0
 
-#: Step by which a refit moves middle and width of a bump along the track [m]; other scales stay.
-_MOVED_M = 10.0
-
 _SOURCE = "assumption: a diagnosis finds it"
 
 #: Slots of the plant in which terms act; errors of the recorded speed have a card of their own.
@@ -62,8 +59,8 @@ def _parameters_of_term(n: int) -> tuple[Parameter, ...]:
         Parameter(f"slot_{n}", "code", 0.0, 0.0, 0.0, last_slot, "terms.Slot", "shape"),
         Parameter(f"axles_{n}", "bit mask", 0.0, 1.0, 0.0, 2.0**52, "1, 2, 4 ... for axles 1, 2, 3 ...; 0: all", "shape"),
         Parameter(f"feature_{n}", "code", 0.0, 0.0, 0.0, last_feature, "terms.Feature", "shape"),
-        Parameter(f"scale_{n}", "of feature", 1.0, 1.0, -1e6, 1e6, _SOURCE, "shape", refit_step=_MOVED_M),
-        Parameter(f"second_scale_{n}", "of feature", 1.0, 1.0, -1e6, 1e6, _SOURCE, "shape", refit_step=_MOVED_M),
+        Parameter(f"scale_{n}", "of feature", 1.0, 1.0, -1e6, 1e6, _SOURCE, "shape"),
+        Parameter(f"second_scale_{n}", "of feature", 1.0, 1.0, -1e6, 1e6, _SOURCE, "shape"),
         Parameter(f"low_{n}", "of feature", -UNBOUNDED, -UNBOUNDED, -UNBOUNDED, UNBOUNDED, "range that was recorded", "shape"),
         Parameter(f"high_{n}", "of feature", UNBOUNDED, UNBOUNDED, -UNBOUNDED, UNBOUNDED, "range that was recorded", "shape"),
     )  # fmt: skip

@@ -70,7 +70,7 @@ CARD = Card(
             "terms.Feature: SPEED, the wheel's own circumferential speed over 30 m/s; TIME; or ALWAYS, above a speed",
             "shape",
         ),
-        Parameter("above_mps", "m/s", 0.0, 0.0, 0.0, 100.0, "its own speed from which it errs", "shape", refit_step=1.0),
+        Parameter("above_mps", "m/s", 0.0, 0.0, 0.0, 100.0, "its own speed from which it errs", "shape"),
     ),
     record=Parameters,
     acts={"reading_factor": reading_factor},

@@ -56,9 +56,12 @@ FEATURES: dict[Feature, Described] = {
     Feature.TORQUE_PLAY: Described(
         "share of the full torque, minus it while it rises (by more than {scale:.0%})", "-", ("-", "")
     ),
-    Feature.SETTLING: Described("a share that dies away within {scale:g} s of braking", "-", ("s", "")),
+    Feature.SETTLING: Described("a share that dies away within {scale:.2g} s of braking", "-", ("s", "")),
     Feature.TORQUE_SETTLING: Described(
-        "share of the full torque, times a share that dies away within {scale:g} s of braking", "-", ("s", "")
+        "share of the full torque, times a share that dies away within {scale:.2g} s of braking", "-", ("s", "")
+    ),
+    Feature.TORQUE_WARMING: Described(
+        "share of the full torque, times a share that dies away within {scale:.2g} MJ of the brake's work", "-", ("MJ", "")
     ),
     Feature.SPEED_TIME: Described("time since the start, times running speed over 30 m/s", "s"),
 }
@@ -86,6 +89,7 @@ LOOKS_LIKE: dict[Slot, dict[Feature, tuple[str, ...]]] = {
         Feature.TORQUE_PLAY: ("hysteresis of the brake rigging",),
         Feature.SETTLING: ("wet or icy brake discs", "cold pads"),
         Feature.TORQUE_SETTLING: ("wet or icy brake discs", "cold pads"),
+        Feature.TORQUE_WARMING: ("wet or icy brake discs", "cold pads"),
     }
     | dict.fromkeys(_TURN, ("torque ripple of an eccentric disc",)),
     Slot.FRICTION: {

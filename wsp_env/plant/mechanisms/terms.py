@@ -58,6 +58,7 @@ class Feature(IntEnum):
     TORQUE_PLAY = 27  # believed torque over full torque, negative while rising, positive while falling [-] (share of it, play)
     SETTLING = 28  # exp(-time since braking began / scale), 0 before [-] (s)
     TORQUE_SETTLING = 29  # believed torque over full torque, times the same [-] (s)
+    TORQUE_WARMING = 30  # believed torque over full torque, times exp(-work of the axle's brake so far / scale) [-] (MJ)
 
 
 #: Share of the full torque above which an axle counts as braking (assumption: above the noise of a recorded pressure).
@@ -81,7 +82,7 @@ _LEAST = 1e-9
     _BRAKING, _ALWAYS, _SPEED, _SPEED_SQUARED, _SLIP, _SLIP_SIGN, _TORQUE, _WHEEL_RATE, _TORQUE_MEMORY, _SLIP_RATE, _TIME,
     _BRAKING_TIME, _SINE, _COSINE, _WHEEL_SINE, _WHEEL_COSINE, _PLACE_BUMP, _WHEEL_DIFFERENCE, _WORK, _BUILT_UP, _SPEED_TENT,
     _SLIP_TENT, _TIME_TENT, _SPEED_DECELERATION, _SPEED_TIME, _TORQUE_SINE, _TORQUE_COSINE,
-    _TORQUE_PLAY, _SETTLING, _TORQUE_SETTLING,
+    _TORQUE_PLAY, _SETTLING, _TORQUE_SETTLING, _TORQUE_WARMING,
 ) = map(int, Feature)  # fmt: skip
 
 
@@ -102,7 +103,7 @@ class Past(NamedTuple):
     """State of a term for one axle."""
 
     lagged: float = 0.0  # believed torque over full torque, low-passed, or with play [-]
-    built: float = 0.0  # state of BUILT_UP [-]
+    built: float = 0.0  # state of BUILT_UP [-], or work of the brake [MJ]
     braked_s: float = 0.0  # time since braking began [s]
     slip_rate: float = 0.0  # low-passed [m/s2]
 
@@ -126,6 +127,8 @@ def brought_up_to_date(term: Term, past: Past, doing: Doing) -> Past:
         follows = 1.0 - math.exp(-doing.duration_s / max(term.scale, _LEAST))
         lagged += follows * (share - lagged)
         built += follows * ((1.0 if abs(doing.slip) > term.second_scale else 0.0) - built)
+    elif code == _TORQUE_WARMING:
+        built += 1e-6 * doing.believed_torque * doing.wheel * doing.duration_s
     elif code == _TORQUE_PLAY:
         lagged = min(max(lagged, (1.0 - term.scale) * share), (1.0 + term.scale) * share)
     elif code == _SLIP_RATE:
@@ -191,6 +194,8 @@ def _feature(code: int, scale: float, second: float, past: Past, doing: Doing) -
     if code in (_SETTLING, _TORQUE_SETTLING):
         decays = math.exp(-past.braked_s / max(scale, _LEAST)) if past.braked_s > 0.0 else 0.0
         return share * decays if code == _TORQUE_SETTLING else decays
+    if code == _TORQUE_WARMING:
+        return share * math.exp(-past.built / max(scale, _LEAST))
     if code == _TORQUE_PLAY:
         return (past.lagged - share) / max(scale, _LEAST)
     if code == _PLACE_BUMP:
