@@ -21,9 +21,15 @@ THREE = [trial(one, EVIDENCE[one.title]) for one in (GAIN, GRADIENT, TERM)]
 
 
 class Compared(Retested):
-    """One of which it is known by how much it exceeds others [nats]."""
+    """One of which it is known by how much it exceeds others [nats], and what it leaves about itself."""
 
     more: ClassVar[dict[tuple[str, str], float]] = {}
+    squares: ClassVar[dict[str, float]] = {}
+    scatter = 44.7  # of a thousand rows
+
+    @property
+    def deviance(self):
+        return self.squares.get(self.trial.listed.title, 1000.0)
 
     def exceeds(self, other):
         return self.more[self.trial.listed.title, other.trial.listed.title]
@@ -38,6 +44,8 @@ def contest(batches, evidence=None, rejects=lambda one: False, first_round=True,
     def about(one):
         cost = (squares or {}).get(one.listed.title, 1000.0)
         return AboutItself(one, Step(None, None, Fitted(NULL, (), (), (), cost)))
+
+    Compared.squares = squares or {}
 
     def retest(here, own):
         assert here == "here"
@@ -126,6 +134,14 @@ def test_a_term_that_cannot_replace_the_best_name_is_not_tested(name, tested):
     assert {one.listed.title for one in trials} == EVIDENCE.keys()
 
 
+@pytest.mark.parametrize(("here", "squares", "tested"), [(60.0, 600.0, True), (49.0, 600.0, False), (60.0, 990.0, False)])
+def test_a_term_that_explains_more_here_than_the_name_and_fits_distinctly_better_is_tested(here, squares, tested):
+    """The name has 50 nats here and 200 from both sides, too many for twice the evidence of the term."""
+    asked, two = [], [THREE[1], trial(TERM, here)]
+    contest([two], {GRADIENT.title: 200.0}, asked=asked, squares={TERM.title: squares})
+    assert asked == [GRADIENT, *([TERM] if tested else [])]
+
+
 @pytest.mark.parametrize(("first_round", "expected"), [(True, GAIN), (False, None)])
 def test_the_next_batch_is_tried_if_nothing_holds_in_the_first_round(first_round, expected):
     batches = iter([[THREE[1]], [THREE[0]], [THREE[2]]])
@@ -195,16 +211,20 @@ def test_a_name_with_less_evidence_that_fits_better_about_itself_is_compared_wit
 
 
 @pytest.mark.parametrize(("squares", "expected", "left"), [(600.0, GAIN, 40.0 - 200.0), (950.0, TERM, 90.0)])
-def test_what_fits_distinctly_worse_about_itself_than_a_name_is_behind_it(squares, expected, left):
+def test_a_term_that_fits_distinctly_worse_about_itself_than_a_name_is_behind_it(squares, expected, left):
     """Another inertia looks like noise, of which the replicas of others do not know: a term explains more of the rest."""
     best, _, trials = contest([THREE], {TERM.title: 90.0, GRADIENT.title: 1.0}, squares={GAIN.title: squares})
     assert best.trial.listed == expected
     assert next(one.evidence for one in [*trials, best.trial] if one.listed == TERM) == left
 
 
-def test_a_term_is_compared_with_no_name():
-    best, _, _ = contest([THREE], squares={TERM.title: 1.0})
-    assert best.trial.listed == GRADIENT
+@pytest.mark.parametrize(
+    ("squares", "expected"),
+    [(950.0, GRADIENT), (955.0, GRADIENT), (600.0, TERM)],  # 25 nats of the term's 60 are less than a form error allows
+)
+def test_a_term_precedes_a_name_that_fits_distinctly_worse_about_itself(squares, expected):
+    best, _, _ = contest([THREE], {TERM.title: 60.0}, squares={TERM.title: squares})
+    assert best.trial.listed == expected
 
 
 def test_fit_and_evidence_to_beat_are_those_of_one_name(monkeypatch):

@@ -50,8 +50,15 @@ def test_what_may_be_none_or_beyond_its_bounds_in_every_size_is_undetermined(rat
 )
 def test_a_time_that_may_be_less_than_a_sample_says_nothing(interval, within):
     clock = Variant("clock_offset", ("offset_s",), {})
-    assert within_a_sample(estimates(clock, interval), clock, 0.05) == within
+    assert within_a_sample(estimates(clock, interval), clock, 0.05, 20.0) == within
+
+
+@pytest.mark.parametrize(("interval", "within"), [((0.5, 1.4), True), ((1.1, 1.4), False)])
+def test_a_distance_that_may_be_rolled_within_a_sample_says_nothing(interval, within):
+    """A metre at 20 m/s and 20 Hz: a counted wheel speed is the mean since the last sample."""
+    memory = Variant("contaminant_memory", ("distance_m",), {})
+    assert within_a_sample(estimates(memory, interval), memory, 0.05, 20.0) == within
 
 
 def test_what_is_no_time_has_no_sample():
-    assert not within_a_sample(estimates(PADS, (0.0, 0.001), (0.0, 1e-4)), PADS, 0.05)
+    assert not within_a_sample(estimates(PADS, (0.0, 0.001), (0.0, 1e-4)), PADS, 0.05, 20.0)

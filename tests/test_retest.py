@@ -20,7 +20,8 @@ from wsp_env.diagnosis.trials import PRIOR, SURE
 from wsp_env.diagnosis.variation import Group
 
 #: What is asked of a replica and of a screen.
-HERE = SimpleNamespace(name="here", recorded=None, sample_s=0.01)
+ROWS = SimpleNamespace(speed=np.array([20.0]))
+HERE = SimpleNamespace(name="here", recorded=None, sample_s=0.01, rows=ROWS)
 SEEN = SimpleNamespace(whitening=None)
 NULL = Model(2e-4, (0.06,))
 ON = switched(NULL, GRADIENT, np.array([0.002]))
@@ -45,7 +46,7 @@ def ask(monkeypatch):
         fitted = dataclasses.replace(fitted, cost=itself)
 
         def side(name, less):
-            replica = SimpleNamespace(name=name, recorded=None, sample_s=0.01)
+            replica = SimpleNamespace(name=name, recorded=None, sample_s=0.01, rows=ROWS)
             return SimpleNamespace(
                 replica=replica, weights=PLAIN, compare=lambda *_: (less, shift), noise_parameters=name,
                 fits_worse=lambda other: worse,

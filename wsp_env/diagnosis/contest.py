@@ -3,10 +3,11 @@
 import dataclasses
 import functools
 import itertools
+import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
-from wsp_env.diagnosis.convergence import fits_worse
+from wsp_env.diagnosis.convergence import WORSE, fits_worse
 from wsp_env.diagnosis.replica import OF_TIME
 from wsp_env.diagnosis.retest import AboutItself, Retested, Side
 from wsp_env.diagnosis.side_by_side import side_by_side
@@ -57,7 +58,7 @@ def best_of(
         last = {one.listed.title: one for one in some}
         held: list[tuple[Retested, AboutItself]] = []
         for kind in ([one for one in some if not one.listed.family], [one for one in some if one.listed.family]):
-            promising = _promising(kind, some, threshold, [one for one, _ in held])
+            promising = _promising(kind, some, threshold, _trials(held))
             tested = [one for one in promising if not rejects(one)]
             makes = [functools.partial(about, one) for one in tested]
             if tested and not sides:  # the side without any of them is made beside them
@@ -81,7 +82,7 @@ def best_of(
                 if title not in hold:
                     rejected[title] = log_odds(last[title].listed, last[title].evidence)
         if held:
-            best, *others = _compared([(one, about.step.fitted.cost) for one, about in held])
+            best, *others = _compared([one for one, _ in held])
             return Contest(
                 best, rejected, trials + list((last | {one.trial.listed.title: one.trial for one in others}).values())
             )
@@ -96,18 +97,22 @@ def _most_gained(one: Trial) -> float:
 
 
 def _is_hopeless(one: AboutItself, held: Sequence[tuple[Trial, AboutItself]]) -> bool:
-    """Whether a trial fits worse about itself than one that holds, and explains too little here to be the best.
+    """Whether a trial explains too little here to be the best, as it fits about itself.
 
-    Of those that hold: the trial, and what it was about itself. A name that explains more here than such a one is not hopeless:
-    it may gain as much.
+    Of those that hold: the trial, and what it was about itself. A name must fit worse than such a one; if it explains more
+    here, it is not hopeless: it may gain as much. A term must fit distinctly better, or explain more than the form of a name
+    may lose.
     """
     most, family = _most_gained(one.trial) * one.trial.evidence, bool(one.trial.listed.family)
-    return any(
-        most < other.evidence
-        and (family or one.trial.evidence < about.trial.evidence)
-        and fits_worse(one.step.fitted.cost, about.step.fitted.cost)
-        for other, about in held
-    )
+
+    def behind(other: Trial, about: AboutItself) -> bool:
+        mine, its = one.step.fitted.cost, about.step.fitted.cost
+        if family:
+            form = 1.0 if other.listed.family else (1.0 - FORM) ** 2
+            return form * most < other.evidence and not fits_worse(its, mine)
+        return most < other.evidence and one.trial.evidence < about.trial.evidence and fits_worse(mine, its)
+
+    return any(behind(other, about) for other, about in held)
 
 
 def _trials(held: Sequence[tuple[Retested, AboutItself]]) -> list[tuple[Trial, AboutItself]]:
@@ -120,66 +125,67 @@ def _at_once(left: Sequence[AboutItself]) -> int:
     return 1 + sum(1 for _ in itertools.takewhile(lambda one: not _is_hopeless(one, holds), left[1:_AT_A_TIME]))
 
 
-def _behind_what_fits(held: Sequence[tuple[Retested, float]]) -> list[tuple[Retested, float]]:
-    """Return what holds, with less evidence for what fits distinctly worse about itself than a name.
+def _behind_what_fits(held: Sequence[Retested]) -> list[Retested]:
+    """Return what holds, with less evidence for what fits distinctly worse about itself than the best.
 
     What another inertia or a wrong sensor leaves looks like noise, of which no other replica knows: beside it, the mechanism
-    explains little. The worse of the two then has less evidence than the name, by half of the squares that it leaves more.
+    explains little. The worse of the two then has less evidence than the better, by half of the difference of their deviances.
+    Sums of squares with the same weights would not do: where a clock is put right, other wheels slide.
     """
-    names = [one for one in held if not one[0].trial.listed.family]
-    if not names:
-        return list(held)
-    best, least = min(names, key=lambda one: one[1])
+    best = min(held, key=lambda one: one.deviance)
 
-    def behind(one: Retested, cost: float) -> Retested:
-        most = best.trial.evidence - 0.5 * (cost - least)
-        if not fits_worse(cost, least) or one.trial.evidence <= most:
-            return one
-        return one._replace(trial=dataclasses.replace(one.trial, evidence=most))
+    def behind(one: Retested) -> Retested:
+        more = one.deviance - best.deviance
+        evidence = min(one.trial.evidence, best.trial.evidence - 0.5 * more)
+        return one if more <= WORSE * one.scatter else _with_evidence(one, evidence)
 
-    return [(behind(one, cost), cost) for one, cost in held]
+    return [behind(one) for one in held]
 
 
-def _compared(held: Sequence[tuple[Retested, float]]) -> list[Retested]:
-    """Return what holds, best first, from the trials and their sums of squares about themselves.
+def _with_evidence(one: Retested, evidence: float) -> Retested:
+    return one._replace(trial=dataclasses.replace(one.trial, evidence=evidence))
+
+
+def _compared(held: Sequence[Retested]) -> list[Retested]:
+    """Return what holds, best first.
 
     Evidence is told against the model without the mechanism. A name with less of it that fits better about itself is compared
     directly: the worse of the two then has so much less evidence than the better.
     """
     held = _behind_what_fits(held)
-    ranked = preferred([one.trial for one, _ in held])
-    (first, least), *others = [next(one for one in held if one[0].trial is trial) for trial in ranked]
+    first, *others = [next(one for one in held if one.trial is trial) for trial in preferred([one.trial for one in held])]
     after: list[Retested] = []
-    for one, cost in others:
-        if first.trial.listed.family or one.trial.listed.family or cost >= least:
+    for one in others:
+        if first.trial.listed.family or one.trial.listed.family or one.deviance >= first.deviance:
             after.append(one)
             continue
         more = one.exceeds(first)
         better, worse = (one, first) if more > 0.0 else (first, one)
-        evidence = min(worse.trial.evidence, better.trial.evidence - abs(more))
-        after.append(worse._replace(trial=dataclasses.replace(worse.trial, evidence=evidence)))
-        first, least = better, cost if better is one else least
+        after.append(_with_evidence(worse, min(worse.trial.evidence, better.trial.evidence - abs(more))))
+        first = better
     return [first, *after]
 
 
 def _promising(
-    some: Sequence[Trial], among: Sequence[Trial], threshold: Callable[[Trial], float], held: Sequence[Retested]
-) -> list[Trial]:
+    some: Sequence[Trial], among: Sequence[Trial], threshold: Callable[[Trial], float],
+    held: Sequence[tuple[Trial, AboutItself]],
+) -> list[Trial]:  # fmt: skip
     """Return those of `some` that may hold and be the best of all, beside what holds.
 
     A name that explains little here, because it is nonlinear or hidden by nuisances, may explain most about its own replica.
     Delays are the least linear effects: the true one may explain far less here than a false one. Another inertia hides in the
-    noise.
+    noise. A term that explains more here than every name that holds may also fit better about itself.
     """
     least = max((one.evidence for one in among), default=0.0)
-    least = max([least, *(one.trial.evidence / (1.0 - FORM) ** 2 for one in held)])
+    least = max([least, *(one.evidence / (1.0 - FORM) ** 2 for one, _ in held)])
+    here = max((about.trial.evidence for _, about in held), default=math.inf)
 
     def may_hold(one: Trial) -> bool:
         if not one.listed.family and log_odds(one.listed, one.found.evidence) > 0.0:
             return True
         if (hides_in_noise(one.found) or fades(one.found)) and not held:
             return True
-        may_be_best = _most_gained(one) * one.evidence > least or one.listed.name in OF_TIME
+        may_be_best = _most_gained(one) * one.evidence > least or one.evidence > here or one.listed.name in OF_TIME
         return log_odds(one.listed, one.evidence) > threshold(one) and may_be_best
 
     return [one for one in some if may_hold(one)]

@@ -56,15 +56,23 @@ def undetermined(found: Mapping[str, Estimate], variant: Variant) -> bool:
     return all(low <= one.null <= high or low <= one.low or high >= one.high for (low, high), one in _intervals(found, variant))
 
 
-def within_a_sample(found: Mapping[str, Estimate], variant: Variant, sample_s: float) -> bool:
-    """Whether all sizes are times whose intervals contain values below one sample.
+def within_a_sample(found: Mapping[str, Estimate], variant: Variant, sample_s: float, speed_mps: float) -> bool:
+    """Whether all sizes are times, or rolled distances, whose intervals contain values below one sample.
 
     Channels of one logger are read within a sample of each other, and the course of a pressure between two samples is unknown.
+    A wheel speed that is counted is the mean since the last sample: its slip, and so its friction, seem to be late.
+
+    Parameters
+    ----------
+    speed_mps : usual speed at which a distance is rolled
+
     """
-    return all(
-        one.unit == "s" and low - one.null <= sample_s and high - one.null >= -sample_s
-        for (low, high), one in _intervals(found, variant)
-    )
+
+    def within(low: float, high: float, one: Parameter) -> bool:
+        least = sample_s * (speed_mps if one.rolled else 1.0)
+        return (one.rolled or one.unit == "s") and low - one.null <= least and high - one.null >= -least
+
+    return all(within(low, high, one) for (low, high), one in _intervals(found, variant))
 
 
 def _intervals(found: Mapping[str, Estimate], variant: Variant) -> list[tuple[tuple[float, float], Parameter]]:

@@ -108,10 +108,14 @@ class Side:
 
     def fits_worse(self, other: "Side") -> bool:
         """Whether the model about which this side is has a larger deviance than that of the other side about itself."""
-        mine, least = (one._known or one._without for one in (self, other))
-        assert mine is not None
-        assert least is not None
-        return mine.deviance > least.deviance
+        return self.deviance > other.deviance
+
+    @property
+    def deviance(self) -> float:
+        """Deviance of the model about which this side is, with nuisance sizes of its own."""
+        known = self._known or self._without
+        assert known is not None
+        return known.deviance
 
     @property
     def noise_parameters(self) -> NoiseParameters:
@@ -160,6 +164,16 @@ class Retested(NamedTuple):
 
     trial: Trial
     own: Side
+
+    @property
+    def deviance(self) -> float:
+        """Deviance about its own replica, with nuisance sizes of its own."""
+        return self.own.deviance
+
+    @property
+    def scatter(self) -> float:
+        """Standard deviation of the sum of squares of as many rows."""
+        return float(np.sqrt(2.0 * len(self.own.replica.rows)))
 
     def exceeds(self, other: "Retested") -> float:
         """Return how much more it explains than another trial [nats]: the mean about the replicas of both."""
@@ -250,7 +264,7 @@ def retest(seen: Screen, here: Side, one: AboutItself) -> Retested | None:
     reduced_evidence = parts.student_evidence(evidence)
     if log_odds(trial.listed, reduced_evidence) <= SURE:
         evidence = reduced_evidence
-    resolved = not within_a_sample(found, variant, own.replica.sample_s)
+    resolved = not within_a_sample(found, variant, own.replica.sample_s, float(np.median(own.replica.rows.speed)))
     found_trial = dataclasses.replace(
         trial, fitted=fitted, reduction=reduction, evidence=evidence, size=size, resolved=resolved
     )
