@@ -56,12 +56,12 @@ FEATURES: dict[Feature, Described] = {
     Feature.TORQUE_PLAY: Described(
         "share of the full torque, minus it while it rises (by more than {scale:.0%})", "-", ("-", "")
     ),
-    Feature.SETTLING: Described("a share that dies away within {scale:.2g} s of braking", "-", ("s", "")),
+    Feature.SETTLING: Described("a share that dies away within {scale:.3g} s of braking", "-", ("s", "")),
     Feature.TORQUE_SETTLING: Described(
-        "share of the full torque, times a share that dies away within {scale:.2g} s of braking", "-", ("s", "")
+        "share of the full torque, times a share that dies away within {scale:.3g} s of braking", "-", ("s", "")
     ),
     Feature.TORQUE_WARMING: Described(
-        "share of the full torque, times a share that dies away within {scale:.2g} MJ of the brake's work", "-", ("MJ", "")
+        "share of the full torque, times a share that dies away within {scale:.3g} MJ of the brake's work", "-", ("MJ", "")
     ),
     Feature.SPEED_TIME: Described("time since the start, times running speed over 30 m/s", "s"),
 }
