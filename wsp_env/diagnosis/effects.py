@@ -91,7 +91,8 @@ def held_out(balances: Balances, before: Model, after: Model) -> tuple[RunFigure
         errors, speeds, slides = [], [], []
         mine = (balances.rows.run == i) & (balances.rows.balance == VEHICLE)
         for side, (evaluations, raw) in enumerate(sides):
-            errors.append(_adhesion_errors(balances, i, evaluations[i].force / (2.0 * evaluations[i].load), raw))
+            measured = evaluations[i].force / (2.0 * evaluations[i].believed_load)  # as the residuals are
+            errors.append(_adhesion_errors(balances, i, measured, raw))
             speeds.append(float(np.abs(raw[mine]).max(initial=0.0)))
             at = len(sides) * i + side
             slides.append(simulation.slide(pieces[at].derived, whole.piece(at, lengths[at]), pieces[at].start))
