@@ -1,5 +1,6 @@
 """Hertz and Kalker for the ellipse at hand, slip, and the laws on the resultant with spin."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -19,7 +20,7 @@ from wsp_env.contact.kalker import kalker_coefficients, linear_force
 from wsp_env.contact.polach import polach_force
 from wsp_env.contact.port import LAWS
 from wsp_env.contact.traction import Surface
-from wsp_env.parameters.contact import ContactParameters
+from wsp_env.parameters.contact import ELLIPSE_LOAD_N, ContactParameters
 
 pytestmark = pytest.mark.plain
 
@@ -176,3 +177,12 @@ def test_every_law_serves(law):
             found = tangential(slip, speed, load, patch_at(1.1, 0.6, load, TABLE), ON, TAU, record)
             assert np.all(np.isfinite([found.x, found.y, found.work, *found.adhesion]))
             assert math.hypot(found.x, found.y) <= (0.7 + 0.06 / 0.4) * load + 1e-9
+
+
+@pytest.mark.parametrize("load", [31e3, 53e3, 84e3])
+def test_a_default_ellipse_is_as_uncertain_as_the_area_that_another_load_gives(load):
+    default, loaded = (hertz(1.1, 0.6, one, YOUNG, POISSON) for one in (ELLIPSE_LOAD_N, load))
+    grown = np.log(loaded.semi_axis_a_m * loaded.semi_axis_b_m / (default.semi_axis_a_m * default.semi_axis_b_m))
+    assert CONTACT.ellipse_uncertainty(load) == pytest.approx(abs(grown), abs=1e-9)
+    own = dataclasses.replace(CONTACT, semi_axis_a_m=0.0055)
+    assert own.ellipse_uncertainty(load) == 0.0

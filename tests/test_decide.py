@@ -146,7 +146,7 @@ def test_what_is_no_longer_sure_beside_a_later_name_is_taken_back(monkeypatch, h
     monkeypatch.setattr(decide, "own_side", lambda step, _: (side(without), step.fitted))
     first, last = (Accepted(trial(one, 40.0), (one.name,), 1.0) for one in (GRADIENT, GAIN))
     accepted, fitted = decide._backward_elimination(
-        SimpleNamespace(recorded=None), [first, last], whole, SimpleNamespace(whitening=None)
+        SimpleNamespace(recorded=None, rows=range(50)), [first, last], whole, SimpleNamespace(whitening=None)
     )
     assert [one.name for one in accepted] == (["brake_gain_imbalance"] if lost else ["track_gradient", "brake_gain_imbalance"])
     assert fitted.variants == ((GAIN,) if lost else (GRADIENT, GAIN))

@@ -14,6 +14,7 @@ from wsp_env.diagnosis.candidates import unavailable
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.fitting import baseline
 from wsp_env.diagnosis.stops import prepare, torque_per_bar
+from wsp_env.diagnosis.variation import nuisances
 from wsp_env.recordings import Campaign, read_campaign
 
 PER_BAR_NM = 3000.0
@@ -54,6 +55,21 @@ def test_the_nominal_gain_is_that_of_all_axles_and_its_residual_is_what_the_gain
         braking = np.concatenate([part.wheel_rows(one.braking) for part, one in zip(balances.parts, stops, strict=True)])
         expected = (gain * PER_BAR_NM / torque_per_bar(campaign) - 1.0) * braking[balances.rows.axle[balances.rows.wheels] == k]
         assert np.std((raw[mine] - expected) / deviation[mine]) == pytest.approx(1.0, abs=0.3)
+
+
+@pytest.mark.parametrize(("share", "used"), [(0.85, True), (1.2, True), (10.0, False), (0.1, False)])
+def test_a_nominal_gain_that_is_stated_is_used_if_it_is_possible(tmp_path, share, used):
+    """Two axles cannot tell whether one is weaker or the other stronger; what the brakes should give tells it."""
+    measured = campaign_with(tmp_path / "c")
+    campaign = dataclasses.replace(
+        measured, vehicle=dataclasses.replace(measured.vehicle, torque_per_bar_nm=share * PER_BAR_NM)
+    )
+    assert torque_per_bar(campaign) == (share * PER_BAR_NM if used else torque_per_bar(measured))
+    balances = Balances(campaign, prepare(campaign)[0])
+    model = baseline(balances).baseline
+    groups = nuisances(balances, model, balances.raw(model), balances.whitening(model))
+    expected = next(one.expected for one in groups if one.name == "nominal gain of the brakes")
+    assert np.isfinite(expected) == used
 
 
 def test_pressures_alone_or_torques_alone_have_no_actuator_balance(tmp_path):

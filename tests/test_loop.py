@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
 from wsp_env.diagnosis.colour import Moments, autoregression, whitening_filter
-from wsp_env.diagnosis.loop import predicted, stretches
+from wsp_env.diagnosis.loop import predicted, prompt_gain, stretches
 from wsp_env.diagnosis.stops import BLOCK_S
 
 RADIUS, INERTIA, STEP, BLOCK = 0.445, 160.0, 0.02, 8
@@ -220,3 +220,37 @@ def _slopes(rng, memory_s, seconds=400.0, step=0.005):
         own = white @ (rows(values) - rows(values).mean())
         found.append(float(own @ (white @ friction) / (own @ own)))
     return found
+
+
+def test_the_likelihood_of_the_motion_tells_the_law_that_made_it():
+    """Friction fluctuates from block to block on a rising curve, and the wheel follows it.
+
+    That friction does not depend on the slip at once leaves smaller residuals, and is wrong.
+    """
+    rng, steps = np.random.default_rng(2), 160
+    step, inertia, radius, stiffness, brake = 0.16 / steps, 750.0, 0.6, 40e3, 6e3  # [s], [kg m2], [m], [N s/m], [N m]
+    slip, forces, slips = brake / radius / stiffness, [], []
+    for friction in 1.0 + 0.05 * rng.standard_normal(400):
+        course = np.empty((steps, 2))
+        for i in range(steps):
+            force = friction * stiffness * slip
+            course[i] = force, slip
+            slip += step * radius / inertia * (brake - radius * force)
+        force, mean = course.mean(axis=0)
+        forces.append(force)
+        slips.append(mean)
+    law = np.array(forces) - stiffness * np.array(slips)
+    slow = np.array(forces) - brake / radius
+    assert slow.std() < 0.9 * law.std()
+    gain = prompt_gain(np.array([radius * stiffness]), 0.16, radius, np.array([inertia]))[0]
+    assert np.log(slow.std()) > np.log(law.std()) - np.log(gain) + 0.05
+
+
+def test_a_wheel_that_follows_its_friction_has_the_gain_of_its_own_equation():
+    damping, inertia, radius, block_s = 9e3, 750.0, 0.6, 0.16
+    time = (np.arange(1000) + 0.5) * block_s / 1000
+    less_slip = (radius * radius / inertia * 1.0 * time).mean()  # by 1 N more
+    expected = 1.0 + damping / radius * less_slip
+    assert prompt_gain(np.array([damping]), block_s, radius, np.array([inertia]))[0] == pytest.approx(expected)
+    assert prompt_gain(np.array([0.0]), block_s, radius, np.array([inertia]))[0] == 1.0
+    assert prompt_gain(np.array([-1e6]), block_s, radius, np.array([inertia]))[0] == 0.1

@@ -2,6 +2,7 @@
 
 import dataclasses
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -19,8 +20,18 @@ from wsp_env.diagnosis.noise import Noise
 from wsp_env.diagnosis.trials import PRIOR, SURE
 from wsp_env.diagnosis.variation import Group
 
+
+class Rows(NamedTuple):
+    """Speeds of a hundred rows."""
+
+    speed: np.ndarray = np.array([20.0])
+
+    def __len__(self) -> int:
+        return 100
+
+
 #: What is asked of a replica and of a screen.
-ROWS = SimpleNamespace(speed=np.array([20.0]))
+ROWS = Rows()
 HERE = SimpleNamespace(name="here", recorded=None, sample_s=0.01, rows=ROWS)
 SEEN = SimpleNamespace(whitening=None)
 NULL = Model(2e-4, (0.06,))
@@ -82,9 +93,9 @@ def test_evidence_is_the_mean_of_both_sides_if_neither_speaks_against_it(ask, he
         assert held.own.noise_parameters == "own"
 
 
-@pytest.mark.parametrize(("itself", "reduction"), [(67.0, 4300.5), (73.0, 1.0)])
+@pytest.mark.parametrize(("itself", "reduction"), [(63.0, 4300.5), (65.0, 1.0)])
 def test_a_side_that_speaks_against_a_better_fit_does_not_count_alone(ask, itself, reduction):
-    """A memory that does not show about a replica without it. Without it 106 squares are left there; 70 scatter by 12."""
+    """A memory that does not show about a replica without it. Without it 106 squares are left there; they scatter by 14."""
     assert ask(1.0, 8600.0, itself=itself).trial.reduction == reduction
     assert ask(8600.0, 1.0, itself=itself).trial.reduction == 1.0  # not needed about itself
     # A false memory of 0.7 m: with weights of its own it leaves a larger deviance than the law.
@@ -270,7 +281,7 @@ def test_sizes_are_estimated_on_replicas_that_have_converged(monkeypatch, slope,
         value = tends_to + slope * (values_in(model, GRADIENT) - tends_to)
         return dataclasses.replace(begin, model=switched(model, GRADIENT, value), values=(value,))
 
-    monkeypatch.setattr(retest, "replica_of", lambda _, model, __: SimpleNamespace(model=model, recorded=None))
+    monkeypatch.setattr(retest, "replica_of", lambda _, model, __: SimpleNamespace(model=model, recorded=None, rows=ROWS))
     monkeypatch.setattr(retest, "ReplicaNoise", noise)
     monkeypatch.setattr(retest, "refit", refit)
     own, fitted, _ = retest.converge_reweighted(retest.begun(None, begin, 0.0035, SEEN), SEEN)
@@ -309,10 +320,10 @@ def test_replicas_are_made_until_one_fits_the_recordings_worse(monkeypatch, cost
         value = values_in(model, GRADIENT) + 0.002  # two deviations
         return Fitted(switched(model, GRADIENT, value), (GRADIENT,), (value,), (1e-6 * np.eye(1),), next(left))
 
-    monkeypatch.setattr(retest, "replica_of", lambda _, model, __: model)
+    monkeypatch.setattr(retest, "replica_of", lambda _, model, __: SimpleNamespace(model=model, rows=ROWS))
     monkeypatch.setattr(retest, "refit", refit)
     begin = Fitted(NULL, (GRADIENT,), (np.zeros(1),), (np.eye(1),), 0.0)
     step = retest.begun(None, begin, PLAIN, SEEN)
     assert step.fitted.cost == costs[made - 1]
     assert step.begin.values[0] == pytest.approx(0.002 * (made - 1))
-    assert values_in(step.replica, GRADIENT) == pytest.approx(step.begin.values[0])
+    assert values_in(step.replica.model, GRADIENT) == pytest.approx(step.begin.values[0])

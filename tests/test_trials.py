@@ -190,7 +190,7 @@ def test_replicas_are_made_until_sizes_settle(monkeypatch, factor, way, made):
         values = way * (1.0 - factor ** len(replicas))
         return Fitted(model, tuple(variants), (np.array([values]),), (np.eye(1),), 0.0)
 
-    monkeypatch.setattr(convergence, "replica_of", lambda *_: replicas.append(1))
+    monkeypatch.setattr(convergence, "replica_of", lambda *_: replicas.append(1) or SimpleNamespace(rows=range(100)))
     monkeypatch.setattr(convergence, "refit", refit)
     first = Fitted(Model(2e-4, (0.06,)), (GRADIENT,), (np.zeros(1),), (np.eye(1),), 0.0)
     _, fitted = convergence.converge(None, first, None)
@@ -200,6 +200,12 @@ def test_replicas_are_made_until_sizes_settle(monkeypatch, factor, way, made):
 
 def test_where_a_replica_fits_worse_half_of_the_way_is_gone(monkeypatch):
     """A refit always asks for as much again; about replicas beyond a size the model fits worse."""
+
+    class About(float):
+        """The replica about a size."""
+
+        rows = range(1000)
+
     far, cost = 0.011, 1000.0
 
     def refit(replica, model, variants, _):
@@ -210,7 +216,7 @@ def test_where_a_replica_fits_worse_half_of_the_way_is_gone(monkeypatch):
             switched(model, GRADIENT, np.array([end])), tuple(variants), (np.array([end]),), (1e-8 * np.eye(1),), cost + worse
         )
 
-    monkeypatch.setattr(convergence, "replica_of", lambda _, model, __: model.choice[GRADIENT.name]["rise"])
+    monkeypatch.setattr(convergence, "replica_of", lambda _, model, __: About(model.choice[GRADIENT.name]["rise"]))
     monkeypatch.setattr(convergence, "refit", refit)
     begin = Fitted(
         switched(Model(2e-4, (0.06,)), GRADIENT, np.array([0.008])),
@@ -287,7 +293,7 @@ def test_a_size_that_moves_on_from_replica_to_replica_does_not_hold(shrinks, res
         at["size"], at["move"] = at["size"] + at["move"], shrinks * at["move"]
         return Fitted(model, tuple(variants), (np.array([at["size"]]),), (np.eye(1),), 100.0)
 
-    monkeypatch.setattr(convergence, "replica_of", lambda *_: None)
+    monkeypatch.setattr(convergence, "replica_of", lambda *_: SimpleNamespace(rows=range(100)))
     monkeypatch.setattr(convergence, "refit", refit)
     begin = Fitted(Model(2e-4, (0.06,)), (GAIN,), (np.zeros(1),), (np.eye(1),), 100.0)
     _, fitted = convergence.converge(None, begin, None)

@@ -123,6 +123,9 @@ class Balances:
 
     """
 
+    #: As of a replica; recordings have no model about which their wheels are predicted.
+    gains: np.ndarray | float = 1.0
+
     def __init__(self, campaign: Campaign, stops: Sequence[PreparedStop], like: "Balances | None" = None) -> None:
         self.campaign, self.sources = campaign, tuple(stops)
         self.stops = tuple(map(thinned, stops))
@@ -204,6 +207,11 @@ class Blocks:
     def _cut(values: np.ndarray, length: int) -> np.ndarray:
         blocks = len(values) // length
         return values[: blocks * length].reshape(blocks, length, *values.shape[1:])
+
+    @property
+    def block_s(self) -> float:
+        """Length of the wheels' blocks [s]."""
+        return self.length * self.stop.step_s
 
     def _mean(self, values: np.ndarray, length: int) -> np.ndarray:
         result: np.ndarray = np.einsum("bl...->b...", self._cut(np.asarray(values, dtype=float), length)) / length

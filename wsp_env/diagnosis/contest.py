@@ -106,11 +106,11 @@ def _is_hopeless(one: AboutItself, held: Sequence[tuple[Trial, AboutItself]]) ->
     most, family = _most_gained(one.trial) * one.trial.evidence, bool(one.trial.listed.family)
 
     def behind(other: Trial, about: AboutItself) -> bool:
-        mine, its = one.step.fitted.cost, about.step.fitted.cost
+        mine, its, rows = one.step.fitted.cost, about.step.fitted.cost, len(one.step.replica.rows)
         if family:
             form = 1.0 if other.listed.family else (1.0 - FORM) ** 2
-            return form * most < other.evidence and not fits_worse(its, mine)
-        return most < other.evidence and one.trial.evidence < about.trial.evidence and fits_worse(mine, its)
+            return form * most < other.evidence and not fits_worse(its, mine, rows)
+        return most < other.evidence and one.trial.evidence < about.trial.evidence and fits_worse(mine, its, rows)
 
     return any(behind(other, about) for other, about in held)
 

@@ -85,7 +85,7 @@ def converge(recorded: Balances, fitted: Fitted, weights: Weights) -> tuple[Repl
     for made in range(1, _REPLICAS[1] + 1):
         replica = replica_of(recorded, fitted.model, weights)
         one = _Iterate(replica, fitted, refit(replica, fitted.model, fitted.variants, weights))
-        if last is not None and fits_worse(one.fitted.cost, least):
+        if last is not None and fits_worse(one.fitted.cost, least, len(replica.rows)):
             if largest_change(last.about, fitted) < _CONVERGED:
                 break
             fitted = midpoint(last.about, fitted)
@@ -117,12 +117,12 @@ def _law_fit(iterate: _Iterate, weights: Weights) -> Fitted:
     return dataclasses.replace(iterate.fitted, model=law.model, values=iterate.about.values, cost=law.cost)
 
 
-def fits_worse(cost: float, other: float, deviations: float = WORSE) -> bool:
-    """Whether a model on its own replica leaves more squares than another one on its own, by more than such sums scatter.
+def fits_worse(cost: float, other: float, rows: int, deviations: float = WORSE) -> bool:
+    """Whether a model on its own replica has a larger cost than another one on its own, by more than sums of squares scatter.
 
     On its own replica, any model is right by construction. The evidence there does not show a diverged mechanism, the fit does.
     """
-    return cost > other + deviations * float(np.sqrt(2.0 * other))
+    return cost > other + deviations * float(np.sqrt(2.0 * rows))
 
 
 def moves(before: Fitted, after: Fitted) -> np.ndarray:

@@ -217,7 +217,7 @@ def _unneeded(replica: Replica, trial: Trial, fitted: Fitted, seen: Screen) -> t
         return log_odds(trial.listed, 0.5 * reduction - trial.penalty) > SURE
 
     make_own = functools.partial(own_side, step, seen)
-    if fits_worse(step.fitted.cost, whole.cost):
+    if fits_worse(step.fitted.cost, whole.cost, len(replica.rows)):
         if is_sure(make_here()):
             return None
         rest, left = make_own()

@@ -13,7 +13,7 @@ from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.gls import Projector, fit
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, Group, law_columns, nuisances, whitened
+from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, Group, law_columns, nuisances, rough_friction, whitened
 
 TAU = 2e-4  # [m/J] prior median, within a factor e^LOG_TAU; the seed paper's measured rails have 1.9e-4
 _ITERATIONS = 20
@@ -35,6 +35,7 @@ class Weights:
     projector: Projector  # removes all nuisances except the law's parameters
     constant: float = 0.0  # -2 log likelihood less the sum of squares, without the channels' own noise
     whole: Projector | None = None  # with all nuisances, if the best fit is sought without some of them
+    rough: np.ndarray | float = 0.0  # (n,) variance of friction along the track over that of the sensors' noise
 
     def deviance(self, fitted: "Fitted") -> float:
         """Return -2 log likelihood of a fit, without the terms of the channels' own noise.
@@ -43,6 +44,15 @@ class Weights:
         term (functional relation with errors in variables, A. Villegas, Annals of Mathematical Statistics 32, 1961).
         """
         return fitted.cost + self.constant
+
+    def determinant(self, balances: Balances | Replica) -> float:
+        """Return what the rows' residuals lack of -2 log likelihood of the recorded motion, see `wsp_env.diagnosis.loop`.
+
+        A wheel follows its friction, but not the noise of its sensors: of a row's variance, only what is beyond the channels'
+        own noise is less in the force than in the residual.
+        """
+        sensors = 1.0 / (np.maximum(self.noise, 1.0) ** 2 + self.rough)
+        return float(np.log((1.0 - sensors) / balances.gains**2 + sensors).sum())
 
     def beside(self, columns: np.ndarray) -> "Weights":
         """Return the same with a few further nuisances (n, k), scaled by their standard deviations."""
@@ -75,7 +85,7 @@ class Fitted:
     variants: tuple[Variant, ...]
     values: tuple[np.ndarray, ...]  # of each variant's free parameters
     covariance: tuple[np.ndarray, ...]  # of these parameters
-    cost: float  # sum of squares after projection off the nuisances
+    cost: float  # sum of squares after projection off the nuisances, and the rows' `Weights.determinant`
 
 
 def weigh(
@@ -90,7 +100,8 @@ def weights_from(
 ) -> Weights:  # fmt: skip
     """Return the same weights of all rows, computed from the inner products of rows and `groups`."""
     kept = np.concatenate([left_to_weights(balances, group) for group in groups])
-    return _weights(whitening, sizes.noise[balances.rows.noise], evidence.projector(sizes, kept))
+    rough = rough_friction(groups, whitening, sizes.groups)
+    return _weights(whitening, sizes.noise[balances.rows.noise], evidence.projector(sizes, kept), rough)
 
 
 class Weighing:
@@ -102,19 +113,24 @@ class Weighing:
         self._whitening = whitening
         self._noise = np.ones(len(balances.rows)) if sizes is None else sizes.noise[balances.rows.noise]
         groups = [group._replace(columns=group.columns[:, left_to_weights(balances, group)]) for group in groups]
-        self._columns = whitened(groups, whitening, balances.rows.run, self._noise, None if sizes is None else sizes.groups)
+        of_groups = None if sizes is None else sizes.groups
+        self._columns = whitened(groups, whitening, balances.rows.run, self._noise, of_groups)
+        self._rough = rough_friction(groups, whitening, of_groups)
 
     def __call__(self, keep: np.ndarray | None) -> Weights:
         """Return the weights of the rows `keep` (n,) bool; None: all."""
         columns = self._columns if keep is None else self._columns.kept(keep)
-        return _weights(self._whitening, self._noise, Projector.of(columns, np.ones(columns.width, dtype=bool)), keep)
+        projector = Projector.of(columns, np.ones(columns.width, dtype=bool))
+        return _weights(self._whitening, self._noise, projector, self._rough, keep)
 
 
-def _weights(whitening: Whitening, noise: np.ndarray, projector: Projector, keep: np.ndarray | None = None) -> Weights:
+def _weights(
+    whitening: Whitening, noise: np.ndarray, projector: Projector, rough: np.ndarray, keep: np.ndarray | None = None
+) -> Weights:  # fmt: skip
     """Return weights with the constant of their deviance."""
     scale = noise if whitening.colour is None else noise / whitening.colour.diagonal()
     constant = 2.0 * float(np.log(scale if keep is None else scale[keep]).sum()) + projector.logdet
-    return Weights(whitening, noise, projector, constant)
+    return Weights(whitening, noise, projector, constant, rough=rough)
 
 
 def left_to_weights(balances: Balances | Replica, group: Group) -> np.ndarray:
@@ -227,9 +243,9 @@ def refit(
 
 
 def cost(balances: Balances | Replica, model: Model, weights: Weights) -> float:
-    """Return the sum of squares that a model leaves after projection off the nuisances."""
+    """Return the sum of squares that a model leaves after projection off the nuisances, as `Fitted.cost`."""
     y = weights(balances.raw(model))[:, None]
-    return float(weights.projector.inner(y, y)[0, 0])
+    return float(weights.projector.inner(y, y)[0, 0]) + weights.determinant(balances)
 
 
 class _System(NamedTuple):
@@ -260,9 +276,9 @@ class _State:
         self.cost = self._squares(self.weights.projector)
 
     def _squares(self, projector: Projector) -> float:
-        """Return the sum of squares that is left, with the prior of tau."""
+        """Return the sum of squares that is left, with the prior of tau and the determinant of the rows."""
         rows = self.y[:, None]
-        return float(projector.inner(rows, rows)[0, 0]) + self.tau**2
+        return float(projector.inner(rows, rows)[0, 0]) + self.tau**2 + self.weights.determinant(self.balances)
 
     def at(self, model: Model) -> "_State":
         """Return the same fit at another model."""

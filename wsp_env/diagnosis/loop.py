@@ -14,6 +14,13 @@ The recorded torque within a block also depends on the friction, because the WSP
 predicted with an expected torque, from a regression over all blocks of a stop (two-stage least squares, Theil 1953, in Economic
 forecasts and policy, 1961, chapter 6). Delays (late sensors or brakes) show only in the torque's own course. For them, the
 recorded torque is used.
+
+For the same reason a fit about one replica is not compared with a fit about another by their residuals alone. What is recorded
+is the motion; the residual is what friction did by itself. A wheel that follows its friction within a block takes most of it
+up: the less a model lets friction depend on the slip at once, the smaller are its residuals, whatever is true. The likelihood
+of the recording is that of the residuals times the derivative of a residual by the recorded force (`prompt_gain`; change of
+variables, the determinant of full-information likelihood, Koopmans, Rubin, Leipnik, Cowles Commission Monograph 10, 1950). The
+noise of sensors turns no wheel and has no such factor (`wsp_env.diagnosis.fitting.Weights.determinant`).
 """
 
 import dataclasses
@@ -24,6 +31,9 @@ import numpy as np
 from wsp_env.diagnosis.balances import Rows
 from wsp_env.diagnosis.stops import PreparedStop, least_slip
 
+#: Lower bound of the derivative of a residual by the recorded force. Where friction falls steeply with slip, a wheel locks
+#: within a block, which does not show how steeply (assumption).
+_LEAST_GAIN = 0.1
 _PAST_S = (0.04, 0.08, 0.16)  # times [s] before a block whose torque changes enter the regression: some steps of a valve
 
 
@@ -38,6 +48,23 @@ def stretches(rows: Rows) -> list[np.ndarray]:
             parts = np.split(mine, np.flatnonzero(ends) + 1) if len(mine) else []
             found += [part for part in parts if rows.slides[part[0]]]
     return found
+
+
+def prompt_gain(damping: np.ndarray, block_s: float, radius: float, inertia: np.ndarray) -> np.ndarray:
+    """Return the derivative (T, A) [-] of a block's residual force by the recorded one.
+
+    A force that is larger by 1 N during a block turns the wheel, so that its mean slip is smaller by r^2 / J times half of the
+    block, and the law's force with it.
+
+    Parameters
+    ----------
+    damping : (T, A) derivative of the law's torque on a wheel by its slip [N m s/m]
+    block_s : length of a block [s]
+    radius, inertia : of the wheelsets [m], (A,) [kg m2]
+
+    """
+    result: np.ndarray = np.maximum(1.0 + damping * radius * 0.5 * block_s / inertia, _LEAST_GAIN)
+    return result
 
 
 def predicted(

@@ -28,7 +28,7 @@ import numpy as np
 
 from wsp_env.diagnosis.balances import ADHESION, Balances, Blocks, Rows, Whitening
 from wsp_env.diagnosis.evaluate import Choice, Evaluation, Evaluator, Model
-from wsp_env.diagnosis.loop import predicted
+from wsp_env.diagnosis.loop import predicted, prompt_gain
 from wsp_env.diagnosis.readings import correct_readings, misread_wheels, on_sensors, readings_of, simulate_readings
 from wsp_env.diagnosis.replica_slips import braked, larger_radii, required_slips, rolling, true_slips
 from wsp_env.diagnosis.stops import PreparedStop
@@ -83,6 +83,12 @@ class Replica:
             self.rows = _rows_as_they_slide(self.rows, self._copy.parts, slid)
         slides = [part.joined(part.wheel_rows(share) > _SLIDES) for part, share in zip(right.parts, shares, strict=True)]
         self.rows = dataclasses.replace(self.rows, slides=np.concatenate(slides) & (self.rows.balance == ADHESION))
+        gains = [
+            part.joined(part.wheel_rows(prompt_gain(_damping(right.radius, one), part.block_s, right.radius, one.inertia)))
+            for part, one in zip(self._copy.parts, slid, strict=True)
+        ]
+        #: Derivative (n,) of the residuals by the recorded forces, where friction fluctuates, see `wsp_env.diagnosis.loop`.
+        self.gains = np.where(self.rows.slides, np.concatenate(gains), 1.0)
         smoothing = self._changed(baseline) * right.rows.wheels  # residual of an exact balance due to smoothing
         residuals = self._residuals(right, baseline, self._slopes) - smoothing
         prompt = _choosing(baseline, lambda name: not _may_act_slower(name))
@@ -245,9 +251,14 @@ def _predicted_stops(
     found = []
     for mine, sliding, stop, part, one in zip(braked, slides, right.sources, right.parts, evaluations, strict=True):
         block = part.length * round(part.stop.step_s / stop.step_s)
-        damping = 2.0 * right.radius * one.load * one.slope
-        found.append(predicted(mine, sliding, stop.torque, damping, block, right.radius, one.inertia))
+        found.append(predicted(mine, sliding, stop.torque, _damping(right.radius, one), block, right.radius, one.inertia))
     return found
+
+
+def _damping(radius: float, one: Evaluation) -> np.ndarray:
+    """Return the derivative (T, A) of the law's torque on a wheel by its slip [N m s/m]."""
+    result: np.ndarray = 2.0 * radius * one.load * one.slope
+    return result
 
 
 def _rows_of_true_slips(recorded: Rows, copied: Rows, wrong: np.ndarray) -> Rows:

@@ -60,12 +60,12 @@ class AboutItself(NamedTuple):
     @property
     def fits_better(self) -> bool:
         """Whether it leaves distinctly less of the recordings than the model without it, each about itself."""
-        return fits_worse(self._without, self.step.fitted.cost)
+        return fits_worse(self._without, self.step.fitted.cost, len(self.step.replica.rows))
 
     @property
     def fits_far_worse(self) -> bool:
         """Whether it leaves so much more that weights, which belong to the replica without it, cannot be the reason."""
-        return fits_worse(self.step.fitted.cost, self._without, _FAR * WORSE)
+        return fits_worse(self.step.fitted.cost, self._without, len(self.step.replica.rows), _FAR * WORSE)
 
     @property
     def fits_as_well(self) -> bool:
@@ -311,7 +311,7 @@ def begun(recorded: Balances, fitted: Fitted, weights: Weights, seen: Screen) ->
     for _ in range(_STEPS):
         begin, own = fitted, replica_of(recorded, fitted.model, weights)
         again = refit(own, begin.model, begin.variants, weights)
-        if fits_worse(again.cost, least):
+        if fits_worse(again.cost, least, len(own.rows)):
             break
         least = min(least, again.cost)
         found, step = Step(own, begin, again), moves(begin, again)

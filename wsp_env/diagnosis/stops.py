@@ -14,6 +14,7 @@ from scipy.signal import savgol_coeffs, savgol_filter
 
 from wsp_env.diagnosis.speed import SpeedEstimator, SpeedNoise, estimate, estimate_noise, nodes
 from wsp_env.diagnosis.zeros import zeroed
+from wsp_env.parameters.resistance import Resistance, running_resistance
 from wsp_env.plant.card import LOCKED_MPS
 from wsp_env.recordings import Campaign, Recording
 from wsp_env.recordings.quality import describe
@@ -120,7 +121,7 @@ def prepare(campaign: Campaign) -> tuple[list[PreparedStop], list[str]]:
         courses[name] = _predicted(campaign, run)
     if not courses:
         return stops, left_out
-    speed_noise = estimate_noise([nodes(one.rest, one.step) for one in courses.values()])
+    speed_noise = estimate_noise([one.nodes() for one in courses.values()])
     for name, course in courses.items():
         run, group = campaign.runs[name], "tune" if name in campaign.tune else "validate"
         stop = _prepared(campaign, run, group, course, channel_noise(run, speed_noise, per_bar), per_bar)
@@ -171,11 +172,22 @@ def _strange_pressures(stop: PreparedStop, whole: np.ndarray) -> list[int]:
 def torque_per_bar(campaign: Campaign) -> float:
     """Return the nominal torque of a wheelset per bar of cylinder pressure [N m/bar]; 0 if unknown.
 
-    It is the campaign's value, or the common least-squares value of all runs and axles if both were measured.
+    It is the campaign's value, or the common least-squares value of all runs and axles if both were measured and the campaign
+    has no value, or an impossible one (`gain_is_stated`).
     """
+    stated = campaign.vehicle.torque_per_bar_nm
+    return stated if not campaign.vehicle.torque_is_measured or gain_is_stated(campaign) else _measured_per_bar(campaign)
+
+
+def gain_is_stated(campaign: Campaign) -> bool:
+    """Whether a campaign states the brakes' nominal torque per bar, not unlike what was measured if both were."""
+    stated, measured = campaign.vehicle.torque_per_bar_nm, _measured_per_bar(campaign)
+    return stated > 0.0 and 1.0 / _GAINS < measured / stated < _GAINS
+
+
+def _measured_per_bar(campaign: Campaign) -> float:
+    """Return the torque per bar [N m/bar] of all runs and axles by least squares; without pressures, what is stated."""
     vehicle = campaign.vehicle
-    if not vehicle.torque_is_measured:
-        return vehicle.torque_per_bar_nm
     both = square = 0.0
     for run in campaign.runs.values():
         if run.cylinder_pressure_bar is not None:
@@ -212,6 +224,16 @@ class _Course:
     predicted_rate: np.ndarray  # (T,) [m/s2]
     predicted: np.ndarray  # (T,) [m/s]
     rest: np.ndarray  # (T,) recorded minus predicted speed [m/s]
+    fast: slice  # from the first to the last sample above `LEAST_SPEED_MPS`
+
+    def nodes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return times [s] since the start and means [m/s] of the rest's nodes (n,).
+
+        Samples near standstill are left out. A vehicle that stands is held by forces that no balance predicts, and sensors
+        that count pulses are late before it stands. Both would count as accelerations of the whole stop.
+        """
+        time, mean = nodes(self.rest[self.fast], self.step)
+        return time + self.fast.start * self.step, mean
 
 
 def _predicted(campaign: Campaign, run: Recording) -> _Course:
@@ -221,14 +243,19 @@ def _predicted(campaign: Campaign, run: Recording) -> _Course:
     if run.suspect is not None and run.suspect.any():  # a jump of a channel is no acceleration
         rate = np.where(maximum_filter1d(run.suspect, 2 * _length(WHEEL_WINDOW_S, step) + 1, axis=0), 0.0, rate)
     moment = np.where(turning, torque + vehicle.wheelset_inertia_kgm2 * rate, 0.0)
-    predicted_rate = -moment.sum(axis=-1) / (vehicle.wheel_radius_m * run.mass_kg)
+    resistance = running_resistance(run.vehicle_speed_mps, Resistance(*vehicle.resistance_n))
+    predicted_rate = -(moment.sum(axis=-1) / vehicle.wheel_radius_m + resistance) / run.mass_kg
     predicted = (np.cumsum(predicted_rate) - 0.5 * predicted_rate) * step  # the trapezoidal sum
-    return _Course(step, (wheel, rate, jerk, torque), predicted_rate, predicted, run.vehicle_speed_mps - predicted)
+    fast = np.flatnonzero(run.vehicle_speed_mps > LEAST_SPEED_MPS)
+    return _Course(
+        step, (wheel, rate, jerk, torque), predicted_rate, predicted, run.vehicle_speed_mps - predicted,
+        slice(int(fast[0]), int(fast[-1]) + 1),
+    )  # fmt: skip
 
 
 def _estimated(course: _Course, noise: SpeedNoise) -> tuple[np.ndarray, np.ndarray, np.ndarray, SpeedEstimator]:
     """Return the vehicle's speed (T,), its rate (T,), its principal uncertainties (T, m) and its estimator."""
-    time, mean = nodes(course.rest, course.step)
+    time, mean = course.nodes()
     found = estimate(noise, time, mean)
     spline = CubicSpline(time, np.column_stack([found.course, found.modes]))
     every = np.arange(len(course.rest)) * course.step

@@ -19,6 +19,7 @@ from wsp_env.diagnosis.forces import Forces
 from wsp_env.diagnosis.interest import PUSH
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.side_by_side import side_by_side
+from wsp_env.diagnosis.stops import gain_is_stated
 from wsp_env.diagnosis.zeros import usual_zero
 
 #: Correlation lengths of mu_cd along the track [m]. Short: the likeliest of the tried lengths, on a campaign with 2 % variation
@@ -34,6 +35,7 @@ MU_CD = 0.15  # [-] prior deviation of a run's log mu_cd about the believed one:
 LOG_TAU = 1.0  # [-] prior deviation of log tau about the start value: carries almost no information
 _FREE = 1e3  # standard deviation of a free column, after scaling its whitened rows to length 1
 _UNIFORM = 1.0 / np.sqrt(3.0)
+_ROUGH = "track", "track of a run"  # groups of friction that changes while a wheel passes some metres
 WHEEL_TIME, TORQUE_TIME, ONSET = "time of a wheel speed", "time of a torque", "torque as a brake is applied"
 FORCE = "force in time"
 
@@ -42,6 +44,7 @@ FORCE = "force in time"
 _EXPECTED = {
     "gain": 0.01 * _UNIFORM,  # of an axle's torque, if computed from the cylinder pressure
     "measured gain": 0.001,  # of a measured torque
+    "nominal gain": 0.1,  # of all brakes together, if the nominal one is stated: batches of pads differ
     "spring": 0.05,  # effect of a brake's return spring, and zero error of a pressure, over the largest torque
     "zero": 0.001 * _UNIFORM,  # offset of a torque over the largest: sensors are zeroed before a test; or what they read then
     "inertia": 0.03,  # of a wheelset: wheels wear
@@ -101,6 +104,20 @@ def whitened(
     if sizes is not None:
         scales *= np.where(free, 1.0, np.repeat(sizes, counts))
     return every.scaled(scales)
+
+
+def rough_friction(groups: Sequence[Group], whitening: Whitening, sizes: np.ndarray | None = None) -> np.ndarray:
+    """Return the variance (n,) of friction from place to place, over that of the sensors' noise in each row.
+
+    `sizes` (G,) of the groups are over the expected sizes; None: 1.
+    """
+    total = np.zeros(len(whitening.deviation))
+    for i, group in enumerate(groups):
+        if group.name in _ROUGH:
+            size = group.expected * (1.0 if sizes is None else float(sizes[i]))
+            total += size**2 * np.einsum("np,np->n", group.columns, group.columns)
+    result: np.ndarray = total / whitening.deviation**2
+    return result
 
 
 def law_columns(balances: Balances | Replica, model: Model, base: np.ndarray) -> np.ndarray:
@@ -169,6 +186,9 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
     lines = [_line(values, slides[:, 0] != 0.0) for values in (rows.slip, rows.speed, rows.work)]
     gain = _EXPECTED["measured gain" if balances.campaign.vehicle.torque_is_measured else "gain"]
     sample = balances.sample_s * _UNIFORM  # channels are read within a sample of each other
+    # The contacts' common stiffness grows with their area, which may belong to another load.
+    load = balances.vehicle.gravity_mps2 * float(np.mean([stop.mass for stop in balances.stops])) / (2.0 * axles)
+    wider = np.hypot(1.0, balances.campaign.contact.ellipse_uncertainty(load) / _EXPECTED["stiffness"])
     groups = [
         Group("offset", segments, np.inf, True),
         Group("tau", law[:, :1], LOG_TAU, True),
@@ -185,7 +205,7 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
         Group("inertia", np.column_stack([turning, turning.sum(axis=1)]), _EXPECTED["inertia"], True),
         Group("radius", radius[:, None] * own, _EXPECTED["radius"], True, "radius of a run"),
         Group("radius of a run", each(radius[:, None] * own), _EXPECTED["radius"]),
-        Group("stiffness", np.column_stack([steepness[:, None] * own, steepness]), _EXPECTED["stiffness"], True,
+        Group("stiffness", np.column_stack([steepness[:, None] * own, wider * steepness]), _EXPECTED["stiffness"], True,
               "stiffness of a run"),
         Group("stiffness of a run", each(steepness[:, None] * own), _EXPECTED["stiffness"]),
         Group("track", friction[:, None] * _track(rows.place, rows.wheels, _SHORT_M), _EXPECTED["track"]),
@@ -204,8 +224,9 @@ def nuisances(balances: Balances | Replica, model: Model, base: np.ndarray, whit
     ]  # fmt: skip
     if (rows.balance == ACTUATOR).any():
         brake = forces.nominal[:, None]
+        nominal = _EXPECTED["nominal gain"] if gain_is_stated(balances.campaign) else np.inf
         groups += [
-            Group("nominal gain of the brakes", brake, np.inf, True),
+            Group("nominal gain of the brakes", brake, nominal, True),
             Group("return springs of the brakes", forces.springs, _EXPECTED["spring"], True),
             Group("gain of a brake", brake * own, _EXPECTED["gain"], True, "gain of a brake in a run"),
             Group("gain of a brake in a run", each(brake * own), _EXPECTED["gain"]),

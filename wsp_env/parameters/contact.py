@@ -1,6 +1,7 @@
 """What describes one wheel-rail contact on a contaminated rail."""
 
 import dataclasses
+import math
 from typing import Any
 
 from wsp_env.contact.kalker import kalker_coefficients
@@ -8,6 +9,8 @@ from wsp_env.contact.polach import contact_stiffness
 from wsp_env.contact.port import LAWS
 from wsp_env.parameters.quantity import Checked, ParameterError, quantity, shown
 
+#: Wheel load [N] of which the default ellipse is typical.
+ELLIPSE_LOAD_N = 53e3
 _TABLE_2 = "seed paper, Table 2"
 _NOT_IN_PAPER = (
     "assumption: not in the paper, which derives it from the profiles S1002 / UIC60; typical of a wheel load of 53 kN"
@@ -57,6 +60,16 @@ class ContactParameters(Checked):
     def stiffness_n(self) -> float:
         """Polach's contact stiffness pi G a b c11 / 4 [N], eq. (6)."""
         return float(contact_stiffness(self.semi_axis_a_m, self.semi_axis_b_m, self.shear_modulus_pa, self.kalker_c11))
+
+    def ellipse_uncertainty(self, wheel_load_n: float) -> float:
+        """Return the standard deviation [-] of the logarithm of a b that comes from another wheel load than the default's.
+
+        By Hertz, a b grows as the load to the power 2/3. Whether the default is meant for the vehicle's own load is not known;
+        an ellipse that differs from the default is.
+        """
+        default = ContactParameters()
+        own = (self.semi_axis_a_m, self.semi_axis_b_m) != (default.semi_axis_a_m, default.semi_axis_b_m)
+        return 0.0 if own else 2.0 / 3.0 * abs(math.log(wheel_load_n / ELLIPSE_LOAD_N))
 
     @property
     def table_c11(self) -> float:
