@@ -26,7 +26,6 @@ from wsp_env.diagnosis.variation import (
     Net,
     law_columns,
     nuisances,
-    rough_friction,
     segment_columns,
     shapes,
 )
@@ -171,7 +170,7 @@ def test_at_a_bound_a_derivative_is_taken_on_the_inner_side(replica, variant):
 class _Bent:
     """A replica whose residuals y - f(size) are known; the law is known too."""
 
-    gains = 1.0
+    determinant = 0.0
 
     def __init__(self, y, effect):
         self._y, self._effect = y, effect
@@ -237,24 +236,3 @@ def test_a_fit_of_a_bent_effect_ends_where_the_squares_are_least(monkeypatch, be
     )
     assert fitted.cost == pytest.approx(best.fun, abs=0.1)
     assert fitted.values[0] == pytest.approx(best.x, rel=1e-3)
-
-
-def test_only_what_a_wheel_follows_counts_for_the_determinant():
-    """The variance of a row is (n^2 + rough) of the sensors': beyond 1 it is friction, and 1 / g^2 of that is in the force."""
-    about = SimpleNamespace(gains=np.array([1.0, 1.5, 2.0]))
-    noise, none = np.ones(3), Whitening(np.ones(3), ())
-    assert Weights(none, noise, None).determinant(about) == 0.0  # noise of sensors alone
-    assert Weights(none, 0.7 * noise, None).determinant(about) == 0.0
-    rough = Weights(none, noise, None, rough=1e9 * noise).determinant(about)
-    assert rough == pytest.approx(-2.0 * np.log(about.gains).sum(), rel=1e-6)
-    mixed = Weights(none, 2.0 * noise, None, rough=3.0 * noise).determinant(about)
-    assert mixed == pytest.approx(np.log((6.0 / about.gains**2 + 1.0) / 7.0).sum())
-
-
-def test_friction_from_place_to_place_is_told_from_other_nuisances():
-    whitening = Whitening(np.array([0.5, 1.0]), ())
-    columns = np.array([[1.0, 2.0], [0.0, 3.0]])
-    groups = [Group("track", columns, 0.1), Group("tau", columns, 9.0), Group("track of a run", columns[:, :1], 1.0)]
-    found = rough_friction(groups, whitening, np.array([2.0, 1.0, 3.0]))
-    assert found == pytest.approx([(0.04 * 5.0 + 9.0) / 0.25, 0.04 * 9.0])
-    assert rough_friction(groups, whitening) == pytest.approx([(0.01 * 5.0 + 1.0) / 0.25, 0.01 * 9.0])

@@ -124,7 +124,7 @@ class Balances:
     """
 
     #: As of a replica; recordings have no model about which their wheels are predicted.
-    gains: np.ndarray | float = 1.0
+    determinant = 0.0
 
     def __init__(self, campaign: Campaign, stops: Sequence[PreparedStop], like: "Balances | None" = None) -> None:
         self.campaign, self.sources = campaign, tuple(stops)

@@ -13,7 +13,7 @@ from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.gls import Projector, fit
 from wsp_env.diagnosis.replica import Replica
-from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, Group, law_columns, nuisances, rough_friction, whitened
+from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, Group, law_columns, nuisances, whitened
 
 TAU = 2e-4  # [m/J] prior median, within a factor e^LOG_TAU; the seed paper's measured rails have 1.9e-4
 _ITERATIONS = 20
@@ -35,7 +35,6 @@ class Weights:
     projector: Projector  # removes all nuisances except the law's parameters
     constant: float = 0.0  # -2 log likelihood less the sum of squares, without the channels' own noise
     whole: Projector | None = None  # with all nuisances, if the best fit is sought without some of them
-    rough: np.ndarray | float = 0.0  # (n,) variance of friction along the track over that of the sensors' noise
 
     def deviance(self, fitted: "Fitted") -> float:
         """Return -2 log likelihood of a fit, without the terms of the channels' own noise.
@@ -44,15 +43,6 @@ class Weights:
         term (functional relation with errors in variables, A. Villegas, Annals of Mathematical Statistics 32, 1961).
         """
         return fitted.cost + self.constant
-
-    def determinant(self, balances: Balances | Replica) -> float:
-        """Return what the rows' residuals lack of -2 log likelihood of the recorded motion, see `wsp_env.diagnosis.loop`.
-
-        A wheel follows its friction, but not the noise of its sensors: of a row's variance, only what is beyond the channels'
-        own noise is less in the force than in the residual.
-        """
-        sensors = 1.0 / (np.maximum(self.noise, 1.0) ** 2 + self.rough)
-        return float(np.log((1.0 - sensors) / balances.gains**2 + sensors).sum())
 
     def beside(self, columns: np.ndarray) -> "Weights":
         """Return the same with a few further nuisances (n, k), scaled by their standard deviations."""
@@ -85,7 +75,7 @@ class Fitted:
     variants: tuple[Variant, ...]
     values: tuple[np.ndarray, ...]  # of each variant's free parameters
     covariance: tuple[np.ndarray, ...]  # of these parameters
-    cost: float  # sum of squares after projection off the nuisances, and the rows' `Weights.determinant`
+    cost: float  # sum of squares after projection off the nuisances, and the determinant of the rows (`Replica.determinant`)
 
 
 def weigh(
@@ -100,8 +90,7 @@ def weights_from(
 ) -> Weights:  # fmt: skip
     """Return the same weights of all rows, computed from the inner products of rows and `groups`."""
     kept = np.concatenate([left_to_weights(balances, group) for group in groups])
-    rough = rough_friction(groups, whitening, sizes.groups)
-    return _weights(whitening, sizes.noise[balances.rows.noise], evidence.projector(sizes, kept), rough)
+    return _weights(whitening, sizes.noise[balances.rows.noise], evidence.projector(sizes, kept))
 
 
 class Weighing:
@@ -113,24 +102,19 @@ class Weighing:
         self._whitening = whitening
         self._noise = np.ones(len(balances.rows)) if sizes is None else sizes.noise[balances.rows.noise]
         groups = [group._replace(columns=group.columns[:, left_to_weights(balances, group)]) for group in groups]
-        of_groups = None if sizes is None else sizes.groups
-        self._columns = whitened(groups, whitening, balances.rows.run, self._noise, of_groups)
-        self._rough = rough_friction(groups, whitening, of_groups)
+        self._columns = whitened(groups, whitening, balances.rows.run, self._noise, None if sizes is None else sizes.groups)
 
     def __call__(self, keep: np.ndarray | None) -> Weights:
         """Return the weights of the rows `keep` (n,) bool; None: all."""
         columns = self._columns if keep is None else self._columns.kept(keep)
-        projector = Projector.of(columns, np.ones(columns.width, dtype=bool))
-        return _weights(self._whitening, self._noise, projector, self._rough, keep)
+        return _weights(self._whitening, self._noise, Projector.of(columns, np.ones(columns.width, dtype=bool)), keep)
 
 
-def _weights(
-    whitening: Whitening, noise: np.ndarray, projector: Projector, rough: np.ndarray, keep: np.ndarray | None = None
-) -> Weights:  # fmt: skip
+def _weights(whitening: Whitening, noise: np.ndarray, projector: Projector, keep: np.ndarray | None = None) -> Weights:
     """Return weights with the constant of their deviance."""
     scale = noise if whitening.colour is None else noise / whitening.colour.diagonal()
     constant = 2.0 * float(np.log(scale if keep is None else scale[keep]).sum()) + projector.logdet
-    return Weights(whitening, noise, projector, constant, rough=rough)
+    return Weights(whitening, noise, projector, constant)
 
 
 def left_to_weights(balances: Balances | Replica, group: Group) -> np.ndarray:
@@ -245,7 +229,7 @@ def refit(
 def cost(balances: Balances | Replica, model: Model, weights: Weights) -> float:
     """Return the sum of squares that a model leaves after projection off the nuisances, as `Fitted.cost`."""
     y = weights(balances.raw(model))[:, None]
-    return float(weights.projector.inner(y, y)[0, 0]) + weights.determinant(balances)
+    return float(weights.projector.inner(y, y)[0, 0]) + balances.determinant
 
 
 class _System(NamedTuple):
@@ -278,7 +262,7 @@ class _State:
     def _squares(self, projector: Projector) -> float:
         """Return the sum of squares that is left, with the prior of tau and the determinant of the rows."""
         rows = self.y[:, None]
-        return float(projector.inner(rows, rows)[0, 0]) + self.tau**2 + self.weights.determinant(self.balances)
+        return float(projector.inner(rows, rows)[0, 0]) + self.tau**2 + self.balances.determinant
 
     def at(self, model: Model) -> "_State":
         """Return the same fit at another model."""

@@ -19,8 +19,9 @@ For the same reason a fit about one replica is not compared with a fit about ano
 is the motion; the residual is what friction did by itself. A wheel that follows its friction within a block takes most of it
 up: the less a model lets friction depend on the slip at once, the smaller are its residuals, whatever is true. The likelihood
 of the recording is that of the residuals times the derivative of a residual by the recorded force (`prompt_gain`; change of
-variables, the determinant of full-information likelihood, Koopmans, Rubin, Leipnik, Cowles Commission Monograph 10, 1950). The
-noise of sensors turns no wheel and has no such factor (`wsp_env.diagnosis.fitting.Weights.determinant`).
+variables, the determinant of full-information likelihood, Koopmans, Rubin, Leipnik, Cowles Commission Monograph 10, 1950).
+The noise of the sensors turns no wheel. It is neglected beside the friction, which varies along a track by several times as
+much (docs/lab/diagnosis_truth_u.md).
 """
 
 import dataclasses

@@ -87,8 +87,8 @@ class Replica:
             part.joined(part.wheel_rows(prompt_gain(_damping(right.radius, one), part.block_s, right.radius, one.inertia)))
             for part, one in zip(self._copy.parts, slid, strict=True)
         ]
-        #: Derivative (n,) of the residuals by the recorded forces, where friction fluctuates, see `wsp_env.diagnosis.loop`.
-        self.gains = np.where(self.rows.slides, np.concatenate(gains), 1.0)
+        #: -2 log of the derivative of the residuals by the recorded forces of sliding wheels, see `wsp_env.diagnosis.loop`.
+        self.determinant = -2.0 * float(np.log(np.concatenate(gains)[self.rows.slides]).sum())
         smoothing = self._changed(baseline) * right.rows.wheels  # residual of an exact balance due to smoothing
         residuals = self._residuals(right, baseline, self._slopes) - smoothing
         prompt = _choosing(baseline, lambda name: not _may_act_slower(name))

@@ -35,7 +35,6 @@ MU_CD = 0.15  # [-] prior deviation of a run's log mu_cd about the believed one:
 LOG_TAU = 1.0  # [-] prior deviation of log tau about the start value: carries almost no information
 _FREE = 1e3  # standard deviation of a free column, after scaling its whitened rows to length 1
 _UNIFORM = 1.0 / np.sqrt(3.0)
-_ROUGH = "track", "track of a run"  # groups of friction that changes while a wheel passes some metres
 WHEEL_TIME, TORQUE_TIME, ONSET = "time of a wheel speed", "time of a torque", "torque as a brake is applied"
 FORCE = "force in time"
 
@@ -104,20 +103,6 @@ def whitened(
     if sizes is not None:
         scales *= np.where(free, 1.0, np.repeat(sizes, counts))
     return every.scaled(scales)
-
-
-def rough_friction(groups: Sequence[Group], whitening: Whitening, sizes: np.ndarray | None = None) -> np.ndarray:
-    """Return the variance (n,) of friction from place to place, over that of the sensors' noise in each row.
-
-    `sizes` (G,) of the groups are over the expected sizes; None: 1.
-    """
-    total = np.zeros(len(whitening.deviation))
-    for i, group in enumerate(groups):
-        if group.name in _ROUGH:
-            size = group.expected * (1.0 if sizes is None else float(sizes[i]))
-            total += size**2 * np.einsum("np,np->n", group.columns, group.columns)
-    result: np.ndarray = total / whitening.deviation**2
-    return result
 
 
 def law_columns(balances: Balances | Replica, model: Model, base: np.ndarray) -> np.ndarray:
