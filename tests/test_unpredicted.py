@@ -27,6 +27,20 @@ def sliding(balances):
     return (rows.balance == ADHESION) & (rows.slip > 0.05 * rows.speed)
 
 
+def test_a_fit_is_charged_for_how_much_its_friction_follows_the_slip(sound):
+    """About a memory, friction follows the slip less at once: its determinant is larger. Each cost contains it."""
+    law, memory = (
+        Replica(sound, Model(LAW.tau, LAW.mu_cd, choice)) for choice in ({}, {"contaminant_memory": {"distance_m": 3.0}})
+    )
+    assert law.determinant < memory.determinant
+    assert sound.determinant == 0.0
+    weights = fitting.Weights(
+        law.whitening(LAW), np.ones(len(law.rows)), Projector.of(np.zeros((len(law.rows), 0)), np.zeros(0, bool))
+    )
+    left = weights(law.raw(LAW))
+    assert fitting.cost(law, LAW, weights) == pytest.approx(left @ left + law.determinant)
+
+
 def test_only_mechanisms_that_change_the_contact_have_an_unpredicted_part(sound):
     assert Replica(sound, LAW).unpredicted is None
     assert Replica(sound, Model(LAW.tau, LAW.mu_cd, LATE)).unpredicted is None

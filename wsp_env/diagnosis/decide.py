@@ -139,7 +139,7 @@ def _without_new(replica: Replica, fitted: Fitted, seen: Screen, weights: Weight
 
 
 def _made_again(replica: Replica, fitted: Fitted, seen: Screen, weights: Weights) -> float:
-    """Return the squares that a model leaves about a replica made again from its fit with the weights of a round."""
+    """Return the cost of a model about a replica made again from its fit with the weights of a round."""
     begin = refit(replica, fitted.model, fitted.variants, freed(weights, seen, fitted.variants))
     return begun(replica.recorded, begin, weights, seen).fitted.cost
 

@@ -55,7 +55,7 @@ class AboutItself(NamedTuple):
 
     trial: Trial
     step: Step
-    without: float = -np.inf  # squares that the model without it leaves about a replica made again from its fit
+    without: float = -np.inf  # cost of the model without it about a replica made again from its fit
 
     @property
     def fits_better(self) -> bool:
