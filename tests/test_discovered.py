@@ -29,6 +29,7 @@ SCALES = {
     Feature.COSINE: (0.3, 1.0), Feature.WHEEL_SINE: (0.1, 1.0), Feature.WHEEL_COSINE: (0.1, 1.0),
     Feature.TORQUE_SINE: (0.1, 1.0), Feature.TORQUE_COSINE: (0.1, 1.0), Feature.TORQUE_PLAY: (0.05, 1.0),
     Feature.SETTLING: (4.0, 1.0), Feature.TORQUE_SETTLING: (4.0, 1.0), Feature.TORQUE_WARMING: (1.0, 1.0),
+    Feature.FADING_OUT: (4.0, 1.0),
     Feature.PLACE_BUMP: (150.0, 200.0), Feature.BUILT_UP: (1.5, 2.0), Feature.SPEED_TENT: (37.0, 2.0),
     Feature.SLIP_TENT: (3.0, 2.0), Feature.TIME_TENT: (4.0, 3.0),
 }  # fmt: skip
@@ -250,14 +251,15 @@ def test_play_holds_a_torque_back_both_ways():
 
 
 def test_what_settles_begins_with_the_brake_and_dies_away_with_its_time():
-    """Before, there is none: a force that acts while a vehicle still coasts is another one."""
+    """Before, there is none: what acts while a vehicle still coasts is another thing, and fades out."""
     _, doings = doings_of(braked({}, 300), {})
-    time, bare, torque = (
+    time, bare, torque, fading = (
         features_along(doings, Term(1.0, 0, 0, feature, 2.0))
-        for feature in (Feature.BRAKING_TIME, Feature.SETTLING, Feature.TORQUE_SETTLING)
+        for feature in (Feature.BRAKING_TIME, Feature.SETTLING, Feature.TORQUE_SETTLING, Feature.FADING_OUT)
     )
     assert (time == 0.0).any()
     assert_allclose(bare, np.where(time > 0.0, np.exp(-time / 2.0), 0.0))
+    assert_allclose(fading, np.exp(-time / 2.0))  # there before: a traction that is cut off late
     assert_allclose(torque, bare * features_along(doings, Term(1.0, 0, 0, Feature.TORQUE)))
 
 

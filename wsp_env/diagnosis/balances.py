@@ -148,7 +148,7 @@ class Balances:
     def evaluate(self, model: Model) -> list[Evaluation]:
         """Evaluate a model along every stop; the last result is cached."""
         last: tuple[Model, list[Evaluation]] | None = getattr(self._kept, "last", None)
-        if last is None or last[0] is not model:
+        if last is None or last[0] != model:
             last = self._kept.last = (model, self._evaluator(model))
         return last[1]
 

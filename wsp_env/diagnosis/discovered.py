@@ -45,10 +45,12 @@ _PLAY = ((0.03, 1.0), (0.045, 1.0), (0.065, 1.0), (0.09, 1.0))
 #: long compared with a stop (assumption).
 _SETTLING = ((3.0, 1.0), (8.0, 1.0))
 _WARMING = ((0.5, 1.0), (2.0, 1.0))
+#: Times within which a traction that is cut off late fades out [s], from which a refit begins (assumption).
+_FADING_OUT = ((0.7, 1.0), (2.0, 1.0))
 #: Steps by which a refit moves the scales of features [of the scale]: those of a bump along the track [m], and the others as a
 #: share of their start; scales of further features stay.
 _MOVED_M = 10.0
-_MOVED = dict.fromkeys((Feature.SETTLING, Feature.TORQUE_SETTLING, Feature.TORQUE_WARMING), 0.2)
+_MOVED = dict.fromkeys((Feature.SETTLING, Feature.TORQUE_SETTLING, Feature.TORQUE_WARMING, Feature.FADING_OUT), 0.2)
 #: The same of the speed above which a wheel sensor loses pulses [m/s].
 _MOVED_MPS = 1.0
 #: Features with their scales by slot, tried on all axles together; `_SOME`: on groups of axles. Features with a name in the
@@ -57,7 +59,7 @@ _TOGETHER: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
     Slot.BRAKE_TORQUE: {
         Feature.SLIP: _ONE, Feature.BRAKING_TIME: _ONE, Feature.WHEEL_DIFFERENCE: _ONE, Feature.WORK: _ONE,
         Feature.TORQUE_SINE: _ONE, Feature.TORQUE_PLAY: _PLAY, Feature.TORQUE_SETTLING: _SETTLING,
-        Feature.TORQUE_WARMING: _WARMING,
+        Feature.TORQUE_WARMING: _WARMING, Feature.FADING_OUT: _FADING_OUT,
     },
     Slot.FRICTION: {
         Feature.BRAKING_TIME: _ONE, Feature.WORK: _ONE, Feature.WHEEL_DIFFERENCE: _ONE,
@@ -81,6 +83,7 @@ _SOME: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
         Feature.TORQUE_PLAY: _PLAY,
         Feature.TORQUE_SETTLING: _SETTLING,
         Feature.TORQUE_WARMING: _WARMING,
+        Feature.FADING_OUT: _FADING_OUT,
     },
     Slot.FRICTION: {Feature.SPEED: _ONE, Feature.BRAKING_TIME: _ONE},
     Slot.WHEEL_READING: {Feature.SPEED: _ONE, Feature.TIME: _ONE, Feature.ALWAYS: _ABOVE_MPS},

@@ -98,6 +98,7 @@ def predicted(
     bias = _before(_before(disturbance.mean(axis=1) * throughout))  # difference between friction and law, assumed to continue
     decay = _with_before(np.exp(-_blocks(damping, block) * by_moment))
     moments = _with_before(disturbance) - bias[:, None]
+    most = np.maximum(_with_before(_blocks(stop.speed[:, None], block)), 0.0)
     innovation = _with_before(_blocks(torque, block)) - _expected(torque, (slip, stop.wheel_rate), both, block, stop.step_s)
 
     def within(values: np.ndarray) -> np.ndarray:
@@ -106,10 +107,14 @@ def predicted(
         return result
 
     def turned(moments: np.ndarray) -> PreparedStop:
-        """Return the stop without the wheel motion due to moments (B, 2 block, A) [N m]."""
+        """Return the stop without the wheel motion due to moments (B, 2 block, A) [N m].
+
+        No moment moves a wheel further than from rolling to standing: where friction falls steeply, the motion would grow
+        beyond all limits.
+        """
         less = np.zeros((len(moments), 2 * block + 1, slip.shape[1]))  # slip caused by the moments [m/s]
         for i in range(2 * block):
-            less[:, i + 1] = decay[:, i] * less[:, i] + by_moment * moments[:, i]
+            less[:, i + 1] = np.clip(decay[:, i] * less[:, i] + by_moment * moments[:, i], -most[:, i], most[:, i])
         rate = np.diff(less, axis=1) / stop.step_s
         slid_on = np.clip(stop.wheel - within(less[:, :-1]) / radius, 0.0, (stop.speed[:, None] - least) / radius)
         return dataclasses.replace(

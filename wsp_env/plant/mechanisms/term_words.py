@@ -63,6 +63,7 @@ FEATURES: dict[Feature, Described] = {
     Feature.TORQUE_WARMING: Described(
         "share of the full torque, times a share that dies away within {scale:.3g} MJ of the brake's work", "-", ("MJ", "")
     ),
+    Feature.FADING_OUT: Described("a share that is 1 until braking begins and then dies away within {scale:.3g} s", "-", ("s", "")),
     Feature.SPEED_TIME: Described("time since the start, times running speed over 30 m/s", "s"),
 }
 
@@ -90,6 +91,7 @@ LOOKS_LIKE: dict[Slot, dict[Feature, tuple[str, ...]]] = {
         Feature.SETTLING: ("wet or icy brake discs", "cold pads"),
         Feature.TORQUE_SETTLING: ("wet or icy brake discs", "cold pads"),
         Feature.TORQUE_WARMING: ("wet or icy brake discs", "cold pads"),
+        Feature.FADING_OUT: ("traction that is cut off late",),
     }
     | dict.fromkeys(_TURN, ("torque ripple of an eccentric disc",)),
     Slot.FRICTION: {

@@ -59,6 +59,7 @@ class Feature(IntEnum):
     SETTLING = 28  # exp(-time since braking began / scale), 0 before [-] (s)
     TORQUE_SETTLING = 29  # believed torque over full torque, times the same [-] (s)
     TORQUE_WARMING = 30  # believed torque over full torque, times exp(-work of the axle's brake so far / scale) [-] (MJ)
+    FADING_OUT = 31  # 1 until braking begins, then exp(-time since then / scale) [-] (s)
 
 
 #: Share of the full torque above which an axle counts as braking (assumption: above the noise of a recorded pressure).
@@ -82,7 +83,7 @@ _LEAST = 1e-9
     _BRAKING, _ALWAYS, _SPEED, _SPEED_SQUARED, _SLIP, _SLIP_SIGN, _TORQUE, _WHEEL_RATE, _TORQUE_MEMORY, _SLIP_RATE, _TIME,
     _BRAKING_TIME, _SINE, _COSINE, _WHEEL_SINE, _WHEEL_COSINE, _PLACE_BUMP, _WHEEL_DIFFERENCE, _WORK, _BUILT_UP, _SPEED_TENT,
     _SLIP_TENT, _TIME_TENT, _SPEED_DECELERATION, _SPEED_TIME, _TORQUE_SINE, _TORQUE_COSINE,
-    _TORQUE_PLAY, _SETTLING, _TORQUE_SETTLING, _TORQUE_WARMING,
+    _TORQUE_PLAY, _SETTLING, _TORQUE_SETTLING, _TORQUE_WARMING, _FADING_OUT,
 ) = map(int, Feature)  # fmt: skip
 
 
@@ -194,6 +195,8 @@ def _feature(code: int, scale: float, second: float, past: Past, doing: Doing) -
     if code in (_SETTLING, _TORQUE_SETTLING):
         decays = math.exp(-past.braked_s / max(scale, _LEAST)) if past.braked_s > 0.0 else 0.0
         return share * decays if code == _TORQUE_SETTLING else decays
+    if code == _FADING_OUT:
+        return math.exp(-past.braked_s / max(scale, _LEAST))
     if code == _TORQUE_WARMING:
         return share * math.exp(-past.built / max(scale, _LEAST))
     if code == _TORQUE_PLAY:
