@@ -148,6 +148,22 @@ def test_vehicles_of_one_and_two_axles_torque_by_pressure_or_measured(axles, mea
 
 @pytest.mark.slow
 @pytest.mark.long
+def test_a_patch_of_another_adhesion_is_found_where_it_is(tmp_path):
+    """Friction in the wheels' loop: it is found only if models about different replicas are compared rightly."""
+    case = Case(0, "single", ("adhesion_patch",), 4.0, 1.0, axles=2)
+    with few_stops():
+        setup, (patch,) = build(case, 2, 0, sizes(), 1.0)
+        write(tmp_path / "case", case, setup, 2, 0)
+    (one,) = diagnose(campaign_of(tmp_path / "case")).mechanisms
+    assert one.name == "adhesion_patch"
+    low, high = one.parameters["change"].interval90
+    assert low < patch.size < high
+    middle = one.parameters["start_m"].value + 0.5 * one.parameters["length_m"].value
+    assert middle == pytest.approx(patch.place.track_m, abs=5.0)
+
+
+@pytest.mark.slow
+@pytest.mark.long
 def test_a_wheelset_of_another_radius_is_found(tmp_path):
     folder = small_demo(tmp_path / "campaign")
     for file in folder.glob("*.csv"):
