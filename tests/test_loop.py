@@ -119,6 +119,16 @@ def test_where_the_creep_curve_is_steep_the_wheel_is_brought_back():
     assert (np.diff(seen) >= 0.0).all()
 
 
+def test_where_friction_falls_steeply_the_wheel_locks_and_no_motion_grows_beyond_all_limits():
+    """A motion that grows e-fold within a millisecond: within a block, by a factor of 10^69."""
+    slip, law = np.full(100, 1.0), np.full(100, 2000.0)
+    stop = slid(slip, law)
+    seen = turned(stop, law + 100.0, holds=-1000.0 * INERTIA / RADIUS)
+    assert (seen.wheel >= 0.0).all()
+    assert np.abs(seen.wheel_rate).max() <= np.abs(stop.wheel_rate).max() + 2.0 * stop.speed[0] / (RADIUS * STEP)
+    assert np.isfinite(seen.wheel_jerk).all()
+
+
 def test_a_wheel_that_begins_to_slide_is_left_and_none_is_foreseen_to_roll():
     slip, law = np.full(40, 1.0), np.full(40, 2000.0)
     slip[10] = 0.01  # rolls for a moment, in the second block

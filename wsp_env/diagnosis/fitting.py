@@ -18,8 +18,6 @@ from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, Group, law_columns, nuis
 TAU = 2e-4  # [m/J] prior median, within a factor e^LOG_TAU; the seed paper's measured rails have 1.9e-4
 _ITERATIONS = 20
 _CONVERGED = 0.05  # change of the sum of squares that counts for nothing
-_LINEAR = 0.25  # share of the expected decrease by which one may differ for the next step to keep the derivatives (assumption)
-_LONGEST = 3.0  # longest step that a parabola is believed [of a whole step] (assumption)
 _LARGEST_STEP = 0.7  # [-] largest change of log tau or log mu_cd in one iteration
 _DAMPINGS = 0.0, 0.01, 0.1, 1.0, 10.0, 100.0  # damping, as shares of a parameter's own square
 _LEAST_ROWS = 20  # blocks of sliding that are needed to estimate a run's friction
@@ -209,26 +207,22 @@ def refit(
     """
     keep = np.ones(len(balances.rows), dtype=bool) if keep is None else keep
     state = _State(balances, model, tuple(variants), weights, keep, free_parameters(balances))
-    system, own, least = state.system(), True, 0
+    least = 0
     for _ in range(_ITERATIONS):
+        system = state.system()
         expected = state.gain(system)
         if expected < _CONVERGED:
             break
-        for level in range(least, len(_DAMPINGS) if own else least + 1):
-            tried = state.after(system, _DAMPINGS[level])
+        for level in range(least, len(_DAMPINGS)):
+            tried = state.at(state.moved(system, _DAMPINGS[level]))
             if tried.cost <= state.cost:
                 break
         else:
-            if own:
-                break
-            system, own = state.system(), True
-            continue
-        decrease, before, state, least = state.cost - tried.cost, state, tried, max(level - 1, 0)
-        # A whole step from which the cost decreased as expected of a linear model has reached the best fit.
-        if (level == 0 and abs(decrease - expected) < _CONVERGED) or (own and decrease < _CONVERGED):
             break
-        own = level > 0 or abs(decrease - expected) > _LINEAR * expected
-        system = state.system() if own else state.corrected(system, before)
+        decrease, state, least = state.cost - tried.cost, tried, max(level - 1, 0)
+        # A whole step from which the cost decreased as expected of a linear model has reached the best fit.
+        if level == 0 and abs(decrease - expected) < _CONVERGED:
+            break
     return state.fitted(system)
 
 
@@ -283,44 +277,14 @@ class _State:
         law = (law_columns(self.balances, self.model, self.base) * [LOG_TAU, *[MU_CD] * len(self.balances.stops)])[
             :, self.moves
         ]
-        return self._of(self.weights(np.column_stack([*columns, law]))[self.keep], np.concatenate(steps))
-
-    def corrected(self, system: _System, before: "_State") -> _System:
-        """Return the normal equations with the derivatives of those before, corrected by what the last step changed.
-
-        The correction is the least that makes them right along the step, each column by the share that it had in it; a run's
-        mu_cd has no part in other runs (L. K. Schubert, Mathematics of Computation 24, 1970). It costs no evaluation.
-        """
-        step, columns = self._place(system.steps) - before._place(system.steps), system.columns.copy()
-        shares = np.diag(system.gram) * step
-        missed, run = self.y - before.y - columns @ step, self.balances.rows.run[self.keep]
-        moved = np.flatnonzero(self.moves[1:])  # the runs whose mu_cd is fitted
-        everywhere = np.arange(len(step)) < len(step) - len(moved)
-        for i in np.unique(run):
-            mine, part = run == i, shares * everywhere
-            if i in moved:
-                k = len(step) - len(moved) + int(np.searchsorted(moved, i))
-                part[k] = shares[k]
-            along = float(part @ step)
-            if along > 0.0:
-                columns[mine] += np.outer(missed[mine], part / along)
-        return self._of(columns, system.steps)
-
-    def _place(self, steps: np.ndarray) -> np.ndarray:
-        """Return the parameters (k,) in the units of the columns."""
-        values = [candidates.values_in(self.model, one) for one in self.variants]
-        law = np.log([self.model.tau, *self.model.mu_cd]) / [LOG_TAU, *[MU_CD] * len(self.model.mu_cd)]
-        return np.concatenate([np.concatenate([*values, np.zeros(0)]) / steps, law[self.moves]])
-
-    def _of(self, columns: np.ndarray, steps: np.ndarray) -> _System:
-        """Return the normal equations with whitened columns (n, k)."""
-        white, own = np.column_stack([columns, self.y]), len(steps)
+        white = np.column_stack([self.weights(np.column_stack([*columns, law]))[self.keep], self.y])
         known = self.weights.projector.inner(white, white)
         gram, against = known[:-1, :-1], known[:-1, -1]
+        own = sum(len(step) for step in steps)
         gram[np.diag_indices_from(gram)] += self._prior(own, len(gram))
         if self.moves[0]:
             against[own] += self.tau
-        return _System(gram, against, columns, steps)
+        return _System(gram, against, white[:, :-1], np.concatenate(steps))
 
     @staticmethod
     def _prior(own: int, several: int) -> np.ndarray:
@@ -345,22 +309,9 @@ class _State:
             amplitude[free] = fit(damped[np.ix_(free, free)], system.against[free]).amplitude
         return amplitude
 
-    def after(self, system: _System, damping: float) -> "_State":
-        """Return the fit after a Gauss-Newton step, or after the share of it to which the parabola through its cost leads.
-
-        Where residuals stay large, the curvature of the model counts, too: whole steps are too long or too short again and again.
-        """
-        amplitude = self._step(system, damping)
-        whole, slope = self.at(self._moved(system.steps, amplitude)), float(system.against @ amplitude)
-        decrease = self.cost - whole.cost
-        curvature = 2.0 * slope - decrease
-        if slope <= 0.0 or curvature <= 0.0 or slope**2 / curvature - decrease < _CONVERGED:
-            return whole
-        share = min(slope / curvature, _LONGEST)
-        return min(whole, self.at(self._moved(system.steps, share * amplitude)), key=lambda one: one.cost)
-
-    def _moved(self, steps: np.ndarray, amplitude: np.ndarray) -> Model:
-        """Return the model after a step of amplitudes (k,); a long step is shortened in its direction."""
+    def moved(self, system: _System, damping: float) -> Model:
+        """Return the model after a Gauss-Newton step; a long step is shortened in its direction."""
+        steps, amplitude = system.steps, self._step(system, damping)
         highest = 0.9 * self.balances.campaign.contact.kinetic_friction_r
         change, step = -amplitude[: len(steps)] * steps, np.zeros(len(self.moves))
         step[self.moves] = -amplitude[len(steps) :]

@@ -63,7 +63,9 @@ FEATURES: dict[Feature, Described] = {
     Feature.TORQUE_WARMING: Described(
         "share of the full torque, times a share that dies away within {scale:.3g} MJ of the brake's work", "-", ("MJ", "")
     ),
-    Feature.FADING_OUT: Described("a share that is 1 until braking begins and then dies away within {scale:.3g} s", "-", ("s", "")),
+    Feature.FADING_OUT: Described(
+        "a share that is 1 until braking begins and then dies away within {scale:.3g} s", "-", ("s", "")
+    ),
     Feature.SPEED_TIME: Described("time since the start, times running speed over 30 m/s", "s"),
 }
 
