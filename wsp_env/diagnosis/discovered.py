@@ -67,7 +67,9 @@ _TOGETHER: dict[Slot, dict[Feature, tuple[tuple[float, float], ...]]] = {
         Feature.SETTLING: _SETTLING,
     },
     Slot.RECOVERY: {Feature.SPEED: _ONE, Feature.BRAKING_TIME: _ONE, Feature.WORK: _ONE},
-    Slot.VEHICLE_FORCE: {Feature.TIME: _ONE, Feature.BRAKING_TIME: _ONE, Feature.SETTLING: _SETTLING},
+    Slot.VEHICLE_FORCE: {
+        Feature.TIME: _ONE, Feature.BRAKING_TIME: _ONE, Feature.SETTLING: _SETTLING, Feature.FADING_OUT: _FADING_OUT,
+    },
     Slot.RECORDED_SPEED: {
         Feature.SPEED_DECELERATION: _ONE, Feature.TIME: _ONE, Feature.SPEED_TIME: _ONE, Feature.SPEED_SQUARED: _ONE,
     },

@@ -18,6 +18,7 @@ from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, Group, law_columns, nuis
 TAU = 2e-4  # [m/J] prior median, within a factor e^LOG_TAU; the seed paper's measured rails have 1.9e-4
 _ITERATIONS = 20
 _CONVERGED = 0.05  # change of the sum of squares that counts for nothing
+_LONGEST = 3.0  # longest step that a parabola is believed [of a whole step] (assumption)
 _LARGEST_STEP = 0.7  # [-] largest change of log tau or log mu_cd in one iteration
 _DAMPINGS = 0.0, 0.01, 0.1, 1.0, 10.0, 100.0  # damping, as shares of a parameter's own square
 _LEAST_ROWS = 20  # blocks of sliding that are needed to estimate a run's friction
@@ -214,14 +215,14 @@ def refit(
         if expected < _CONVERGED:
             break
         for level in range(least, len(_DAMPINGS)):
-            tried = state.at(state.moved(system, _DAMPINGS[level]))
+            tried = state.after(system, _DAMPINGS[level])
             if tried.cost <= state.cost:
                 break
         else:
             break
         decrease, state, least = state.cost - tried.cost, tried, max(level - 1, 0)
         # A whole step from which the cost decreased as expected of a linear model has reached the best fit.
-        if level == 0 and abs(decrease - expected) < _CONVERGED:
+        if decrease < _CONVERGED or (level == 0 and abs(decrease - expected) < _CONVERGED):
             break
     return state.fitted(system)
 
@@ -309,9 +310,22 @@ class _State:
             amplitude[free] = fit(damped[np.ix_(free, free)], system.against[free]).amplitude
         return amplitude
 
-    def moved(self, system: _System, damping: float) -> Model:
-        """Return the model after a Gauss-Newton step; a long step is shortened in its direction."""
-        steps, amplitude = system.steps, self._step(system, damping)
+    def after(self, system: _System, damping: float) -> "_State":
+        """Return the fit after a Gauss-Newton step, or after the share of it to which the parabola through its cost leads.
+
+        Where residuals stay large, the curvature of the model counts, too: each whole step is too long, or too short.
+        """
+        amplitude = self._step(system, damping)
+        whole, slope = self.at(self._moved(system.steps, amplitude)), float(system.against @ amplitude)
+        decrease = self.cost - whole.cost
+        curvature = 2.0 * slope - decrease
+        if slope <= 0.0 or curvature <= 0.0 or slope**2 / curvature - decrease < _CONVERGED:
+            return whole
+        share = min(slope / curvature, _LONGEST)
+        return min(whole, self.at(self._moved(system.steps, share * amplitude)), key=lambda one: one.cost)
+
+    def _moved(self, steps: np.ndarray, amplitude: np.ndarray) -> Model:
+        """Return the model after a step of amplitudes (k,); a long step is shortened in its direction."""
         highest = 0.9 * self.balances.campaign.contact.kinetic_friction_r
         change, step = -amplitude[: len(steps)] * steps, np.zeros(len(self.moves))
         step[self.moves] = -amplitude[len(steps) :]

@@ -131,6 +131,7 @@ LOOKS_LIKE: dict[Slot, dict[Feature, tuple[str, ...]]] = {
         Feature.PLACE_BUMP: ("curve drag", "change of gradient"),
         Feature.TIME: ("coupler force",),
         Feature.SETTLING: ("coupler force", "brake of another vehicle that applies later"),
+        Feature.FADING_OUT: ("traction that is cut off late",),
         Feature.TIME_TENT: ("coupler force",),
     }
     | _SWING,
