@@ -96,7 +96,7 @@ def test_a_refit_moves_a_bump_what_dies_away_and_the_speed_above_which_pulses_ar
     for one in tried([next(one for one in tried() if one.name == NAME)]):
         bump = "place bump" in one.family
         lost = one.family.startswith("wheel reading") and one.family.endswith("always")
-        dies_away = one.family.endswith(("settling", "warming"))
+        dies_away = one.family.endswith(("settling", "warming", "fading out"))
         moved = {"scale_2", "second_scale_2"} if bump else {"above_mps"} if lost else {"scale_2"} if dies_away else set()
         assert set(located(one)) == moved
         assert len(refined(one).sizes) == len(one.sizes) + len(located(one))
