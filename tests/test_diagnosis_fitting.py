@@ -238,22 +238,16 @@ def test_a_fit_of_a_bent_effect_ends_where_the_squares_are_least(monkeypatch, be
     assert fitted.values[0] == pytest.approx(best.x, rel=1e-3)
 
 
-def the_state(rows, model, variants=(DELAY,)):
-    """Return the fit at a model, and its normal equations."""
-    weights = one_kind(np.zeros((len(TIME), 0)))
-    moves = np.zeros(1 + len(rows.stops), dtype=bool)
-    moves[1:] = len(rows.stops) > 1
-    state = fitting._State(rows, model, variants, weights, np.ones(len(TIME), dtype=bool), moves)
-    return state, state.system()
-
-
 def test_beside_large_residuals_a_step_goes_where_the_squares_along_it_are_least(monkeypatch):
     """What an effect bends to is missing in the recording: a whole Gauss-Newton step would be too long by half."""
     monkeypatch.setattr(fitting, "law_columns", lambda balances, *_: np.zeros((len(TIME), 2)))
     along, bent = np.linalg.qr(np.column_stack([np.sin(20.0 * TIME), np.cos(20.0 * TIME)]))[0].T
     begin_s = 0.1
     rows = _Bent(0.01 * along - 0.3 * bent, lambda lag, _: (lag - begin_s) * along + (lag - begin_s) ** 2 * bent)
-    state, system = the_state(rows, switched(Model(2e-4, (0.06,)), DELAY, np.array([begin_s])))
+    begin, weights = switched(Model(2e-4, (0.06,)), DELAY, np.array([begin_s])), one_kind(np.zeros((len(TIME), 0)))
+    every, law_stays = np.ones(len(TIME), dtype=bool), np.zeros(2, dtype=bool)
+    state = fitting._State(rows, begin, (DELAY,), weights, every, law_stays)
+    system = state.system()
     whole = float(state._moved(system.steps, state._step(system, 0.0)).choice["brake_delay"]["lag_s"])
     taken = float(state.after(system, 0.0).model.choice["brake_delay"]["lag_s"])
 

@@ -221,7 +221,8 @@ def refit(
         else:
             break
         decrease, state, least = state.cost - tried.cost, tried, max(level - 1, 0)
-        # A whole step from which the cost decreased as expected of a linear model has reached the best fit.
+        # A step that gains nothing ends a fit. A whole step from which the cost decreased as expected of a linear model has
+        # reached the best one.
         if decrease < _CONVERGED or (level == 0 and abs(decrease - expected) < _CONVERGED):
             break
     return state.fitted(system)
