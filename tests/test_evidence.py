@@ -8,6 +8,8 @@ from scipy.optimize import minimize
 from scipy.stats import norm
 from trial_cases import GRADIENT, TERM, candidate
 
+from wsp_env.diagnosis import covariance
+from wsp_env.diagnosis.arrow import combined
 from wsp_env.diagnosis.balances import NOISES, Whitening
 from wsp_env.diagnosis.candidates import Variant
 from wsp_env.diagnosis.covariance import Evidence, Sizes
@@ -114,6 +116,37 @@ def test_sizes_are_learned_from_disagreement_and_fixed_ones_stay(seed):
     assert sizes.groups[1] == pytest.approx(3.0, rel=0.35)
     assert sizes.groups[2] == 1.0
     assert sizes.noise[0] == pytest.approx(1.0, rel=0.1)
+
+
+@given(st.floats(0.0, 0.9), st.floats(-3.0, 3.0))
+def test_longer_steps_reach_the_end_of_a_linear_iteration_in_three(ratio, far):
+    """Each step of the iteration alone leaves a share of the distance; a step is at most three times as long."""
+    longer, left = covariance._Longer(), np.array([far, 0.0])
+    for _ in range(3):
+        left = left + longer.step((ratio - 1.0) * left)
+    assert abs(left[0]) <= abs(far) * ratio * max(1.0 - covariance._LONGEST * (1.0 - ratio), 0.0) ** 2 + 1e-9
+    assert left[1] == 0.0
+
+
+def test_sizes_that_replace_each_other_are_found_sooner_with_longer_steps(monkeypatch):
+    """Levels of runs, and levels that grow with time: as similar as they are, one size shrinks slowly as the other grows."""
+    plain, exact, steps = [], [], []
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        level, tilted = (np.kron(np.eye(60), np.linspace(1.0 - by, 1.0 + by, 20)[:, None]) for by in (0.0, 0.1))
+        y = tilted @ (3.0 * rng.standard_normal(60)) + rng.standard_normal(len(level))
+        evidence = evidence_of(np.zeros((len(y), 0)), y, [Group("level", level, 1.0), Group("tilted", tilted, 1.0)])
+        for converged, longest, found in ((1e-6, 1.0, exact), (0.05, 1.0, plain), (0.05, 3.0, steps)):
+            made = []
+            with monkeypatch.context() as patch:
+                patch.setattr(covariance, "_CONVERGED", converged)
+                patch.setattr(covariance, "_ITERATIONS", 200)
+                patch.setattr(covariance, "_LONGEST", longest)
+                patch.setattr(covariance, "combined", lambda *all, made=made: made.append(1) or combined(*all))
+                found.append((*np.log(evidence.solve().groups), len(made)))
+    plain, exact, steps = np.array(plain), np.array(exact), np.array(steps)
+    assert steps[:, -1].sum() < 0.8 * plain[:, -1].sum()
+    assert abs(steps - exact)[:, :-1].max() < abs(plain - exact)[:, :-1].max()
 
 
 def test_there_is_a_noise_for_every_balance():

@@ -26,6 +26,8 @@ _LEAST_NOISE = 0.5
 #: Relative change of the sizes below which they have converged (it changes a deviance by less than one), and the largest number
 #: of iterations.
 _CONVERGED, _ITERATIONS = 0.05, 30
+#: Longest step of an iteration, over what it asks for (assumption): a size that is far too large shrinks slowly at first.
+_LONGEST = 3.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,6 +36,22 @@ class Sizes:
 
     groups: np.ndarray  # (G,) relative to the expected sizes
     noise: np.ndarray  # (5,) standard deviation of each kind of rows (`NOISES`), relative to the channels' own noise
+
+
+class _Longer:
+    """Lengthens the steps of an iteration by the secant method, for each size alone."""
+
+    def __init__(self) -> None:
+        self._change = self._step = np.zeros(0)
+
+    def step(self, change: np.ndarray) -> np.ndarray:
+        """Return the steps (k,) for the changes (k,) of log sizes for which an iteration asks: as long, or longer."""
+        factor = np.ones(len(change))
+        if len(self._step):
+            slope = np.divide(change - self._change, self._step, out=-factor, where=self._step != 0.0)
+            factor = np.clip(np.divide(-1.0, slope, out=np.full(len(change), _LONGEST), where=slope < 0.0), 1.0, _LONGEST)
+        self._change, self._step = change, factor * change
+        return self._step
 
 
 class Evidence:
@@ -90,6 +108,7 @@ class Evidence:
         begin = start or Sizes(np.ones(len(self.names)), np.ones(len(NOISES)))
         scale, noise = begin.groups, begin.noise.copy()
         counts = np.bincount(self.group, minlength=len(self.names))
+        longer = _Longer()
         for _ in range(_ITERATIONS):
             before = np.append(scale, noise)
             own, common = self._deviations(scale)
@@ -111,9 +130,11 @@ class Evidence:
                 given = one.inner(covariance) / noise[k] ** 2
                 left = one.square(*amplitudes)
                 noise[k] = max(np.sqrt((left + _PRIOR_WEIGHT) / (self.rows[k] - given + _PRIOR_WEIGHT)), _LEAST_NOISE)
-            new = np.minimum(new, self.most)
+            change = np.log(np.append(np.minimum(new, self.most), noise) / before)
+            after = before * np.exp(longer.step(change))
+            new, noise = np.minimum(after[: len(new)], self.most), np.maximum(after[len(new) :], _LEAST_NOISE)
             scale = np.where(self.fixed, np.sqrt(1.0 + self.adds * new[self.differences] ** 2), new)
-            if np.abs(np.log(np.append(scale, noise) / before)).max() < _CONVERGED:
+            if np.abs(change[~np.append(self.fixed, np.zeros(len(noise), dtype=bool))]).max() < _CONVERGED:
                 break
         return Sizes(scale, noise)
 
