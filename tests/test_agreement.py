@@ -9,8 +9,8 @@ from scipy import integrate, stats
 from wsp_env.diagnosis import agreement as module
 from wsp_env.diagnosis.agreement import PRIOR_DEGREES, Agreement, agreement
 from wsp_env.diagnosis.balances import Whitening
-from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.gls import Projector
+from wsp_env.diagnosis.weights import Weights
 
 RUNS, EACH, SIZE_OF_NUISANCE = 6, 200, 10.0
 

@@ -8,8 +8,8 @@ from experiments.other_truth.campaign import draw
 from experiments.other_truth.record import draw_recorders, write
 from experiments.other_truth.records import Sizes
 from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.baseline import baseline
 from wsp_env.diagnosis.convergence import converge_law
-from wsp_env.diagnosis.fitting import baseline
 from wsp_env.diagnosis.stops import least_slip, prepare
 from wsp_env.recordings import read_campaign
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.baseline import baseline
 from wsp_env.diagnosis.candidates import columns, variants
-from wsp_env.diagnosis.fitting import baseline, weigh
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.diagnosis.variation import nuisances
+from wsp_env.diagnosis.weights import weigh
 from wsp_env.plant.mechanisms import LIBRARY
 from wsp_env.recordings import CampaignWarning, demo_campaign, read_campaign
 

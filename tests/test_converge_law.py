@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose
 from synthetic_stops import stop, write_campaign
 
 from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.baseline import baseline
 from wsp_env.diagnosis.convergence import converge_law
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import baseline
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.recordings import read_campaign

@@ -24,12 +24,14 @@ from wsp_env.cli import main
 from wsp_env.diagnosis import Diagnosis, diagnose
 from wsp_env.diagnosis.answer import Location, Verdict
 from wsp_env.diagnosis.balances import VEHICLE, Balances
+from wsp_env.diagnosis.baseline import baseline
 from wsp_env.diagnosis.effects import course
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import baseline, refit, weigh
+from wsp_env.diagnosis.fitting import refit
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.diagnosis.variation import nuisances
+from wsp_env.diagnosis.weights import weigh
 from wsp_env.plant.mechanisms import ALL, LIBRARY
 from wsp_env.recordings import Campaign, CampaignError, CampaignWarning, demo_campaign, read_campaign
 

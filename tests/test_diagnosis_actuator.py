@@ -10,9 +10,9 @@ from synthetic_stops import RADIUS_M, stop, write_campaign
 
 from wsp_env.diagnosis import Diagnosis, diagnose
 from wsp_env.diagnosis.balances import ACTUATOR, Balances
+from wsp_env.diagnosis.baseline import baseline
 from wsp_env.diagnosis.candidates import unavailable
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import baseline
 from wsp_env.diagnosis.stops import prepare, torque_per_bar
 from wsp_env.diagnosis.variation import nuisances
 from wsp_env.recordings import Campaign, read_campaign

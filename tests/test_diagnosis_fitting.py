@@ -14,7 +14,7 @@ from wsp_env.diagnosis.balances import Balances, Rows, Whitening
 from wsp_env.diagnosis.candidates import Variant, columns, parameter_of, switched, without
 from wsp_env.diagnosis.covariance import Evidence
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Weights, free_parameters, refit, weigh
+from wsp_env.diagnosis.fitting import refit
 from wsp_env.diagnosis.form_errors import forms
 from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.replica import Replica
@@ -29,6 +29,7 @@ from wsp_env.diagnosis.variation import (
     segment_columns,
     shapes,
 )
+from wsp_env.diagnosis.weights import Weights, free_parameters, weigh
 from wsp_env.plant.mechanisms import ALL
 from wsp_env.recordings import read_campaign
 
@@ -177,7 +178,7 @@ class _Bent:
         self.rows = Rows(**{one.name: np.zeros(len(y), dtype=int) for one in dataclasses.fields(Rows)})
         self.stops, self.campaign = (None,), SimpleNamespace(contact=SimpleNamespace(kinetic_friction_r=0.28))
 
-    def raw(self, model):
+    def raw(self, model, beside=None):
         values = {one.name: 0.0 for one in ALL["brake_delay"].parameters} | dict(model.choice.get("brake_delay", {}))
         return self._y - self._effect(values["lag_s"], values["rise_share"])
 

@@ -8,10 +8,10 @@ import pytest
 from replica_cases import LAW, sound_balances
 
 from wsp_env.diagnosis.balances import VEHICLE
-from wsp_env.diagnosis.fitting import weigh
 from wsp_env.diagnosis.locate import locate
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import nuisances
+from wsp_env.diagnosis.weights import weigh
 
 
 @pytest.fixture(scope="module")

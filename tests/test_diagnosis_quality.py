@@ -12,9 +12,10 @@ from wsp_env.diagnosis.balances import BALANCES, Whitening
 from wsp_env.diagnosis.candidates import Variant, switched
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Fitted, Weights
+from wsp_env.diagnosis.fitting import Fitted
 from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.quality import Level, Side, _removed, level, misfits, quality
+from wsp_env.diagnosis.weights import Weights
 
 GRADIENT = Variant("track_gradient", ("rise",), {})
 TRUE = 0.003

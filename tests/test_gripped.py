@@ -6,8 +6,9 @@ from numpy.testing import assert_allclose
 from synthetic_stops import stop, write_campaign
 
 from wsp_env.diagnosis.balances import Balances
-from wsp_env.diagnosis.fitting import baseline, sliding
+from wsp_env.diagnosis.baseline import baseline
 from wsp_env.diagnosis.stops import prepare
+from wsp_env.diagnosis.weights import sliding
 from wsp_env.recordings import read_campaign
 
 TAU, WET, DRY = 2e-4, 0.05, 0.11

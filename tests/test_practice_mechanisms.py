@@ -14,9 +14,9 @@ from synthetic_stops import AXLES, stop, write_campaign
 
 import wsp_env  # noqa: F401  # registers the environments
 from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.baseline import baseline
 from wsp_env.diagnosis.candidates import Variant, refined, switched, unavailable, variants
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import baseline
 from wsp_env.diagnosis.interest import Compared
 from wsp_env.diagnosis.net import net_effect
 from wsp_env.diagnosis.stops import prepare

@@ -10,12 +10,13 @@ from test_diagnosis_replica import LAW, campaign_of
 from wsp_env.diagnosis.balances import Balances, Whitening
 from wsp_env.diagnosis.candidates import Variant, values_in
 from wsp_env.diagnosis.evaluate import Evaluator, Model
-from wsp_env.diagnosis.fitting import Fitted, Weights, refit, weigh
+from wsp_env.diagnosis.fitting import Fitted, refit
 from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.readings import _filtered, correct_readings, readings_of, simulate_readings
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.diagnosis.variation import Group
+from wsp_env.diagnosis.weights import Weights, weigh
 
 LAG_S = 0.04
 LAG = {"wheel_speed_lag": {"lag_s": LAG_S}}
@@ -81,9 +82,9 @@ def test_about_a_lag_late_wheels_are_explained_and_its_size_is_found(sound):
         return weigh(one, one.whitening(one.about), [Group("none", np.zeros((len(one.rows), 1)), 1.0)])
 
     lag = Variant("wheel_speed_lag", ("lag_s",), {})
-    before, least = (weights(one).deviance(refit(one, LAW, (), weights(one))) for one in (bare, clean))
+    before, least = (weights(one).deviance(refit(one, LAW, (), weights(one)).cost) for one in (bare, clean))
     found = refit(own, dataclasses.replace(LAW, choice={"wheel_speed_lag": {"lag_s": 0.03}}), (lag,), weights(own))
-    assert weights(own).deviance(found) - least < 0.2 * (before - least)
+    assert weights(own).deviance(found.cost) - least < 0.2 * (before - least)
     assert values_in(found.model, lag)[0] == pytest.approx(LAG_S, rel=0.15)
 
 

@@ -63,3 +63,21 @@ def test_a_replica_about_play_changes_by_the_difference_only(sound):
     assert_allclose(replica.evaluate(about)[0].force, replica._copy.evaluate(about)[0].force, rtol=1e-12)
     expected = change(replica.timed, more, about)
     assert_allclose(change(replica, more, about), expected, atol=1e-6 * abs(expected).max())
+
+
+@pytest.mark.parametrize("late", [{"brake_delay": DELAY}, {"discovered": PLAY}])
+def test_a_derivative_beside_a_model_keeps_what_its_delays_and_play_do(sound, late):
+    replica, model = Replica(sound, LAW), with_terms(**late)
+    weaker = {"brake_gain_imbalance": {"gain": -0.01, "axle": 1.0}}
+    moved, prompt = with_terms(**late, **weaker), with_terms(**weaker)
+    found = replica.evaluate(moved, beside=model)[0].force - replica.evaluate(model)[0].force
+    assert_allclose(found, change(replica._copy, prompt, LAW), atol=1e-9 * abs(found).max())
+    exact = change(replica, moved, model)
+    assert 0.0 < abs(found - exact).max() < 0.2 * abs(found).max()
+
+
+def test_a_derivative_by_a_delay_is_exact(sound):
+    replica, model = Replica(sound, LAW), with_terms(brake_delay=DELAY)
+    later = with_terms(brake_delay=DELAY | {"lag_s": 0.11})
+    exact = replica.evaluate(later)[0].force
+    assert_allclose(Replica(sound, LAW).evaluate(later, beside=model)[0].force, exact, rtol=1e-12)

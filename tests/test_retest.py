@@ -13,12 +13,13 @@ from wsp_env.diagnosis.answer import Estimate
 from wsp_env.diagnosis.balances import Whitening
 from wsp_env.diagnosis.candidates import Variant, switched, values_in
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Fitted, Weights
+from wsp_env.diagnosis.fitting import Fitted
 from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.noise import Noise
 from wsp_env.diagnosis.trials import PRIOR, SURE
 from wsp_env.diagnosis.variation import Group
+from wsp_env.diagnosis.weights import Weights
 
 
 class Rows(NamedTuple):

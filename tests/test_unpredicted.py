@@ -7,11 +7,12 @@ import pytest
 from numpy.testing import assert_allclose
 from replica_cases import LAW, sound_balances
 
-from wsp_env.diagnosis import fitting
+from wsp_env.diagnosis import baseline, fitting
 from wsp_env.diagnosis.balances import ADHESION
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.weights import Weights
 
 TRANSFER = {"load_transfer": {"body_height_m": 0.5, "pivot_height_m": 0.6}}
 LATE = {"wheel_speed_lag": {"lag_s": 0.05}}
@@ -34,9 +35,7 @@ def test_a_fit_is_charged_for_how_much_its_friction_follows_the_slip(sound):
     )
     assert law.determinant < memory.determinant
     assert sound.determinant == 0.0
-    weights = fitting.Weights(
-        law.whitening(LAW), np.ones(len(law.rows)), Projector.of(np.zeros((len(law.rows), 0)), np.zeros(0, bool))
-    )
+    weights = Weights(law.whitening(LAW), np.ones(len(law.rows)), Projector.of(np.zeros((len(law.rows), 0)), np.zeros(0, bool)))
     left = weights(law.raw(LAW))
     assert fitting.cost(law, LAW, weights) == pytest.approx(left @ left + law.determinant)
 
@@ -71,8 +70,8 @@ def test_the_share_that_fits_best_is_removed_within_its_limits(monkeypatch, true
     replica = SimpleNamespace(
         unpredicted=part, about=LAW, raw=lambda _: true * part + 5.0, without=lambda share: removed.append(share)
     )
-    monkeypatch.setattr(fitting, "Replica", lambda *_: replica)
+    monkeypatch.setattr(baseline, "Replica", lambda *_: replica)
     constant = Projector.of(np.ones((200, 1)), np.zeros(1, dtype=bool))
     weights = type("Weights", (), {"__call__": lambda _, raw: raw, "projector": constant})()
-    fitting.replica_of(None, LAW, weights)
+    baseline.replica_of(None, LAW, weights)
     assert removed == pytest.approx([found], abs=1e-9)

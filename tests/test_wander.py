@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from synthetic_stops import SAMPLE_S, stops, write_campaign
 
 from wsp_env.diagnosis.balances import Balances
-from wsp_env.diagnosis.fitting import baseline
+from wsp_env.diagnosis.baseline import baseline
 from wsp_env.diagnosis.stops import SLIP_MPS, prepare
 from wsp_env.diagnosis.wander import beyond_motion, errors_of, wander, wandering
 from wsp_env.recordings import read_campaign

@@ -12,8 +12,8 @@ import numpy as np
 
 from experiments.concealed.workers import dumped, results, write_whole
 from wsp_env.diagnosis.balances import ADHESION, BALANCES, VEHICLE
-from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.weights import Weights
 from wsp_env.executor import Executor
 
 FOLDS = 5

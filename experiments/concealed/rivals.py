@@ -20,13 +20,14 @@ from experiments.concealed import black_box
 from experiments.concealed.bank import read_labels
 from experiments.concealed.workers import Task, dumped, quietly_read, results, write_whole
 from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.baseline import baseline
 from wsp_env.diagnosis.candidates import Variant, columns, parameter_of, variants
-from wsp_env.diagnosis.fitting import Weighing, Weights, baseline
 from wsp_env.diagnosis.gls import LeastSquares, fit
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import held_out_rows
 from wsp_env.diagnosis.stops import prepare
 from wsp_env.diagnosis.variation import nuisances
+from wsp_env.diagnosis.weights import Weighing, Weights
 from wsp_env.executor import Executor, send
 from wsp_env.plant.mechanisms import LIBRARY
 from wsp_env.recordings import CampaignError

@@ -17,9 +17,9 @@ from scipy import stats
 
 from wsp_env.diagnosis.candidates import Variant, without
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.variation import LOG_TAU, MU_CD, law_columns
+from wsp_env.diagnosis.weights import Weights
 
 #: Number of squares by which the prior of the variance factor counts (assumption: half of the number that eight runs give).
 PRIOR_DEGREES = 4.0

@@ -160,8 +160,11 @@ class Balances:
         """Evaluate a model with the slip speeds raised by `more`, (T, A) of each stop [m/s]."""
         return self._evaluator(model, [-slip / self.radius for slip in more])
 
-    def raw(self, model: Model) -> np.ndarray:
-        """Residuals (n,) of a model: forces over the believed load [-], speeds [m/s], torques [N m]."""
+    def raw(self, model: Model, beside: Model | None = None) -> np.ndarray:
+        """Residuals (n,) of a model: forces over the believed load [-], speeds [m/s], torques [N m].
+
+        `beside` is as in `Replica.evaluate`; here, it changes nothing.
+        """
         return np.concatenate([part.residuals(one) for part, one in zip(self.parts, self.evaluate(model), strict=True)])
 
     def like(self, stops: Sequence[PreparedStop]) -> "Balances":

@@ -194,5 +194,5 @@ def columns(balances: Balances | Replica, model: Model, base: np.ndarray, varian
             moved = switched(model, variant, values)
             if values_in(moved, variant)[i] != start[i]:
                 break
-        found.append((balances.raw(moved) - base) * np.sign(step_by * change) / _DERIVATIVE)
+        found.append((balances.raw(moved, model) - base) * np.sign(step_by * change) / _DERIVATIVE)
     return np.column_stack(found)

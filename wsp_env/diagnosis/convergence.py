@@ -10,12 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.baseline import replica_of
 from wsp_env.diagnosis.candidates import Variant, parameter_of, switched, values_in
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Fitted, Weights, refit, replica_of, weigh
+from wsp_env.diagnosis.fitting import Fitted, refit
 from wsp_env.diagnosis.noise import NoiseParameters, noise_of
 from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.weights import Weights, weigh
 
 #: Least and largest number of replicas, each made from the fit to the previous one. The first may be far from the recordings;
 #: after a change of wheel radius of a per cent, the second too.

@@ -18,7 +18,7 @@ from wsp_env.diagnosis.convergence import converge, fits_worse, largest_change
 from wsp_env.diagnosis.discovered import curves, terms
 from wsp_env.diagnosis.evaluate import Model
 from wsp_env.diagnosis.exchange import exchanged
-from wsp_env.diagnosis.fitting import Fitted, Weights, refit
+from wsp_env.diagnosis.fitting import Fitted, refit
 from wsp_env.diagnosis.form_errors import FormErrorThreshold
 from wsp_env.diagnosis.net import net_effect
 from wsp_env.diagnosis.noise import NoiseParameters
@@ -38,6 +38,7 @@ from wsp_env.diagnosis.trials import (
     trials_of,
     weights_of,
 )
+from wsp_env.diagnosis.weights import Weights
 
 #: Largest number of accepted mechanisms.
 MOST = 3

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from wsp_env.diagnosis.accepted import Accepted
 from wsp_env.diagnosis.answer import Diagnosis, Discovered, Estimate, Evidence, FitQuality, Named, Verdict
 from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.baseline import baseline
 from wsp_env.diagnosis.candidates import unavailable, variants, without
 from wsp_env.diagnosis.convergence import converge_law
 from wsp_env.diagnosis.data_first import data_first
@@ -19,7 +20,6 @@ from wsp_env.diagnosis.discovered import OF_WHEELS, Words, axles_on, equation, l
 from wsp_env.diagnosis.effects import course, curve, held_out
 from wsp_env.diagnosis.estimates import estimates, undetermined
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import baseline, sliding
 from wsp_env.diagnosis.locate import locate, residual_map
 from wsp_env.diagnosis.quality import Quality, quality
 from wsp_env.diagnosis.replica import Replica
@@ -31,6 +31,7 @@ from wsp_env.diagnosis.timing import aligned, times
 from wsp_env.diagnosis.trials import Trial
 from wsp_env.diagnosis.verdict import describes_a_part, has_another_form, improves_nothing, leaves_something, verdict_of
 from wsp_env.diagnosis.wander import NOTES, Wandering, wandering
+from wsp_env.diagnosis.weights import sliding
 from wsp_env.diagnosis.words import BALANCES, mechanism_words, next_test, sentence
 from wsp_env.diagnosis.worth import worth_of
 from wsp_env.plant.mechanisms import misread_speed

@@ -9,8 +9,8 @@ from wsp_env.diagnosis.answer import Curve, Estimate, Location, RunFigures, RunT
 from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, BALANCES, KINEMATICS, VEHICLE, Balances
 from wsp_env.diagnosis.candidates import parameter_of
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.weights import Weights
 from wsp_env.plant.mechanisms import ALL, at_stop
 from wsp_env.recordings import Smoothing, derive, rolling_radii
 from wsp_env.recordings import simulate as simulation

@@ -7,9 +7,10 @@ import numpy as np
 from wsp_env.diagnosis.agreement import agreement
 from wsp_env.diagnosis.answer import Estimate
 from wsp_env.diagnosis.candidates import Variant, parameter_of
-from wsp_env.diagnosis.fitting import Fitted, Weights
+from wsp_env.diagnosis.fitting import Fitted
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.trials import form_of
+from wsp_env.diagnosis.weights import Weights
 from wsp_env.plant.card import Parameter
 from wsp_env.plant.mechanisms import ALL
 

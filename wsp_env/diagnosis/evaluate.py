@@ -158,12 +158,14 @@ class Evaluator:
         return [dataclasses.replace(model, mu_cd=model.mu_cd[i : i + 1], choice=one) for i, one in enumerate(own)]
 
     def _last(self, of: Callable[[Any], Any], on: Any) -> Any:
-        """Return `of(on)`; the last result is cached, because many consecutive models have the same mechanisms."""
-        last = getattr(self._kept, of.__name__, None)
-        if last is None or last[0] != on:
-            last = on, of(on)
-            setattr(self._kept, of.__name__, last)
-        return last[1]
+        """Return `of(on)`; the last two results are cached, because many consecutive models have the same mechanisms.
+
+        Two, because a model is often evaluated with two states of its delays in turn.
+        """
+        last: tuple[tuple[Any, Any], ...] = getattr(self._kept, of.__name__, ())
+        found = next((one for one in last if one[0] == on), None) or (on, of(on))
+        setattr(self._kept, of.__name__, (found, *(one for one in last if one is not found))[:2])
+        return found[1]
 
     def _speed_of(self, on: Any) -> tuple[np.ndarray, np.ndarray]:
         """Return `_changed_speed` for mechanisms whose effect does not depend on the friction."""

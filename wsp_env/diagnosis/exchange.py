@@ -5,11 +5,12 @@ from collections.abc import Sequence
 
 from wsp_env.diagnosis.accepted import Accepted, posterior, sized
 from wsp_env.diagnosis.candidates import Variant, at_bound, switched, values_in, without
-from wsp_env.diagnosis.fitting import Fitted, Weights, refit
+from wsp_env.diagnosis.fitting import Fitted, refit
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.retest import Retested, Side, about_itself, retest
 from wsp_env.diagnosis.search import Screen
 from wsp_env.diagnosis.trials import INDISTINCT, SURE, ReplicaNoise, Trial, corrects_recordings, log_odds, weights_of
+from wsp_env.diagnosis.weights import Weights
 
 
 def exchanged(

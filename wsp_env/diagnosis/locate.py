@@ -9,9 +9,9 @@ import numpy as np
 from wsp_env.diagnosis.answer import Location
 from wsp_env.diagnosis.balances import BALANCES, VEHICLE
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.readings import on_sensors
 from wsp_env.diagnosis.replica import Replica
+from wsp_env.diagnosis.weights import Weights
 
 _LEAST_SHARE = 0.1  # share of a mechanism's removed squares from which on a balance is reported
 _LEAST_SHOWN = 0.01  # share of all removed squares from which on a balance is reported; less is printed as zero

@@ -32,8 +32,8 @@ class Law:
         self._net, self._whitening = Net(whitening, np.column_stack([segments, law_columns(replica, model, base)])), whitening
         self._rest = whitening(self.net(base[:, None])[0])[:, 0]
         little = 1e-3
-        tau = replica.evaluate(dataclasses.replace(model, tau=model.tau * float(np.exp(little))))
-        mu = replica.evaluate(dataclasses.replace(model, mu_cd=tuple(m * float(np.exp(little)) for m in model.mu_cd)))
+        tau = replica.evaluate(dataclasses.replace(model, tau=model.tau * float(np.exp(little))), model)
+        mu = replica.evaluate(dataclasses.replace(model, mu_cd=tuple(m * float(np.exp(little)) for m in model.mu_cd)), model)
         self._by = [
             ((a.adhesion - one.adhesion) / little, (b.adhesion - one.adhesion) / little)
             for one, a, b in zip(self.compared.before, tau, mu, strict=True)
@@ -65,8 +65,8 @@ def candidate(replica: Replica, model: Model, base: np.ndarray, law: Law, varian
         values = variant.null()
         values[i] += move
         moved = switched(model, variant, values)
-        column = replica.raw(moved) - base
-        return column, law.net(column[:, None])[1][:, 0], replica.evaluate(moved)
+        column = replica.raw(moved, model) - base
+        return column, law.net(column[:, None])[1][:, 0], replica.evaluate(moved, model)
 
     for i, move in enumerate(moves):
         column, logs, after = step_by(i, move)

@@ -15,18 +15,20 @@ import numpy as np
 
 from wsp_env.diagnosis.answer import FitQuality
 from wsp_env.diagnosis.balances import BALANCES, Whitening
+from wsp_env.diagnosis.baseline import replica_of
 from wsp_env.diagnosis.candidates import Variant, at_bound, columns, without
 from wsp_env.diagnosis.colour import slide_whitening
 from wsp_env.diagnosis.covariance import Sizes
 from wsp_env.diagnosis.decide import Outcome
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Weighing, Weights, refit, replica_of, weigh
+from wsp_env.diagnosis.fitting import refit
 from wsp_env.diagnosis.gls import fit
 from wsp_env.diagnosis.readings import of_noise
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import held_out_rows
 from wsp_env.diagnosis.trials import SURE, on_a_sensor
 from wsp_env.diagnosis.variation import Group, law_columns
+from wsp_env.diagnosis.weights import Weighing, Weights, weigh
 
 _BEYOND = 2.0  # standard deviations of its scatter by which a mean square misfits: assumption
 #: Rows of each part, from the mask (n,) of held-out rows; None: all rows.
@@ -86,7 +88,7 @@ def quality(replica: Replica, outcome: Outcome) -> Quality:
 
         def of(rows: str) -> float:
             weighed = weights(about, rows)
-            return weighed.deviance(refit(about, model, (), weighed, _ROWS[rows](held)))
+            return weighed.deviance(refit(about, model, (), weighed, _ROWS[rows](held)).cost)
 
         return np.array([of("held out"), of("all") - of("tuned")])
 

@@ -15,13 +15,13 @@ differs from the one at the predicted slips by an unpredicted part: what frictio
 mechanisms of brakes and vehicle act on measured torques at once. But whether friction and wheel loads change as fast as in the
 library is a question of form (a load may follow each wheel's force, or only the vehicle's deceleration), and of terms for
 unknown physics nothing is known. `Replica.unpredicted` is this part for contact and terms, and
-`wsp_env.diagnosis.fitting.replica_of` estimates which share of it the recordings show.
+`wsp_env.diagnosis.baseline.replica_of` estimates which share of it the recordings show.
 """
 
 import copy
 import dataclasses
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -112,23 +112,51 @@ class Replica:
             raise AttributeError(name)
         return getattr(self._copy, name)
 
-    def evaluate(self, model: Model) -> list[Evaluation]:
-        """Evaluate a model along every stop of the replica; the last result is cached."""
-        last: tuple[Model, list[Evaluation]] | None = getattr(self._kept, "last", None)
-        if last is None or last[0] != model:
-            last = self._kept.last = (model, self._of_times(model))
-        return last[1]
+    def evaluate(self, model: Model, beside: Model | None = None) -> list[Evaluation]:
+        """Evaluate a model along every stop of the replica; the last result is cached.
 
-    def _of_times(self, model: Model) -> list[Evaluation]:
+        Parameters
+        ----------
+        beside : model of which a derivative is asked for. If delays and play are the same in both, what they change against the
+            replica's is taken as the same: a derivative of their effect by other parameters is of second order
+
+        """
+        last: tuple[Model, Model | None, list[Evaluation]] | None = getattr(self._kept, "last", None)
+        if last is None or last[:2] != (model, beside):
+            last = self._kept.last = (model, beside, self._of_times(model, beside))
+        return last[2]
+
+    def _of_times(self, model: Model, beside: Model | None) -> list[Evaluation]:
         """Evaluate a model; changes of delays and play, against the replica's, are evaluated under the recorded torques."""
-        prompt = dataclasses.replace(model, choice=_prompt(model.choice, {**self.baseline.choice, **self._readings}))
+        prompt = self._as_prompt(model)
         if prompt.choice == model.choice or self.timed is self._copy:
             return self._evaluated(self._copy, model)
-        kept: tuple[Model, list[list[Evaluation]]] | None = getattr(self._kept, "prompt", None)
-        if kept is None or kept[0] != prompt:  # many consecutive models differ in what is late only
-            kept = self._kept.prompt = prompt, [self._evaluated(one, prompt) for one in (self._copy, self.timed)]
-        parts = kept[1][0], self._evaluated(self.timed, model), kept[1][1]
-        return [one.changed(late, less) for one, late, less in zip(*parts, strict=True)]
+        if beside is None or _of_time(model) != _of_time(beside):
+            beside = model
+        late, less = self._late(beside)
+        return [one.changed(*two) for one, *two in zip(self._with_known_times(prompt), late, less, strict=True)]
+
+    def _late(self, model: Model) -> tuple[list[Evaluation], list[Evaluation]]:
+        """Evaluate a model under the recorded torques, and with the delays and the play of the replica; the last is cached."""
+        kept: tuple[Model, list[Evaluation], list[Evaluation]] | None = getattr(self._kept, "late", None)
+        if kept is None or kept[0] != model:
+            prompt = self._as_prompt(model)
+            before: tuple[Model, list[Evaluation]] | None = getattr(self._kept, "less", None)
+            if before is None or before[0] != prompt:  # many consecutive models differ in what is late only
+                before = self._kept.less = prompt, self._evaluated(self.timed, prompt)
+            kept = self._kept.late = model, self._evaluated(self.timed, model), before[1]
+        return kept[1:]
+
+    def _with_known_times(self, prompt: Model) -> list[Evaluation]:
+        """Evaluate a model with the delays and the play of the replica; the last result is cached."""
+        kept: tuple[Model, list[Evaluation]] | None = getattr(self._kept, "prompt", None)
+        if kept is None or kept[0] != prompt:
+            kept = self._kept.prompt = prompt, self._evaluated(self._copy, prompt)
+        return kept[1]
+
+    def _as_prompt(self, model: Model) -> Model:
+        """Return a model with the delays and the play of the replica."""
+        return dataclasses.replace(model, choice=_prompt(model.choice, {**self.baseline.choice, **self._readings}))
 
     def _evaluated(self, copy: Balances, model: Model) -> list[Evaluation]:
         """Evaluate a model along a copy, with the readings of its sensors.
@@ -179,9 +207,12 @@ class Replica:
         """Return the whitening of the rows' noise at the slips of a model."""
         return self._copy.whitening_of(self.evaluate(model))
 
-    def raw(self, model: Model) -> np.ndarray:
-        """Residuals (n,) of a model: those of the recordings at the baseline plus the change by the model."""
-        return self._changed(model) + self._offset
+    def raw(self, model: Model, beside: Model | None = None) -> np.ndarray:
+        """Residuals (n,) of a model: those of the recordings at the baseline plus the change by the model.
+
+        `beside` is as in `evaluate`.
+        """
+        return self._changed(model, beside) + self._offset
 
     def without(self, share: float) -> "Replica":
         """Return the replica with a share of the unpredicted part removed from the residuals of the recordings."""
@@ -191,8 +222,8 @@ class Replica:
         result._offset, result.unpredicted = self._offset - share * self.unpredicted, (1.0 - share) * self.unpredicted
         return result
 
-    def _changed(self, model: Model) -> np.ndarray:
-        parts = zip(self._copy.parts, self.evaluate(model), strict=True)
+    def _changed(self, model: Model, beside: Model | None = None) -> np.ndarray:
+        parts = zip(self._copy.parts, self.evaluate(model, beside), strict=True)
         return np.concatenate([part.residuals(one) for part, one in parts])
 
     def _residuals(self, right: Balances, model: Model, slopes: Sequence[np.ndarray]) -> np.ndarray:
@@ -217,13 +248,27 @@ def _prompt(choice: Choice, known: Choice) -> Choice:
     result = others | {name: known[name] for name in OF_TIME if name in known}
     terms = choice.get(discovered.CARD.name, {})
     held = known.get(discovered.CARD.name, {})
-    timed = [n for n in range(1, discovered.TERMS + 1) if terms.get(f"feature_{n}") in OF_TORQUE]
+    timed = _of_torque(terms)
     if timed:
-        terms = {**terms, **{f"coefficient_{n}": held.get(f"coefficient_{n}", 0.0) for n in timed}}
+        terms = {**terms, **{f"coefficient{end}": held.get(f"coefficient{end}", 0.0) for end in timed}}
         result.pop(discovered.CARD.name)
         if any(terms.get(f"coefficient_{n}") for n in range(1, discovered.TERMS + 1)):
             result[discovered.CARD.name] = terms
     return result
+
+
+def _of_time(model: Model) -> Choice:
+    """Return the delays of a model, and its terms that follow the course of the torque."""
+    terms = model.choice.get(discovered.CARD.name, {})
+    timed = _of_torque(terms)
+    own = {name: value for name, value in terms.items() if name.endswith(timed)} if timed else {}
+    return {name: values for name, values in model.choice.items() if name in OF_TIME} | {discovered.CARD.name: own}
+
+
+def _of_torque(terms: Mapping[str, float]) -> tuple[str, ...]:
+    """Return the ends of the names of terms that follow the course of the torque."""
+    numbers = range(1, discovered.TERMS + 1)
+    return tuple(f"_{n}" for n in numbers if terms.get(f"feature_{n}") in OF_TORQUE)
 
 
 def _may_act_slower(name: str) -> bool:

@@ -15,11 +15,12 @@ import numpy as np
 
 from wsp_env.diagnosis.agreement import agreement
 from wsp_env.diagnosis.balances import Balances
+from wsp_env.diagnosis.baseline import replica_of
 from wsp_env.diagnosis.candidates import Variant, switched, values_in, without
 from wsp_env.diagnosis.convergence import WORSE, fits_worse, largest_change, midpoint, moves, rescaled
 from wsp_env.diagnosis.estimates import estimates, intervals_contain_null, within_a_sample
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Fitted, Weights, refit, replica_of
+from wsp_env.diagnosis.fitting import Fitted, refit
 from wsp_env.diagnosis.form_errors import forms
 from wsp_env.diagnosis.net import net_effect
 from wsp_env.diagnosis.noise import Noise, NoiseParameters
@@ -27,6 +28,7 @@ from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Screen
 from wsp_env.diagnosis.side_by_side import side_by_side
 from wsp_env.diagnosis.trials import SURE, ReplicaNoise, Trial, form_of, freed, log_odds
+from wsp_env.diagnosis.weights import Weights
 
 #: Change of a mechanism with new nuisance sizes, in standard deviations, from which on its replica is made again.
 LARGE_CHANGE = 1.0
@@ -129,7 +131,7 @@ class Side:
         first = refit(self.replica, model, variants, self.weights)
         weights = self._like.about(first.model).weights()
         fitted = refit(self.replica, first.model, variants, weights)
-        return Weighted(fitted, weights, weights.deviance(fitted))
+        return Weighted(fitted, weights, weights.deviance(fitted.cost))
 
     def compare(self, models: Sequence[Model], variant: Variant, variants: Sequence[Variant]) -> tuple[float, float]:
         """Return by how much a mechanism reduces the deviance beside the others, and increases the nuisances' chi-square.
@@ -152,7 +154,7 @@ class Side:
         if not bent:
             return one.deviance
         weights = one.weights.beside(np.column_stack([group.columns * group.expected for group in bent]))
-        return weights.deviance(refit(self.replica, one.fitted.model, one.fitted.variants, weights))
+        return weights.deviance(refit(self.replica, one.fitted.model, one.fitted.variants, weights).cost)
 
     def _nuisance_chi_square(self, model: Model) -> float:
         amplitudes = self.weights.projector.amplitudes(self.weights(self.replica.raw(model)))
@@ -213,7 +215,7 @@ def own_side(step: Step, seen: Screen) -> tuple[Side, Fitted]:
     """Return the side of a model about itself, and its fit there."""
     own, again, noise = converge_reweighted(step, seen)
     weights = noise.weights()
-    known = Weighted(again, weights, weights.deviance(again))
+    known = Weighted(again, weights, weights.deviance(again.cost))
     return Side(own, seen, weights, noise, known=known), again
 
 

@@ -16,11 +16,11 @@ import numpy as np
 from scipy import linalg
 
 from wsp_env.diagnosis.balances import ACTUATOR, ADHESION, BALANCES, KINEMATICS, VEHICLE, Rows
-from wsp_env.diagnosis.fitting import Weights
 from wsp_env.diagnosis.interest import PUSH
 from wsp_env.diagnosis.replica import Replica
 from wsp_env.diagnosis.search import Screen
 from wsp_env.diagnosis.stops import BLOCK_S, SLIP_MPS, VEHICLE_BLOCK_S
+from wsp_env.diagnosis.weights import Weights
 
 #: Size of the correlated residual over the channels' noise, beside all nuisances, above which no model holds: a part as large
 #: as the noise is visible in any plot.

@@ -11,7 +11,7 @@ from wsp_env.diagnosis.candidates import Variant, at_bound, near, refined, switc
 from wsp_env.diagnosis.colour import slide_whitening
 from wsp_env.diagnosis.covariance import Evidence, Sizes
 from wsp_env.diagnosis.evaluate import Model
-from wsp_env.diagnosis.fitting import Fitted, Weights, cost, refit, weigh, weights_from
+from wsp_env.diagnosis.fitting import Fitted, cost, refit
 from wsp_env.diagnosis.interest import StopChange
 from wsp_env.diagnosis.net import net_effect
 from wsp_env.diagnosis.noise import Noise, NoiseParameters, noise_from_parameters, noise_of
@@ -20,6 +20,7 @@ from wsp_env.diagnosis.replica import OF_TIME, OF_TORQUE, Replica
 from wsp_env.diagnosis.search import Found, Screen
 from wsp_env.diagnosis.side_by_side import side_by_side
 from wsp_env.diagnosis.variation import nuisances
+from wsp_env.diagnosis.weights import Weights, weigh, weights_from
 from wsp_env.plant.mechanisms import ALL
 
 #: Number of terms that are refitted at a time, beside all names; the next ones follow only if none of these holds.

@@ -108,9 +108,9 @@ def whitened(
 def law_columns(balances: Balances | Replica, model: Model, base: np.ndarray) -> np.ndarray:
     """Columns (n, 1 + runs): derivative of the residuals by log tau, and by log mu_cd of each run."""
     step = 1e-3
-    tau = (balances.raw(dataclasses.replace(model, tau=model.tau * np.exp(step))) - base) / step
+    tau = (balances.raw(dataclasses.replace(model, tau=model.tau * np.exp(step)), model) - base) / step
     moved = dataclasses.replace(model, mu_cd=tuple(mu * float(np.exp(step)) for mu in model.mu_cd))
-    friction = (balances.raw(moved) - base) / step
+    friction = (balances.raw(moved, model) - base) / step
     runs = balances.rows.run[:, None] == np.arange(len(balances.stops))
     return np.column_stack([tau, friction[:, None] * runs])
 
@@ -305,7 +305,7 @@ def _of_stretch(place: np.ndarray, used: np.ndarray, length_m: float) -> np.ndar
     hats = _hats(place[used], 0.5 * length_m)
     node = np.arange(hats.shape[1])
     values, vectors = np.linalg.eigh(np.exp(-0.5 * (0.5 * np.subtract.outer(node, node)) ** 2))
-    kept = values > 0.01 * values.max(initial=0.0)
+    kept = values > 0.1 * values.max(initial=0.0)
     result = np.zeros((len(place), int(kept.sum())))
     result[used] = hats @ (vectors[:, kept] * np.sqrt(values[kept]))
     return result
