@@ -305,7 +305,7 @@ def _of_stretch(place: np.ndarray, used: np.ndarray, length_m: float) -> np.ndar
     hats = _hats(place[used], 0.5 * length_m)
     node = np.arange(hats.shape[1])
     values, vectors = np.linalg.eigh(np.exp(-0.5 * (0.5 * np.subtract.outer(node, node)) ** 2))
-    kept = values > 0.1 * values.max(initial=0.0)
+    kept = values > 0.01 * values.max(initial=0.0)
     result = np.zeros((len(place), int(kept.sum())))
     result[used] = hats @ (vectors[:, kept] * np.sqrt(values[kept]))
     return result
