@@ -37,7 +37,7 @@ class Linear:
         drawn = self.sound @ rng.standard_normal(15) + rng.standard_normal(n)
         self._data = self._effect * TRUE + self._friction * mu + drawn
 
-    def raw(self, model: Model) -> np.ndarray:
+    def raw(self, model: Model, beside: Model | None = None) -> np.ndarray:
         rise = model.choice.get("track_gradient", {}).get("rise", 0.0)
         return self._data - self._effect * rise - self._friction * np.log(np.array(model.mu_cd))[self.rows.run] / np.log(0.9)
 

@@ -10,7 +10,7 @@ from test_diagnosis_replica import LAW, campaign_of
 from wsp_env.diagnosis.balances import Balances, Whitening
 from wsp_env.diagnosis.candidates import Variant, values_in
 from wsp_env.diagnosis.evaluate import Evaluator, Model
-from wsp_env.diagnosis.fitting import Fitted, refit
+from wsp_env.diagnosis.fitting import refit
 from wsp_env.diagnosis.gls import Projector
 from wsp_env.diagnosis.readings import _filtered, correct_readings, readings_of, simulate_readings
 from wsp_env.diagnosis.replica import Replica
@@ -116,4 +116,4 @@ def test_the_constant_of_the_deviance_is_the_determinant_of_the_rows_covariance(
     y = rng.standard_normal(60)
     cost = float(projector.inner(y[:, None], y[:, None])[0, 0])
     expected = float(y @ linalg.solve(dense, y)) + np.linalg.slogdet(dense)[1]
-    assert weights.deviance(Fitted(LAW, (), (), (), cost)) == pytest.approx(expected)
+    assert weights.deviance(cost) == pytest.approx(expected)

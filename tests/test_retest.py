@@ -301,7 +301,7 @@ def test_what_shifts_a_nuisance_is_no_finding(monkeypatch, cancels, expected):
     sizes = {True: 0.0, False: 9.0}  # of the recordings' effect
 
     class Replica:
-        def raw(self, model: Model) -> np.ndarray:
+        def raw(self, model: Model, beside: Model | None = None) -> np.ndarray:
             return effect * (sizes[cancels] - 9.0 * ("track_gradient" in model.choice))
 
     monkeypatch.setattr(retest, "refit", lambda _, model, variants, __: Fitted(model, tuple(variants), (), (), 0.0))

@@ -16,8 +16,8 @@ INERTIA = Variant("wheelset_inertia", ("share",), {})
 MEMORY = Variant("contaminant_memory", ("distance_m",), {})
 TERM = Variant("discovered", ("coefficient_1",), {"slot_1": 0.0}, (100.0,), "brake torque by braking")
 #: Weights whose deviance is the cost alone; the same beside further nuisances.
-BENT = SimpleNamespace(deviance=lambda fitted: fitted.cost, freed=lambda columns: BENT)
-PLAIN = SimpleNamespace(deviance=lambda fitted: fitted.cost, beside=lambda columns: BENT, freed=lambda columns: PLAIN)
+BENT = SimpleNamespace(deviance=lambda cost: cost, freed=lambda columns: BENT)
+PLAIN = SimpleNamespace(deviance=lambda cost: cost, beside=lambda columns: BENT, freed=lambda columns: PLAIN)
 
 
 def unfreed(weights, seen, variants):
